@@ -92,9 +92,10 @@ def test_one_step_across_a_lag_is_the_flight_under_the_late_commands(periods):
     """Against five steps a period with those commands: the state in which the next command begins to act."""
     none, behind = no_disturbance(2), past()
     begun = dataclasses.replace(turning(), rotor_speeds=behind.speeds[-1 - periods])
-    exact = begun
+    exact, jolts = begun, []
     for command in COMMANDS[-periods:]:
-        exact = predict(MODEL, exact, command, none, DT)
+        before, exact = exact, predict(MODEL, exact, command, none, DT)
+        jolts.append(np.abs(np.subtract(exact.joint_rates, before.joint_rates)).max() / DT)
     span = periods * DT
     found = predict_across(MODEL, begun, behind.since(float(periods)), none, span, False)
     moved = np.array([*exact.velocity]) - np.array([*begun.velocity])
@@ -103,9 +104,9 @@ def test_one_step_across_a_lag_is_the_flight_under_the_late_commands(periods):
     assert np.linalg.norm(np.subtract([*found.velocity], [*exact.velocity])) < 0.1 * np.linalg.norm(moved) + 1e-3
     assert np.linalg.norm(np.subtract([*found.rate], [*exact.rate])) < 0.1 * np.linalg.norm(turned) + 0.02
     assert np.linalg.norm(np.subtract([*found.position], [*exact.position])) < 0.02 * span
-    # torques that vary at random move the joints by when they act, which their mean does not tell
-    bent = np.abs(np.subtract(exact.joints, begun.joints)).max()
-    assert np.abs(np.subtract(found.joints, exact.joints)).max() < 0.6 * bent
+    # torques that vary at random move the joints by when they act, which their mean does not tell: a share of what the
+    # strongest one would do all the time
+    assert np.abs(np.subtract(found.joints, exact.joints)).max() < 0.2 * 0.5 * max(jolts) * span**2
     assert found.rotor_speeds == pytest.approx(exact.rotor_speeds, rel=1e-12)
 
 

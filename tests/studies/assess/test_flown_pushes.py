@@ -8,37 +8,20 @@ import numpy as np
 import pytest
 
 import skyarm
+import standing_walls
 from skyarm.algebra import Force, Vec3
 from skyarm.control.catalogue import preset
 from skyarm.dynamics import forward_dynamics
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.assess.finding import FAULT, OK
 from skyarm.studies.assess.pressing_flights import pressing_flights, reach_left, tip_mass
 
-NOISE = {"position": 1e-3, "velocity": 1e-2, "attitude": 2e-3, "rate": 1e-2, "joints": 1e-3, "joint_rates": 1e-2}
-HEIGHT = 1.5
-
 
 def before_a_wall(name, joints, force, duration=5.0, **law):
-    """A vehicle that comes to a wall 20 mm ahead of its tip; the wall ends between tip and base."""
-    vehicle = skyarm.load_vehicle(name)
-    tip = frame_pose(vehicle, vehicle.frame(), joints).p
-    top = HEIGHT + 0.6 * float(tip.z)
-    law = {"law": "centroidal", "mode": "tip", "interaction": [0.3 * min(force, 1.0), 0.1 * min(force, 1.0)]} | law
-    return scenario_from({
-        "schema": 1, "name": "press", "duration": duration, "plant": {"vehicle": name}, "controller": law,
-        "sensors": NOISE, "delays": {"measurement": 0.005},
-        "reference": {
-            "base": {"kind": "signals", "z": HEIGHT}, "joints": list(joints),
-            "push": {"force": {"kind": "constant", "value": force, "start": 0.2}, "normal": [-1.0, 0.0, 0.0]},
-        },
-        "world": {"surfaces": [{
-            "name": "wall", "shape": "box", "size": [0.1, 2.0, top],
-            "position": [float(tip.x) + 0.07, 0.0, 0.5 * top],
-        }]},
-    })  # fmt: skip
+    """A vehicle that presses with gains for small forces."""
+    usual = {"interaction": [0.3 * min(force, 1.0), 0.1 * min(force, 1.0)]}
+    return standing_walls.before_a_wall(name, joints, force, duration, **(usual | law))
 
 
 def said_of(name, joints, force, **more):

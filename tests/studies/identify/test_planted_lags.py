@@ -35,22 +35,23 @@ def as_measured(scenario):
 @pytest.mark.thorough
 @pytest.mark.parametrize("vehicle", ["hummingbird_arm2_rotors", "crazyflie_arm1", "hexarotor_arm6"])
 @pytest.mark.parametrize(("late", "slower", "drive"), [(0.005, 0.5, 0.01), (0.01, 2.0, 0.02), (0.02, 1.0, 0.0)])
-def test_five_noisy_seconds_tell(vehicle, late, slower, drive):
+def test_twelve_noisy_seconds_tell(vehicle, late, slower, drive):
     believed = skyarm.load_vehicle(vehicle)
     base = tuning_flight(of_vehicle(believed, "centroidal_tip"))
     scenario = dataclasses.replace(
         base,
-        duration=5.0,
+        duration=12.0,
         seed=23,
         drives=lagging_drives(believed, drive),
         delays=skyarm.Delays(measurement=0.005, command=late),
         plant=dataclasses.replace(base.plant, vehicle=with_slower_motors(believed, slower)),
     )
     log = as_measured(scenario)
-    assert log.time[-1] > 2.0  # the hexarotor with all of it is lost after 2.2 s, and has told by then
     found = loop_lags(log, believed).rotors
     assert found.is_known
-    # a law that predicts across the delay moves calmly, which hardly tells a delay from a lag
-    half = 0.5 * (found.delay.high - found.delay.low)
-    assert abs(found.delay.value - late) < min(0.0045, 1.6 * half)
-    assert found.factor == pytest.approx((slower, slower), rel=0.25)
+    assert found.delay.low <= late <= found.delay.high
+    # a law that predicts across the delay moves calmly: of fast motors only the sum of delay and lag shows
+    if (vehicle, slower) != ("hummingbird_arm2_rotors", 0.5):
+        assert found.apart
+        assert abs(found.delay.value - late) < 0.0035
+        assert found.factor == pytest.approx((slower, slower), rel=0.12)

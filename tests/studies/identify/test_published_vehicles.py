@@ -49,7 +49,7 @@ IRIS_INERTIA = {
 
 
 def test_gazebo_s_iris_is_found_from_its_flight(tmp_path):
-    """Thrust within 2 % and inertia within 5.5 %, from a start that is 15 % off; commands were logged at 10 Hz.
+    """Thrust within 2 %, inertia within 5 % (5.5 % about x), from a start that is 15 % off; commands logged at 10 Hz.
 
     On the gyro's period of 10 ms inertia about x would be 8 % off.
     """
@@ -77,7 +77,7 @@ def test_gazebo_s_iris_is_found_from_its_flight(tmp_path):
     for axis, truth in IRIS_INERTIA.items():
         number = found[f"base.inertia.{axis}"]
         assert number.is_known
-        assert number.value == pytest.approx(truth, rel=0.055), axis
+        assert number.value == pytest.approx(truth, rel=0.055 if axis == "xx" else 0.05), axis
     assert found["rotors.drag_coefficient"].value == pytest.approx(1.75e-4, rel=0.03)
     assert found["rotors.moment_coefficient"].value == pytest.approx(0.06, rel=0.03)
     # lags of a quarter of the logged commands' period
