@@ -60,7 +60,7 @@ class DesignLimits:
     seconds: float = 60.0
 
     def broken_by(self, vehicle: Vehicle, flight: RequiredFlight) -> Array:
-        """Shares (4 + n,) of the axes, 0 to 1, in the breach of a limit by a flight."""
+        """Shares (4 + n,), 0 to 1, of x, y, z, yaw and each joint in the breach of a limit by a designed flight."""
         found = np.zeros(BASE_AXES + vehicle.n)
         if flight.tilt.max() > TRACKING * self.tilt:
             found[:2] = 1.0

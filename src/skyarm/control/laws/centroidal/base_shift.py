@@ -124,11 +124,11 @@ class Directions:
     rest: Pair
 
     def pair(self, v: Vec3) -> Pair:
-        """Components of a vector along both directions."""
+        """Components of a vector along the two horizontal directions in which the arm differs."""
         return v.x * self.x + v.y * self.y, v.y * self.x - v.x * self.y
 
     def vector(self, pair: Pair, z: Scalar = 0) -> Vec3:
-        """Vector of its components along both directions."""
+        """Vector (world axes) from its components along the two horizontal directions in which the arm differs."""
         a, b = pair
         return Vec3(a * self.x - b * self.y, a * self.y + b * self.x, z)
 
@@ -300,7 +300,7 @@ def coming_thrusts(rows: Sequence[Instant], line: Sequence[Stretch], y: Pair) ->
 
 
 def _secant(places: Sequence[Any], per: Any) -> Any:
-    """Length of a vertical lever over its height when it is turned to the side by ``places``, ``per`` its length."""
+    """Ratio 1 / cos of the tilt of a lever whose end is displaced horizontally, as a share ``per`` of its length."""
     a, b = (place * per for place in places)
     return 1.0 / sqrt(1.0 - _at_most(a * a + b * b))
 
