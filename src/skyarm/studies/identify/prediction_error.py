@@ -65,7 +65,7 @@ Errors: TypeAlias = Callable[[Array], Sequence[Array]]
 
 @dataclass(frozen=True, slots=True)
 class PredictedErrors:
-    """Errors of a prediction that has work to do for many numbers at once.
+    """Prediction errors as a function of the parameters, with work that several candidates share done beforehand.
 
     Attributes:
         at: errors at numbers (P,), of each stretch (N, rows).
