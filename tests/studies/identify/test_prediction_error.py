@@ -225,3 +225,29 @@ def test_intervals_are_wider_by_what_flights_disagree(apart, expected):
     (wide,), _ = identified_numbers(found, scale, 0.01, 0.01, ["one", "other"])
     (narrow,), _ = identified_numbers(found, scale, 0.01, 0.01, ["one", "one"])
     assert (wide.high - wide.low) / (narrow.high - narrow.low) == pytest.approx(wide.widened, rel=0.1)
+
+
+def test_what_was_known_before_pulls_each_flight_by_its_length():
+    """Two flights of one slope, far from what was known: each alone is the ridge estimate of its own data."""
+    rng, start, known = np.random.default_rng(6), -1.0, 0.1**-2.0
+    flights = [(x, x + rng.normal(size=x.size)) for x in (rng.normal(size=400), rng.normal(size=200))]
+
+    def errors(numbers):
+        return [(y - x * numbers[0])[:, None] for x, y in flights]
+
+    found = fit_prediction(errors, np.array([start]), np.array([0.1]), STEPS[:1], 25)
+    unknown = Unknown(name="a", unit="", start=start, spread=0.1)
+    scale = scale_of(found, [unknown], [Reported(name="a", unit="", parts=("a",))], {})
+    (ratio,) = disagreement(found, scale, np.array([found.curvature[0, 0]]), ["long", "short"])
+    (a, va), (b, vb) = (((x @ y + known * start) / (x @ x + known), 1.0 / (x @ x + known)) for x, y in flights)
+    assert ratio == pytest.approx(abs(a - b) / np.sqrt(va + vb), rel=0.25)
+    assert ratio > 2.0
+
+
+def test_flights_that_agree_better_than_noise_narrow_no_interval():
+    x = np.random.default_rng(7).normal(size=300)
+    y = x + np.random.default_rng(8).normal(size=300)
+    found = fit_prediction(lambda a: [(y - x * a[0])[:, None]] * 2, np.array([0.5]), np.array([1e3]), STEPS[:1], 25)
+    unknown = Unknown(name="a", unit="", start=0.5, spread=1.0)
+    scale = scale_of(found, [unknown], [Reported(name="a", unit="", parts=("a",))], {})
+    assert disagreement(found, scale, np.array([found.curvature[0, 0]]), ["one", "same"]).tolist() == [1.0]
