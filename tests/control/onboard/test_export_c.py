@@ -399,6 +399,16 @@ def test_a_safety_layer_says_its_units_and_those_of_the_gains_inside():
         assert f" inner_joint_gains_stiffness[2]; /* {unit}, " in text
 
 
+def test_the_opening_says_when_the_samples_to_come_are():
+    flagship = built("hummingbird_arm2", "centroidal_tip")
+    leads = ", ".join(f"{lead:.4g}" for lead in preview_leads(flagship.par))
+    opening = text_of(flagship).split("*/")[0]
+    assert f"of each of the instants {leads} s after the sample that is held" in opening
+    assert leads.startswith("0.02, 0.04, ")
+    assert "samples to come" not in text_of(built("hummingbird_arm2", "paper_ct")).split("*/")[0]
+    assert "ahead" not in text_of(built("hummingbird_arm2", "paper_ct"))
+
+
 def test_the_opening_names_law_source_vehicle_joints_rotors_and_how_to_compile():
     text = text_of(built("hummingbird_arm2", "bulut2019")).split("*/")[0]
     for words in (

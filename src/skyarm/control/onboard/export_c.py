@@ -367,6 +367,7 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
         "",
         "SI units and radians. World z up; base x forward, y left, z up; quaternions w x y z, base to world.",
         f"Call {name}_step once every {period:g} s{'' if clocked else ' or at another rate: this law has no clock'}.",
+        *_preview_lines(controller),
         "A NaN that the law reads reaches the command: check the command before an actuator gets it.",
         f"{operations} operations in {file.floats.kind}; nothing is allocated, nothing is global but constants.",
         "",
@@ -374,4 +375,15 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
         "",
         "Without contraction (GCC -std=c99, or -ffp-contract=off) doubles have the bits of the law in Python.",
         f"For the declarations alone: #define {name.upper()}_INTERFACE_ONLY, then #include this file.",
+    ]
+
+
+def _preview_lines(controller: Controller) -> list[str]:
+    """Lines of the opening comment on what stands in the samples to come of the reference."""
+    leads = ", ".join(f"{float(lead):.4g}" for lead in preview_leads(controller.par))
+    if not leads:
+        return []
+    return [
+        f"Reference, ahead: of each of the instants {leads} s after the sample that is held, value, rate and",
+        "acceleration of x, y, z, yaw and every joint, as the plan has them; a hover repeats the held ones.",
     ]
