@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -231,6 +231,8 @@ class Leg:
             counted = {name: alive if each is True else logical_and(alive, each) for name, each in inside.items()}
             totals = advance_totals(totals, options.wanted, instant, counted)
             wanted = row.reference.dense() if options.changing else row.reference
+            # a law's samples to come are no motion of this instant, and laws before and after a change take others
+            wanted = replace(wanted, ahead=())
             received = tuple((f"{READINGS}.{name}", reading) for name, reading in sample.readings)
             received += ((ESTIMATE, sample.measurement),) if varied.has_estimator else ()
             kept = Logged(

@@ -9,7 +9,7 @@ import numpy as np
 import skyarm
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, first_state
 from skyarm.studies.stability.along import hovering
-from skyarm.studies.stability.frozen_scenario import without_adaptation
+from skyarm.studies.stability.frozen_scenario import with_held_lag, without_adaptation
 
 EARLY, LATE = (4.0, 6.0), (12.0, 14.0)
 """s, in which the swing's size is looked at."""
@@ -50,7 +50,7 @@ def swings_from(scenario, delays):
         scenario: that hovers.
         delays: of the commands, s, ascending; from one at which nothing swings to one at which it does.
     """
-    still = hovering(without_adaptation(scenario))
+    still = hovering(with_held_lag(without_adaptation(scenario)))
     longest = dataclasses.replace(scenario.delays, longest_command=float(max(delays)) + 1e-3)
     flight = dataclasses.replace(still, duration=LATE[1], kind="rigid_body", initial=first_state(still), delays=longest)
     tilted = [f"initial.quaternion.{axis}" for axis in "xy"]

@@ -120,6 +120,18 @@ def without_adaptation(scenario: Scenario) -> Scenario:
     return scenario.with_words(controller=dataclasses.replace(scenario.controller, par=still))
 
 
+def with_held_lag(scenario: Scenario) -> Scenario:
+    """Scenario whose law keeps the delay that it has found: a bank of candidates is no part of a linear loop."""
+    par: Any = scenario.controller.par
+    own, lag = innermost(par), part_of(par, "lag")
+    if not hasattr(lag, "held"):
+        return scenario
+    still = with_innermost(
+        par, dataclasses.replace(own, parts=dataclasses.replace(own.parts, lag=dataclasses.replace(lag, held=True)))
+    )
+    return scenario.with_words(controller=dataclasses.replace(scenario.controller, par=still))
+
+
 def with_lag(scenario: Scenario, share: Any) -> Scenario:
     """Scenario whose rotors have one time constant: for rising speed (share 0), falling (1) or between.
 

@@ -43,7 +43,7 @@ from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.plant_steps import rigid_body_plant
 from skyarm.simulate.stages import Stages
 from skyarm.studies.stability.closed_loop import OpenLoop
-from skyarm.studies.stability.frozen_scenario import SHARES, nominal, require_no_memory, with_lag
+from skyarm.studies.stability.frozen_scenario import SHARES, nominal, require_no_memory, with_held_lag, with_lag
 from skyarm.studies.stability.loop_channels import Channel, vehicle_channels
 
 STEP_SIZE = 1e-4
@@ -188,7 +188,7 @@ class Differentiator:
         own = self.scenario
         if self._paths:
             own = with_numbers(own, dict(zip(self._paths, numbers, strict=True)))
-        scenario = with_lag(own, lag)
+        scenario = with_held_lag(with_lag(own, lag))
         stages = Stages(scenario)
         power = tuple(
             each.advance(kept, row.time, self._period, point.state, ())

@@ -70,6 +70,7 @@ class LagGains(Part):
     base: Annotated[Scalar, Unit("s", "lag of the rotors' loops that halves their bandwidth", low=0.0, strict=True)]
     joints: Annotated[Scalar, Unit("s", "lag of the joints' loops that halves theirs", low=0.0, strict=True)]
     stride: int
+    held: bool = False
 
     def start(self, joints: int) -> LagMemory:
         """Initial internal state of the lag estimate, before the first measurement."""
@@ -111,6 +112,8 @@ class LagGains(Part):
 
     def learn(self, memory: LagMemory, step: Step) -> LagMemory:
         """Lag estimate one period later; held in contact and before the second measurement."""
+        if self.held:
+            return memory
         told, measurement, free, dt = step.told, step.measurement, step.memory.free, step.dt
         running = where(step.memory.started > 0.5, 1.0, 0.0)
         rates = (measurement.rate.x, measurement.rate.y, *measurement.joint_rates)
