@@ -41,6 +41,7 @@ class PartMemories:
     """Internal states of the law's optional parts (lag estimate, contact control ...); empty for a disabled part."""
 
     lag: Any = ()
+    noise: Any = ()
     interaction: Any = ()
     admittance: Any = ()
     load: Any = ()

@@ -26,6 +26,7 @@ from skyarm.control.laws.centroidal.interaction import Interaction
 from skyarm.control.laws.centroidal.lag_estimate import LagGains, stride_of
 from skyarm.control.laws.centroidal.law import CentroidalMemory, PartMemories, centroidal
 from skyarm.control.laws.centroidal.load import load_gains
+from skyarm.control.laws.centroidal.noise_estimate import NoiseGains
 from skyarm.control.laws.centroidal.parameters import (
     MODES,
     CenterGains,
@@ -169,6 +170,9 @@ def make_centroidal(
         parts=Parts(
             lag=LagGains(**_row("base joints", gains["lag"]), stride=stride_of(control_period))
             if any(gains["lag"])
+            else None,
+            noise=NoiseGains(density=gains["velocity_noise"])
+            if gains["velocity_noise"] and not any(gains["accelerometer"])
             else None,
             interaction=_interaction(gains, leads, vehicle) if any(gains["interaction"]) else None,
             admittance=None if admittance is None else admittance_gains(admittance, gains, leads, lead),

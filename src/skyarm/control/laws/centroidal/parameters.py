@@ -97,6 +97,7 @@ class Parts:
     """Optional parts of the centroidal law (lag estimate, contact ...) in order of execution; None disables a part."""
 
     lag: Part | None = None
+    noise: Part | None = None
     interaction: Part | None = None
     admittance: Part | None = None
     load: Part | None = None

@@ -35,6 +35,7 @@ OPTIONS: Mapping[str, tuple[Any, float, float]] = {
     "thrust_lead": (False, 0.0, 1.0),
     "joint_limits": (False, 0.0, 1.0),
     "lag": ((0.0, 0.0), 0.0, math.inf),
+    "velocity_noise": (0.0, 0.0, 1.0),
     "accelerometer": ((0.0, 0.0), 0.0, 1e3),
     "interaction": ((0.0, 0.0), 0.0, 1e3),
     "load": (0.0, 0.0, 1e3),
@@ -74,6 +75,7 @@ ADAPTIVE: Mapping[str, Any] = {
     "thrust_lead": True,
     "joint_limits": True,
     "lag": (0.02, 0.012),
+    "velocity_noise": 0.0018,
 }
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
@@ -86,6 +88,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "reach": 0.25,
         "lag_inversion": 0.25,
         "accelerometer": (40.0, 5.0),
+        "velocity_noise": 0.0,
         "gust_shift": 0.7,
     },
     "stiff": {
@@ -102,7 +105,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 """Gains on accelerations: base (kp, kv, KR, Kw), yaw (KR, Kw), arm and tip (kp, kd); bandwidths of the observer, rad/s.
 
 "robust" was chosen under noise and one period of delay on perturbed plants, "stiff" on perfect state; both survive
-10 ms of unknown delay. "adaptive" has eleven parts beyond "robust", each left out by 0 or False; "gusts" needs a
+10 ms of unknown delay. "adaptive" has ten parts beyond "robust", each left out by 0 or False; "gusts" needs a
 specific force. ``bandwidth`` scales all gains of a preset.
 """
 
@@ -214,6 +217,8 @@ def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str, ad
         refuse("gust_shift", changes["gust_shift"], f"0 in mode {mode!r}")
     if gains["force_sensor"] and not (admits or any(gains["interaction"])):
         raise ControllerError("controller.force_sensor = true: must be false without interaction")
+    if changes.get("velocity_noise") and any(gains["accelerometer"]):
+        refuse("velocity_noise", changes["velocity_noise"], "0 with an accelerometer")
     if any(gains["tolerances"]) and not any(gains["interaction"]):
         refuse("tolerances", gains["tolerances"], "twice 0 without interaction")
     if any(gains["attitude"]) and not gains["sideways"]:
