@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.algebra import Sym3
+from skyarm.algebra import Sym3, Vec3
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.reference import Constant, Sum, Trajectory
 from skyarm.scenario.scenario_record import Delays, NamedSensor
 from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.sensor_kinds import Imu
+from skyarm.studies.identify.accelerometer_lag import accelerometer_lag
 from skyarm.studies.identify.identified_numbers import (
     NOT_SHOWN,
     IdentifiedNumber,
@@ -256,6 +257,37 @@ def test_the_delay_of_an_accelerometer_is_found_though_it_is_long(flight, late):
     assert delay.low < late < delay.high
     # no better than half a sample, and not much worse
     assert 0.5 * stretch.period / stretch.samples <= 0.5 * (delay.high - delay.low) < 0.004
+
+
+@pytest.mark.parametrize(("late", "slow"), [(3, -9), (-2, 10), (4, 4)])
+def test_the_lag_of_an_accelerometer_is_that_of_what_is_quick(late, slow):
+    """A thrust that wanders twenty times as far over seconds, and that the model has at another time, moves no lag."""
+    rng = np.random.default_rng(3)
+    quick = rng.normal(size=(900, 3))
+    wander = 20.0 * np.sin(2.0 * np.pi * 0.3 * 0.01 * np.arange(900)[:, None] + np.arange(3))
+    turning = rng.normal(size=(900, 3))
+    rate = np.concatenate([np.zeros((1, 3)), 0.01 * np.cumsum(np.roll(turning, 1, axis=0), axis=0)])
+    force = np.roll(quick, late + 1, axis=0) + np.roll(wander, slow, axis=0)
+    part = slice(30, 870)
+    stretch = SimpleNamespace(
+        specific_force=force[part], rate=rate[30:871], period=0.01, size=840, used=np.ones(840, dtype=bool)
+    )
+    predicted = np.concatenate([quick + wander, turning], axis=1)[part]
+    assert accelerometer_lag([stretch], [predicted]) == pytest.approx(0.01 * late, abs=0.004)
+
+
+def test_inertia_scales_with_the_places_of_the_rotors(found, flight):
+    """Which no flight shows: of arms that are believed 10 % longer the inertia about x and y is 10 % more."""
+    rotors = tuple(
+        dataclasses.replace(each, position=Vec3(1.1 * each.position.x, 1.1 * each.position.y, each.position.z))
+        for each in START.rotors
+    )
+    start = dataclasses.replace(START, rotors=rotors)
+    longer = identify_vehicle(stretches_of(flight, start), start)
+    for name in ("base.inertia.xx", "base.inertia.yy"):
+        assert longer[name].value == pytest.approx(1.1 * found[name].value, rel=0.005)
+    thrust = "rotors.thrust_coefficient"
+    assert longer[thrust].value == pytest.approx(found[thrust].value, rel=0.002)
 
 
 def test_each_flight_has_a_thrust_of_its_own_and_the_first_defines_the_number(flight):

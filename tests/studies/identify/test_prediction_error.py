@@ -162,6 +162,48 @@ def test_a_search_that_is_cut_off_has_not_settled(monkeypatch):
     assert not solved(*problem(8)).settled
 
 
+def test_a_search_that_is_cut_off_on_its_way_has_intervals_as_wide_as_its_last_moves(monkeypatch):
+    """Of the logarithm of a gain, from far above it: a step of Gauss and Newton goes down by 1."""
+    for name, value in (("TURNS", 3), ("FIRST", 1), ("STEPS", 1)):
+        monkeypatch.setattr(prediction_error, name, value)
+    inputs = np.random.default_rng(1).normal(size=(400, 2))
+    measured = inputs[:, 0] + inputs[:, 1]
+
+    def found():
+        return fit_prediction(
+            lambda x: [(measured - np.exp(x[0]) * inputs[:, 0])[:, None]], np.array([9.0]), VAGUE[:1], STEPS[:1], 25
+        )
+
+    wide = found()
+    assert wide.values == pytest.approx([6.0], abs=0.05)
+    assert not wide.settled
+    monkeypatch.setattr(prediction_error, "ALTERNATE", 1)
+    assert wide.covariance[0, 0] - found().covariance[0, 0] == pytest.approx((1.0 + 4.0) / 3.0, rel=0.05)
+
+
+def test_a_noise_that_goes_to_and_fro_with_the_number_comes_to_rest(monkeypatch):
+    """Two rows say 0 and 1; one counts less the nearer the number is: each turn would go 1.5 times as far back."""
+    noise = np.random.default_rng(2).normal(size=(400, 2))
+    noise -= noise.mean(axis=0)
+
+    def settle(linear, *others):
+        second = np.exp(3.0 * (linear.point[0] - 0.5))
+        filters, weights = np.zeros((2, ORDER + prediction_error.WINDOWS)), np.ones((400 - ORDER, 2))
+        return linear.point, prediction_error.Whitening(filters, np.array([1.0, second]), weights), True
+
+    monkeypatch.setattr(prediction_error, "_settle", settle)
+
+    def found():
+        return fit_prediction(
+            lambda x: [noise + np.array([0.0, 1.0]) - x[0]], np.array([0.2]), VAGUE[:1], STEPS[:1], 25
+        )
+
+    assert found().settled
+    assert found().values == pytest.approx([0.5], abs=0.02)
+    monkeypatch.setattr(prediction_error, "ALTERNATE", 99)
+    assert not found().settled
+
+
 @pytest.mark.parametrize("seed", [0, 2])
 def test_a_search_ends_where_numbers_and_noise_both_rest(seed):
     """Of an input that walks as the noise does: a second search from the end of the first stays there."""

@@ -2,7 +2,9 @@
 
 A search for a delay is local: from a start that is off by more than the rotors' lag it rests beside the truth, with a
 narrow interval. The lag at which foretold and measured forces agree best, less that of the angular accelerations, which
-holds what commands are late, is where it must begin (Knapp and Carter 1976).
+holds what commands are late, is where it must begin. Forces are differenced first: a thrust that wanders with battery
+and speed makes a peak so wide that what the model lacks moves it by a tenth of a second (Knapp and Carter 1976, who
+whiten both).
 """
 
 from __future__ import annotations
@@ -20,8 +22,10 @@ Array: TypeAlias = npt.NDArray[np.float64]
 LONGEST = 0.25
 """s, lags that are tried to both sides."""
 
-FOLLOWS = 0.1
-"""Least sum of the squares of three correlations that a lag is believed of."""
+FOLLOWS, CHANCE = 0.05, 16.0
+"""Least sum of the squares of three correlations that a lag is believed of, and its least product with the number of
+periods: squares of chance are above in one of 900 lags (chi squared of three).
+"""
 
 
 def accelerometer_lag(stretches: Sequence[Stretch], predicted: Sequence[Array]) -> float:
@@ -31,13 +35,19 @@ def accelerometer_lag(stretches: Sequence[Stretch], predicted: Sequence[Array]) 
         stretches: specific forces and rates.
         predicted: of each (N, 6 or more): specific force and angular acceleration by the commands.
     """
-    forces = [each.specific_force for each in stretches]
+    forces = [_changes(each.specific_force) for each in stretches]
+    foretold = [_changes(each[:, :3]) for each in predicted]
     turning = [np.diff(each.rate, axis=0) / each.period for each in stretches]
     first, second = (
-        _best_lag(rows, [each[:, place] for each in predicted], stretches)
-        for rows, place in ((forces, slice(0, 3)), (turning, slice(3, 6)))
+        _best_lag(rows, expected, stretches)
+        for rows, expected in ((forces, foretold), (turning, [each[:, 3:6] for each in predicted]))
     )
     return 0.0 if first is None or second is None else (first - second) * stretches[0].period
+
+
+def _changes(rows: Array) -> Array:
+    """Differences (N, ...) of rows from one to the next; the last one is 0."""
+    return np.diff(rows, axis=0, append=rows[-1:])
 
 
 def _best_lag(measured: Sequence[Array], predicted: Sequence[Array], stretches: Sequence[Stretch]) -> float | None:
@@ -46,7 +56,8 @@ def _best_lag(measured: Sequence[Array], predicted: Sequence[Array], stretches: 
     lags = np.arange(-longest, longest + 1)
     scores = np.array([_agreement(measured, predicted, stretches, int(lag)) for lag in lags])
     best = int(np.argmax(scores))
-    if scores[best] < FOLLOWS or best in (0, len(lags) - 1):
+    periods = sum(int(each.used.sum()) for each in stretches)
+    if scores[best] < max(FOLLOWS, CHANCE / max(periods, 1)) or best in (0, len(lags) - 1):
         return None
     before, at, after = scores[best - 1 : best + 2]
     return float(lags[best] + 0.5 * (before - after) / min(before - 2.0 * at + after, -1e-12))

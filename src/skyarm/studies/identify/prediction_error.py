@@ -39,11 +39,14 @@ OTHERS = (3, 4, 5)
 the uncertainty (Buckland, Burnham, Augustin 1997).
 """
 
-TURNS, FIRST, STEPS = 16, 5, 2
+TURNS, FIRST, STEPS = 24, 5, 2
 """Most turns of filter and numbers; most steps of the search in the first and in each other."""
 
 SETTLED = 0.1
 """Standard deviations: a turn that moves every number by less is the last."""
+
+ALTERNATE = 6
+"""Turns after which numbers and noise may go to and fro: noise is then half that of the turn before, slopes are new."""
 
 NOISES, RESTED, LONGER = 20, 0.03, 0.9
 """Most turns of a linear model and its noise; standard deviations that the last of them may move a number by; longest
@@ -108,7 +111,7 @@ class PredictionFit:
     Attributes:
         values: (P,).
         curvature: (P, P) inverse of the information of data and of what was known before.
-        covariance: (P, P) that does not rely on the noise's model; of a fit with what other noise models move.
+        covariance: (P, P) beyond the noise's model; of a fit with what others, or unsettled last turns, move it by.
         block_information: (blocks, P, P) of the data of each block.
         noise: of the errors that are left.
         errors: of each stretch, (N, rows).
@@ -169,10 +172,11 @@ def fit_prediction(
     found = errors(values)
     counted = _counted_rows(found, used)
     noise = _noise(found, counted, None, levels)
-    settled, stale = False, STALE
+    settled, stale, trail = False, STALE, list[Array]()
     slopes, taken_at, deviation = error_slopes(errors, values, found, steps), values, np.zeros(len(values))
     for turn in range(TURNS):
         before = values
+        share, stale = (1.0, stale) if turn < ALTERNATE else (0.5, SETTLED)
 
         def cost_of(values: Array, found: Sequence[Array], noise: Whitening = noise) -> float:
             return float((noise.apply(found) ** 2).sum() + (((values - start) / prior) ** 2).sum())
@@ -194,8 +198,9 @@ def fit_prediction(
                 break
         # under the noise at this estimate alone, the turns would go on for long: what a number leaves looks like noise
         linear = LinearErrors(values, found, slopes)
-        noise = _settle(linear, start, prior, counted, levels, noise.weights)[1]
-        if turn > 0 and (np.abs(values - before) < SETTLED * deviation).all():
+        noise = _blend(noise, _settle(linear, start, prior, counted, levels, noise.weights)[1], share)
+        trail.append(values)
+        if turn > 0 and (np.abs(values - before) < share * SETTLED * deviation).all():
             settled = bool((np.abs(values - taken_at) <= SETTLED * deviation).all())
             if settled:
                 break
@@ -205,7 +210,11 @@ def fit_prediction(
     fit = _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
     others = [_noise(found, counted, noise.weights, levels, windows) for windows in OTHERS]
     moved = np.stack([_linear_change(each, found, slopes, values - start, known) for each in others])
-    return dataclasses.replace(fit, covariance=fit.covariance + moved.T @ moved / len(moved))
+    covariance = fit.covariance + moved.T @ moved / len(moved)
+    if not settled:
+        moved = np.stack(trail[-ALTERNATE:]) - values
+        covariance += moved.T @ moved / len(moved)
+    return dataclasses.replace(fit, covariance=covariance)
 
 
 def expected_fit(
@@ -437,6 +446,12 @@ def _noise(
     size = np.abs(white / scales)
     huber = np.sqrt(np.minimum(1.0, OUTLIER / np.maximum(size, 1e-9)))
     return Whitening(filters, scales, huber * counted[:, None], levels)
+
+
+def _blend(old: Whitening, new: Whitening, share: float) -> Whitening:
+    """Whitening whose filters and scales are a share of the way from one to another, with the other's weights."""
+    filters, scales = ((1.0 - share) * a + share * b for a, b in ((old.filters, new.filters), (old.scales, new.scales)))
+    return dataclasses.replace(new, filters=filters, scales=scales)
 
 
 def _level_rows(found: Sequence[Array], filters: Array, weights: Array, levels: Sequence[int]) -> Array:
