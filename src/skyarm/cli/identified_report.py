@@ -17,7 +17,7 @@ from skyarm.flight_data.series import rates_note
 from skyarm.records.files import printable
 from skyarm.studies.identify.data_faults import Fault
 from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, PAST, START, HeldOut, table_horizons
-from skyarm.studies.identify.identified_numbers import IdentifiedNumber
+from skyarm.studies.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, IdentifiedNumber
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.open_loop import HorizonErrors
 from skyarm.studies.identify.stretches import joint_rates_note, period_note
@@ -42,9 +42,13 @@ def report_lines(found: Identified, start: Vehicle, flights: Sequence[FlightData
     """Heading, table and remarks of an identified vehicle."""
     names = _few_names([each.name for each in flights])
     lines: list[RenderableType] = [heading(f"{start.name} from {names}: {found.seconds:.3g} s")]
-    lines += aligned_lines([HEADS, *map(_row, found.numbers)])
+    rows = [HEADS, *map(_row, found.numbers)]
+    wide = max(len(each[-1]) for each in rows)
+    lines += [line.rstrip() for line in aligned_lines([(*each[:-1], each[-1].ljust(wide)) for each in rows])]
+    lines += _apart_lines(found.numbers)
+    lines.append(GIVEN)
     if not found.settled:
-        lines.append("the search did not settle: neither these numbers nor their intervals can be relied on")
+        lines.append("the search did not settle: intervals hold its last moves, and may be too narrow")
     apart = ", ".join(f"{each.name} {each.widened:.2g}" for each in found.numbers if each.widened > WIDENED)
     if apart:
         lines.append(f"flights disagree; intervals are wider than their noise explains, times: {apart}")
@@ -157,9 +161,19 @@ def _few_names(names: Sequence[str]) -> str:
 def _row(number: IdentifiedNumber) -> tuple[str, ...]:
     start = shown_number(number.start, 4)
     if not number.is_known:
-        return (number.name, number.reason, "", start, number.unit)
+        reason = f"{NOT_SHOWN} (*)" if number.reason.startswith(APART) else number.reason
+        return (number.name, "", reason, start, number.unit)
     low, high = shown_number(number.low, 4), shown_number(number.high, 4)
     return (number.name, shown_number(number.value, 4), f"{low} to {high}", start, number.unit)
+
+
+def _apart_lines(numbers: Sequence[IdentifiedNumber]) -> list[str]:
+    """Numbers that show beside another one only, a line for each of those."""
+    beside = dict[str, list[str]]()
+    for each in numbers:
+        if each.reason.startswith(APART):
+            beside.setdefault(each.reason.removeprefix(APART), []).append(each.name)
+    return [f"(*) shown beside {name} only: {', '.join(names)}" for name, names in beside.items()]
 
 
 def correlated_pairs(found: Identified) -> list[tuple[str, str, float]]:
@@ -216,6 +230,7 @@ def document_of(
         "period": found.period,
         "settled": found.settled,
         "numbers": numbers,
+        "given": GIVEN,
         "known": known,
         "correlation": found.correlation,
         "surroundings": found.surroundings,

@@ -51,6 +51,8 @@ ROTORS = "rotor commands"
 
 MAP = "map its columns, their signs or its frame in columns.toml"
 
+ORDER = "order the columns as the vehicle's rotors, or the rotors of the vehicle file as the columns"
+
 READINGS: Mapping[str, Callable[[Array], Array]] = {
     "turns the other way: it looks inverse, from world to base": lambda q: q * [1.0, -1.0, -1.0, -1.0],
     "looks like x, y, z, w read as w, x, y, z": lambda q: q[:, [3, 0, 1, 2]],
@@ -199,13 +201,13 @@ def _rotors_and_rates(turning: Law, rates: Law | None, start: Vehicle, upside: s
     elif not confirmed and order_score >= max(HOLDS, axes_scores[k] - 0.05) and not _is_simple(axes[k]):
         also = f", or of the gyro {_axes_words(axes[k])}" if axes_scores[k] >= order_score - 0.1 else ""
         finding = f"{_order_words(order, start.rotors)} against the rotation that they cause{also}"
-        yield ROTORS, finding, "order the columns as the vehicle's rotors", True
+        yield ROTORS, finding, ORDER, True
     elif not confirmed and axes_scores[k] >= max(HOLDS, order_score - 0.02):
         also = f", or {_order_words(order, start.rotors)}" if order_score >= axes_scores[k] - 0.1 else ""
-        yield "gyro", _axes_words(axes[k]) + f" against the rotors{also}", MAP, True
+        yield "gyro", _axes_words(axes[k]) + f" against the rotors{also}", f"{MAP}; or {ORDER}" if also else MAP, True
     elif order_score >= HOLDS and order_score >= angle_score - 0.02:
         finding = f"{_order_words(order, start.rotors)} against the rotation that they cause"
-        yield ROTORS, finding, "order the columns as the vehicle's rotors", True
+        yield ROTORS, finding, ORDER, True
     elif angle_score >= HOLDS:
         yield turned_words(angle)
     else:
@@ -234,7 +236,7 @@ def _misplaced_rotors(turning: Law, rotors: Sequence[Rotor]) -> Iterator[Incompa
         yield turned_words(angle)
     elif order_score > max(plain + BETTER, HOLDS) and len(order) > FEW:
         finding = f"{_order_words(order, rotors)} against the rotation that they cause"
-        yield ROTORS, finding, "order the columns as the vehicle's rotors", True
+        yield ROTORS, finding, ORDER, True
 
 
 def turned_words(angle: float) -> Incompatible:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.records.files import number, one_line, shown
-from skyarm.studies.identify.identified_numbers import IdentifiedNumber
+from skyarm.studies.identify.identified_numbers import GIVEN, IdentifiedNumber
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT
@@ -72,10 +72,11 @@ def _head(found: Identified, start: Vehicle, flights: Sequence[str]) -> list[str
         f"{IDENTIFIED_BY} from {len(flights)} flight{'s' if len(flights) > 1 else ''}, {found.seconds:.3g} s:",
         *(f"  {each}" for each in flights),
         f"Start vehicle: {start.name}. Behind each number its 95 % interval; what the flights do not show is the",
-        "start's, and what they show is fitted to it. The total mass is given: flights show forces per mass only.",
+        "start's, and what they show is fitted to it.",
+        GIVEN,
     ]
     if not found.settled:
-        lines.append("THE SEARCH DID NOT SETTLE: neither numbers nor intervals can be relied on.")
+        lines.append("THE SEARCH DID NOT SETTLE: intervals hold its last moves, and may be too narrow.")
     around = {each.name: each for each in found.numbers if is_around(each.name) and each.is_known}
     if around:
         lines.append("Not part of a vehicle, but of its computer, sensors and battery:")

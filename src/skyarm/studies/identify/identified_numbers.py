@@ -23,6 +23,12 @@ Array: TypeAlias = npt.NDArray[np.float64]
 NOT_SHOWN = "not in this data"
 """Reason of a number of which the flights tell less than what was known before."""
 
+APART = f"{NOT_SHOWN} apart from "
+"""Begin of the reason of a number that shows beside another one only, whose name follows."""
+
+GIVEN = "Total mass and rotor places are given; inertia scales with both."
+"""Flights show forces per mass, and torques as these times the distances of the rotors."""
+
 SHOWN = 0.5
 """Least share of a number's information that the flights must give."""
 
@@ -293,7 +299,7 @@ def condition_on_start(
 def with_reasons(numbers: Sequence[IdentifiedNumber], beside: Mapping[int, int]) -> tuple[IdentifiedNumber, ...]:
     """Numbers, of which those that show beside another one only name it."""
     return tuple(
-        dataclasses.replace(each, reason=f"{NOT_SHOWN} apart from {numbers[beside[i]].name}") if i in beside else each
+        dataclasses.replace(each, reason=f"{APART}{numbers[beside[i]].name}") if i in beside else each
         for i, each in enumerate(numbers)
     )
 
