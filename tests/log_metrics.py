@@ -187,6 +187,17 @@ def rotor_jitter_mean(log: Log, window: Window) -> float:
     return _mean(np.abs(change[window.of(log)]))
 
 
+def saturation(log: Log, window: Window, speeds: Array, efforts: Array) -> dict[str, float]:
+    """Shares of the periods with a rotor (rad/s) at 0 or its largest speed, and with a joint (N m) at its limit."""
+    at = window.of(log)
+    rotors = (log.rotor_commands <= 0.0) | (log.rotor_commands > speeds - 1e-6)
+    joints = np.abs(log.efforts) > efforts - 1e-6
+    return {
+        "rotor_saturation": _mean(rotors.any(axis=1)[at].astype(float)),
+        "joint_saturation": _mean(joints.any(axis=1)[at].astype(float)),
+    }
+
+
 def tool_peak(log: Log, errors: Errors, window: Window) -> float:
     """End-effector error of largest magnitude along x, with its sign, m."""
     return _peak(errors.tool_vector[window.of(log), 0])

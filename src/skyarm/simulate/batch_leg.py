@@ -16,7 +16,7 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.lower import live
 from skyarm.compile.tracing.tracer import Node
 from skyarm.log.batch_log import Logged
-from skyarm.log.metrics.accumulate import Goal, Instant, Total, advance_totals, first_totals
+from skyarm.log.metrics.accumulate import Goal, Instant, Limits, Total, advance_totals, first_totals
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.leaves import leaves, rebuild
@@ -110,6 +110,7 @@ def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: t
         lag=row.time - _path_time(row),
         phase=waits.phase(_path_time(row)),
         time=row.time,
+        limits=Limits.of(vehicle, stages.scenario.commands_setpoints),
         **_contact_inputs(stages.scenario, row, sample),
     )
 

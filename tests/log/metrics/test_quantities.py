@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -11,7 +14,8 @@ from skyarm.compile import trace
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics import interaction
-from skyarm.log.metrics.accumulate import QUANTITIES, Goal, Instant, quantity, roll_and_pitch, tilt
+from skyarm.log.metrics.accumulate import QUANTITIES, Goal, Instant, Limits, quantity, roll_and_pitch, tilt
+from skyarm.vehicle.vehicle_files import load_vehicle
 
 TURN = Rotation.from_euler("ZYX", [0.9, -0.7, 0.4])
 NOW = {"position": [0.7, -0.4, 1.9], "tool": [0.8, -0.6, 1.5], "joints": [0.5, -0.9], "rate": [0.3, -1.2, 0.8]}
@@ -44,6 +48,7 @@ def instant():
         continuous=goal(SMOOTH),
         lag=0.35,
         phase=2.0,
+        limits=Limits(speeds=(838.0, 838.0, 455.0, 838.0), efforts=(0.08, math.inf)),
     )
 
 
@@ -68,6 +73,8 @@ def expected(wanted):
         "lag": 0.35,
         "phase": 2.0,
         "rate_square": np.sum(np.square(NOW["rate"])),
+        "rotor_limited": 1.0,
+        "joint_limited": 0.0,
         "jitter_size": np.mean(np.abs(change)),
         "jitter_square": np.mean(change**2),
     }
@@ -81,6 +88,35 @@ def test_a_quantity_is_what_its_name_says(name, suffix, wanted):
 
 def test_an_effort_is_that_of_its_joint():
     assert [quantity(f"effort{i}", instant()) for i in range(2)] == EFFORTS
+
+
+LIMITS = Limits(speeds=(838.0,) * 4, efforts=(0.5, 0.5))
+
+
+def limited(speeds=(470.0,) * 4, efforts=(0.0, 0.0), limits=LIMITS):
+    """Whether rotors and joints are at limits, by what counts it in flight."""
+    now = dataclasses.replace(instant(), command=Command(rotor_speeds=speeds, efforts=efforts), limits=limits)
+    return quantity("rotor_limited", now), quantity("joint_limited", now)
+
+
+def test_a_period_counts_once_however_many_commands_are_at_limits():
+    assert limited() == (0.0, 0.0)
+    assert limited((838.0, 900.0, 0.0, 470.0)) == limited((470.0,) * 3 + (838.0,)) == (1.0, 0.0)
+    assert limited((470.0, 0.0, 470.0, 470.0)) == limited((470.0, -3.0, 470.0, 470.0)) == (1.0, 0.0)
+    assert limited((837.999,) * 4, (0.4999, -0.4999)) == (0.0, 0.0)
+    assert limited(efforts=(0.5, 0.0)) == limited(efforts=(0.0, -0.5)) == limited(efforts=(-7.0, 0.5)) == (0.0, 1.0)
+    assert limited((838.0 * (1.0 - 1e-10),) * 4)[0] == 1.0, "rounding of a law that cuts its own commands"
+
+
+def test_what_has_no_limit_is_never_at_it_and_an_unknown_vehicle_has_no_share():
+    found = load_vehicle("quadrotor_roll_arm2")
+    assert Limits.of(found, [True, True]).efforts == (math.inf, math.inf), "setpoints of servos"
+    assert limited(efforts=(1e9, 1e9), limits=Limits(speeds=(math.inf,) * 4, efforts=(math.inf,) * 2)) == (0.0, 0.0)
+    arm = load_vehicle("hummingbird_arm2")
+    passive = dataclasses.replace(arm.links[0].joint, effort_limit=0)
+    slack = dataclasses.replace(arm, links=(dataclasses.replace(arm.links[0], joint=passive), arm.links[1]))
+    assert Limits.of(slack, [False, False]).efforts == (math.inf, 0.5)
+    assert np.isnan(limited(limits=None)).all()
 
 
 UPRIGHT = np.sqrt(0.5)

@@ -19,6 +19,7 @@ from skyarm.log.metrics.score import score
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.tip_positions import level_tip
 from skyarm.reference import Reference
+from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
@@ -91,6 +92,9 @@ def expected(log):
         paper["ee_time_outside"] = _time_away(log, suffix)
         paper["held_position_error"] = of_log.held_position_error(log, errors, WINDOWS.holds)
         found |= {f"{name}{suffix}": value for name, value in paper.items()}
+    # the vehicle's file: 838 rad/s; a law that cuts to the model's limits sends just these
+    efforts = [link.joint.effort_limit for link in load_vehicle("hummingbird_arm2_rotors").links]
+    found |= of_log.saturation(log, WINDOWS.steady, np.full(4, 838.0), np.array(efforts))
     found["rotor_jitter_mean"] = of_log.rotor_jitter_mean(log, WINDOWS.steady)
     # no governor flies here: no lag, where there are instants to look at
     steady = (log.time >= WINDOWS.steady.start) & (log.time < WINDOWS.steady.stop)
@@ -118,10 +122,29 @@ def test_a_metric_counted_on_the_fly_is_that_of_the_log(pairs, word, name):
     """Sums of 40 to 400 numbers in another order: 1e-12 relative."""
     ours, log = pairs[word]
     wanted = expected(log)[name]
-    assert wanted != 0.0 or name.startswith(("reference_lag", "phases")), "nothing lags without a governor"
+    none = ("reference_lag", "phases", "rotor_saturation", "joint_saturation")
+    assert wanted != 0.0 or name.startswith(none), "nothing lags without a governor, and the flight is gentle"
     if word == "early" and "last" in name:
         assert math.isnan(wanted), "it ended before the last seconds"
     assert ours[name] == pytest.approx(wanted, rel=1e-12, nan_ok=True)
+
+
+LIMITED = ("plant.vehicle.rotors.0.max_speed", "plant.vehicle.links.0.joint.effort_limit")
+
+
+def test_lanes_with_lower_limits_are_at_them_as_often_as_their_logs():
+    """Limits are numbers of a lane: a rotor's, a joint's, none; each share is a count over the log's commands."""
+    scenario, names = flight(duration=1.6), ("rotor_saturation", "joint_saturation")
+    lanes = [(480.0, 0.5), (838.0, 0.03), (838.0, 0.5)]
+    columns = dict(zip(LIMITED, np.transpose(lanes), strict=True))
+    batch = Batch(scenario, LIMITED, metrics=names, windows=WINDOWS, bit_exact=True)
+    found = batch.fly(columns, episodes=np.zeros(3, dtype=int)).metrics
+    for k, (speed, effort) in enumerate(lanes):
+        log = run(with_numbers(scenario, dict(zip(LIMITED, (speed, effort), strict=True))))
+        wanted = of_log.saturation(log, WINDOWS.steady, np.array([speed, *[838.0] * 3]), np.array([effort, 0.5]))
+        assert not any(wanted.values()) if k == 2 else 0.0 < wanted[names[k]] < 1.0
+        for name in names:
+            assert found[name][k] == score(log, names, WINDOWS)[name] == pytest.approx(wanted[name], rel=1e-12)
 
 
 @pytest.mark.parametrize("word", ["whole", "early"])

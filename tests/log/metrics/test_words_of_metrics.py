@@ -16,7 +16,13 @@ from skyarm.records.registry.registrations import SHIPPED, add, names
 def test_every_metric_of_the_catalogue_has_words_and_a_unit(name: str) -> None:
     words, unit = metric_words(name)
     assert unit in ("m", "m s", "s", "rad", "rad s", "rad/s", "N m", "phases", "N", "losses", "")
-    assert unit or name in ("contact_held", "mechanism_last", "mechanism_furthest")
+    assert unit or name in (
+        "contact_held",
+        "rotor_saturation",
+        "joint_saturation",
+        "mechanism_last",
+        "mechanism_furthest",
+    )
     assert "_" not in words
     for part, named in (("ee_", "tip"), ("joint_error", "joint"), ("pitch", "pitch"), ("tau2", "joint 2")):
         assert part not in name or named in words

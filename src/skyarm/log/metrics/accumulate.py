@@ -7,6 +7,7 @@ traced. Over a log the same functions count: :mod:`skyarm.log.metrics.score`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -20,6 +21,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.registry import RegistryError, find
 from skyarm.records.registry.class_signatures import class_mistake
+from skyarm.vehicle.vehicle_records import Vehicle
 
 HUGE = 1e300
 
@@ -37,6 +39,31 @@ class Goal:
 
 
 @immutable
+class Limits:
+    """Limits of a vehicle's actuators.
+
+    Attributes:
+        speeds: largest speed of each rotor, rad/s. efforts: largest torque or force of each joint, N m or N; inf of a
+            joint that is passive or takes setpoints.
+    """
+
+    speeds: tuple[Scalar, ...]
+    efforts: tuple[Scalar, ...]
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, setpoints: Sequence[bool]) -> Limits:
+        """Limits of a vehicle, of whose joints the marked ones take setpoints."""
+        joints = zip((link.joint for link in vehicle.links), setpoints, strict=True)
+        return cls(
+            speeds=tuple(rotor.max_speed for rotor in vehicle.rotors),
+            efforts=tuple(
+                math.inf if setpoint else where(joint.effort_limit > 0.0, joint.effort_limit, math.inf)
+                for joint, setpoint in joints
+            ),
+        )
+
+
+@immutable
 class Instant:
     """Simulation quantities at one control instant, from which metrics are computed.
 
@@ -47,6 +74,7 @@ class Instant:
         phase: number of the task's phase, where phases wait. time: s.
         push: commanded push of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
         parts: (name, numbers) of each array of the flight's components, and of their constants.
+        limits: of the plant's actuators; None where the vehicle is unknown.
     """
 
     state: State
@@ -60,6 +88,7 @@ class Instant:
     time: Scalar = 0.0
     push: tuple[Scalar, ...] = ()
     parts: tuple[tuple[str, tuple[Scalar, ...]], ...] = ()
+    limits: Limits | None = None
 
     def part(self, name: str) -> tuple[Scalar, ...]:
         """Values of an array logged by a wind, force or contact model at this instant; () if it does not exist."""
@@ -99,6 +128,30 @@ def _jitter(now: Instant, size: Callable[[Any], Any]) -> Scalar:
     return total / float(len(now.before))
 
 
+ROUNDING = 1e-9
+"""Share of a limit by which a law that cuts its own commands may stay below it."""
+
+
+def _limited_rotors(now: Instant) -> Scalar:
+    """1 if a rotor command is 0 or less, or at its largest speed or beyond it, else 0; NaN without known limits."""
+    if now.limits is None:
+        return math.nan
+    found: Scalar = 0.0
+    for speed, highest in zip(now.command.rotor_speeds, now.limits.speeds, strict=True):
+        found = where(speed <= 0.0, 1.0, where(speed >= (1.0 - ROUNDING) * highest, 1.0, found))
+    return found
+
+
+def _limited_joints(now: Instant) -> Scalar:
+    """1 if a joint's torque or force is at its limit or beyond it, else 0; NaN without known limits."""
+    if now.limits is None:
+        return math.nan
+    found: Scalar = 0.0
+    for effort, highest in zip(now.command.efforts, now.limits.efforts, strict=True):
+        found = where(absolute(effort) >= (1.0 - ROUNDING) * highest, 1.0, found)
+    return found
+
+
 NEAR = 0.05
 """m: beyond it a tip counts as away from its reference."""
 
@@ -119,10 +172,13 @@ QUANTITIES: Mapping[str, Callable[[Instant, Goal], Any]] = {
     "jitter_size": lambda now, _: _jitter(now, absolute),
     "lag": lambda now, _: now.lag,
     "phase": lambda now, _: now.phase,
+    "rotor_limited": lambda now, _: _limited_rotors(now),
+    "joint_limited": lambda now, _: _limited_joints(now),
     "jitter_square": lambda now, _: _jitter(now, lambda change: change * change),
     **interaction.QUANTITIES,
 }
-"""Errors (m, rad), attitude (rad), squared body rate, rotor jitter (rad/s, and squared); efforts are ``effort`` + i."""
+"""Errors (m, rad), attitude (rad), squared body rate, rotor jitter (rad/s, and squared), commands at limits (1 or 0);
+efforts are ``effort`` + i."""
 
 Total = tuple[str, str, str]
 """Kind ("sum", "square", "max", "min", "peak", "last"), window, quantity; the quantity may end with ``_continuous``.

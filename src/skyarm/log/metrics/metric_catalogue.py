@@ -123,6 +123,8 @@ FREE = {
     "rotor_jitter_mean": _measure(
         "mean", "steady", "jitter_size", "mean change of a rotor command per period", "rad/s"
     ),
+    "rotor_saturation": _measure("mean", "steady", "rotor_limited", "share of periods with a rotor at its limit", ""),
+    "joint_saturation": _measure("mean", "steady", "joint_limited", "share of periods with a joint at its limit", ""),
     "reference_lag_mean": _measure("mean", "steady", "lag", "mean lag of the reference", "s"),
     "reference_lag_max": _measure("max", "whole", "lag", "largest lag of the reference", "s"),
     "phases_done": _measure("max", "whole", "phase", "phases done", "phases"),
@@ -151,7 +153,10 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "gust": (*GUST, "gust_pitch_rms", "gust_peak_pitch"),
     "wind": ("position_min", "position_max", "position_ripple", "pitch_mean", "pitch_ripple"),
     "paper": (*PAPER, "hover_offset"),
-    "effort": ("efforts", "rotor_jitter", "rate_rms", "tilt_rms", "tilt_max", "altitude_error_max"),
+    "effort": (
+        *("efforts", "rotor_jitter", "rotor_saturation", "joint_saturation", "rate_rms", "tilt_rms", "tilt_max"),
+        "altitude_error_max",
+    ),
     "contact": tuple(INTERACTION),
     "all": (*REFERRED, *FREE, "efforts"),
 }

@@ -13,8 +13,9 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
+from skyarm.log.flown_scenario import restored_part
 from skyarm.log.log_columns import names_of
-from skyarm.log.metrics.accumulate import CONTINUOUS, Goal, Instant, advance_totals, first_totals, quantity
+from skyarm.log.metrics.accumulate import CONTINUOUS, Goal, Instant, Limits, advance_totals, first_totals, quantity
 from skyarm.log.metrics.metric_catalogue import metric_names, required_totals, values
 from skyarm.log.metrics.windows import Window, Windows, windows_of
 from skyarm.log.sensor_data import COMPONENTS
@@ -139,7 +140,17 @@ def _instants(log: Log, *, whole: bool = False) -> Instant:
         time=log.time,
         push=wanted_push(log) if parts else (),
         parts=parts,
+        limits=_limits(log) if whole else None,
     )
+
+
+def _limits(log: Log) -> Limits | None:
+    """Limits of the actuators, an array (N,) each; None if the log does not tell its vehicle."""
+    vehicle = restored_part(log.info, "agent", "plant", "vehicle")
+    if vehicle is None:
+        return None
+    found = Limits.of(vehicle, [unit is not None for unit in names_of(log).setpoints])
+    return rebuild(found, iter([np.full(log.time.size, float(limit)) for limit in leaves(found)]))
 
 
 def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:

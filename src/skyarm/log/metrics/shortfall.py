@@ -14,6 +14,7 @@ import numpy as np
 
 from skyarm.log.flown_scenario import restored_part, written_part
 from skyarm.log.log_columns import names_of
+from skyarm.log.metrics.accumulate import ROUNDING
 from skyarm.log.metrics.interaction import BAND
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import wanted_push
@@ -33,9 +34,6 @@ SELDOM = 0.01
 
 PLACES = ("rad", "m")
 """Units of setpoints."""
-
-ROUNDING = 1e-9
-"""Share of a limit by which a law that cuts its own commands may stay below it."""
 
 
 @immutable
