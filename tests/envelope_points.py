@@ -14,6 +14,8 @@ def point(error, *, lost=False, judged=None, largest=None):
         "tip_max": largest or 2.0 * error,
         "outside": 1.5,
         "tilt": 0.1,
+        "jitter": 100.0 * error,
+        "limited": 0.25 if error > 0.1 else 0.0,
     }
     return {**numbers, "status": status, "lost": lost}
 

@@ -22,6 +22,7 @@ from shown_commands import (
     run_shown,
     words_to_run,
 )
+from skyarm.studies.compare.envelope_axes import VEHICLES
 
 LAWS = (ROOT / "docs" / "comparing_laws.md").read_text(encoding="utf-8")
 PAPER = (ROOT / "docs" / "the_paper.md").read_text(encoding="utf-8")
@@ -163,12 +164,11 @@ def test_the_sentences_say_what_the_tables_say():
     envelope = marked(LAWS, "the envelope:", "the envelope").splitlines()[0]
     limits = re.findall(r"(?<=[:,] )[a-z ]+ (?:up|down) to [\d.]+ [\w/]+", " ".join(README.split()))
     assert len(limits) == 5
-    alls = [
-        f"all of {axis}"
-        for axis in ("circle", "command delay", "measurement delay", "motor lag", "joint lag", "payload", "noise")
-    ]
-    for words in (*limits, *alls):
+    for words in limits:
         assert re.search(rf"[:,] {words}\b(?!\.)", envelope), words
+    whole = re.search(r"; all of ([^;]+)", envelope)[1].split(", ")
+    delays = ("command delay", "delay in flight", "measurement delay", *(name.replace("_", " ") for name in VEHICLES))
+    assert {"circle", *delays, "motor lag", "joint lag", "payload", "noise"} <= {*whole}
     counts = re.search(r"within 25 % of (\d+), and of (\d+) with", " ".join(README.split()))
     stated = re.search(r"As stated, (\d+) of .*? inferred, (\d+) and", " ".join(PAPER.split()))
     assert counts.groups() == stated.groups()

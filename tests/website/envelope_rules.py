@@ -80,7 +80,8 @@ def sentence(law: str, axes: Mapping[str, Any]) -> str:
             ends.append(f"{words} {towards} {values[count - 1]:g} {axes[name]['unit']}")
         else:
             never.append(words)
-    parts = [f"within {1e3 * level:g} mm: {', '.join([*ends, *(f'all of {words}' for words in whole)]) or 'nowhere'}"]
+    every = [f"all of {', '.join(whole)}"] if whole else []
+    parts = [f"within {1e3 * level:g} mm: {'; '.join([', '.join(ends), *every] if ends else every) or 'nowhere'}"]
     parts += [f"never on {', '.join(never)}"] if never and (ends or whole) else []
     lost = [losses(name, axis, lost_at(axis["laws"][law])) for name, axis in flown.items()]
     return "; ".join([*parts, f"lost: {', '.join(words for words in lost if words) or 'nowhere'}"]) + "."

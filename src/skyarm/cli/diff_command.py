@@ -24,7 +24,7 @@ MOST_COLUMNS, MOST_FIELDS = 12, 20
 
 SHORT = (
     *(f"{what}_error_{how}{CONTINUOUS}" for what in ("position", "joint", "ee") for how in ("mean", "max")),
-    *("tilt_max", "rotor_jitter"),
+    *("tilt_max", "rotor_jitter", "rotor_saturation"),
 )
 """Metrics that a terminal shows side by side: errors against the continuous reference, as ``skyarm run`` has them."""
 
@@ -79,7 +79,7 @@ def diff(
 
 def _metrics(log: Log) -> dict[str, float]:
     """Compute metrics of a log; empty for a log without instants."""
-    return score(log, ("standard", f"standard{CONTINUOUS}", "tilt_max", "rotor_jitter")) if log.time.size else {}
+    return score(log, ("standard", f"standard{CONTINUOUS}", *SHORT)) if log.time.size else {}
 
 
 def _say_versions(a: Log, b: Log) -> None:

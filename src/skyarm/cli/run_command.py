@@ -25,6 +25,7 @@ from skyarm.log.flown_scenario import restored_part
 from skyarm.log.formats import require_format, save_log
 from skyarm.log.log_columns import columns, component_labels
 from skyarm.log.metrics.path_distance import path_distance
+from skyarm.log.metrics.score import score
 from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import ContactPeriod, timed_out
 from skyarm.log.sensor_data import COMPONENTS
@@ -236,6 +237,9 @@ LABELS = {
 }
 """Error -> its row in the table, in this order."""
 
+COMMANDS = ("rotor_jitter", "rotor_saturation")
+"""Metrics of the rotor commands over the window of the errors."""
+
 MOST_NAMED = 3
 """Numbers changed in flight that are named; a record of many would fill the line."""
 
@@ -258,6 +262,8 @@ def facts(log: Log) -> dict[str, Any]:
 
     errors = {what: summary(error) for what, error in error_norms(log).items()}
     found |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
+    commands = score(log, COMMANDS)
+    found |= {name: value if math.isfinite(value) else None for name, value in commands.items()}
     found |= {"peak_thrust": _peak_thrust(log)} | dataclasses.asdict(log.shortfall)
     if log.lag_found.size:
         found["lag_found_s"] = log.lag_found[-1]
@@ -351,6 +357,10 @@ def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
         if what in errors
     ]
     lines.append(table_of((f"error, {start:.4g} to {stop:.4g} s", "mean", "max", "max, whole flight"), rows))
+    jitter, limited = (found[name] for name in COMMANDS)
+    if jitter is not None:
+        words = "" if limited is None else f", a rotor at its limit in {100.0 * limited:.3g} % of the periods"
+        lines.append(f"rotor commands then: jitter {shown_number(jitter, 4)} rad/s a period{words}")
     if found["peak_thrust"] is not None:
         cut = "" if found["saturation"] or _has_battery(log) else "; no command at a limit"
         lines.append(f"peak thrust: {found['peak_thrust']:.0%} of a rotor's highest{cut}")

@@ -100,3 +100,28 @@ def test_turbulence_has_half_the_mean_and_a_hull_in_it():
     assert 0.5 * drag.air_density * drag.area.x == pytest.approx(0.02)
     assert tuple(flown.wind.turbulence.intensity) == (3.0, 3.0, 3.0)
     assert math.isclose(flown.wind.turbulence.scale_length.x / flown.wind.turbulence.airspeed, 0.5)
+
+
+def test_the_figure_is_three_sines_at_multiples_of_its_frequency():
+    t = np.linspace(6.0, 10.0, 101)
+    at = AXES["figure"].scenario(setting_of(PAPER, 10.0), 0.1).reference.at(t)
+    for axis, amplitude, times, phase in (("x", 0.8, 2, 0.0), ("y", 0.5, 3, 0.7), ("z", 0.15, 5, 1.9)):
+        middle = 1.5 if axis == "z" else 0.0
+        wanted = middle + amplitude * np.sin(2.0 * np.pi * 0.1 * times * t + phase)
+        assert getattr(at.position, axis) == pytest.approx(wanted, abs=1e-12), axis
+    assert at.joints[1] == pytest.approx(0.3 * np.sin(2.0 * np.pi * 0.7 * t + 1.1), abs=1e-12)
+
+
+def test_a_random_curve_is_the_spline_of_its_points_however_long_it_flies():
+    """SciPy's B-spline through the same control points; every time between them has the same ones."""
+    from scipy.interpolate import BSpline
+
+    points = 0.8 * np.random.default_rng(31).uniform(-1.0, 1.0, 66)
+    t = np.linspace(5.5, 10.0, 50)
+    for step in (1.0, 0.35):
+        spline = BSpline(step * (np.arange(72) - 5.0), points, 5)
+        for duration in (10.0, 20.0):
+            at = AXES["random_curve"].scenario(setting_of(PAPER, duration), step).reference.at(t)
+            assert at.position.x == pytest.approx(spline(t), abs=1e-10), (step, duration)
+            assert at.velocity.x == pytest.approx(spline(t, 1), abs=1e-8)
+    assert np.abs(at.position.y - at.position.x).max() > 0.1

@@ -14,9 +14,10 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.compare import run_suite
 from skyarm.studies.compare.cells import fly, key
 from skyarm.studies.compare.envelope import Envelope, axis_flights
-from skyarm.studies.compare.envelope_axes import AXES, PLANTS, TIP, TIP_MAX, widen
+from skyarm.studies.compare.envelope_axes import AXES, PLANTS, TIP, TIP_MAX, VEHICLES, widen
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.perturbed_plants import Spread, draw
+from skyarm.vehicle.vehicle_files import load_vehicle
 
 QUICK = Envelope(laws=("paper_pd", "paper_ct"), axes=("circle", "step", "measurement_delay"), quick=True)
 FILES = ["envelope.json", "envelope.png", "flights.parquet", "report.html", "tables.md"]
@@ -64,6 +65,10 @@ def test_a_lane_is_the_flight_of_its_value_with_the_tip_that_a_level_base_would_
     assert point["tip_mean"] == pytest.approx(error.mean(), rel=1e-6)
     assert point["tip_max"] == pytest.approx(error.max(), rel=1e-6)
     assert point["tip_max"] > point["tip_mean"] > 0.3
+    change = np.diff(log.rotor_commands, axis=0, prepend=log.rotor_commands[:1])[log.time >= 7.0]
+    assert point["jitter"] == pytest.approx(np.sqrt(np.mean(change**2)), rel=1e-6)
+    sent = log.rotor_commands[log.time >= 7.0]
+    assert point["limited"] == pytest.approx(((sent <= 0.0) | (sent > 838.0 - 1e-6)).any(axis=1).mean(), abs=1e-9)
 
 
 def test_an_overshoot_is_how_far_the_base_goes_beyond_the_step(flown):
@@ -149,7 +154,37 @@ def test_a_law_that_does_not_fit_a_vehicle_is_told_and_the_others_fly_on():
 
 def test_joints_with_servos_do_not_fly_the_lag_of_torques():
     asked = Envelope(vehicle="quadrotor_roll_arm2", quick=True)
-    assert set(AXES) - set(asked.flyable_axes) == {"joint_lag"}
+    assert set(AXES) - set(asked.flyable_axes) == {"joint_lag", *VEHICLES}
+
+
+def test_other_vehicles_fly_their_axes_with_gains_for_them():
+    asked = Envelope(laws=("paper_ct", "centroidal_tip"), axes=("circle", *VEHICLES), quick=True)
+    todo, refused = asked.plan_cells()
+    assert refused == {}
+    flown = {(each.case.name, each.entrant.name): each for each in todo}
+    for vehicle in VEHICLES:
+        tuned, own = flown[vehicle, "paper_ct"], flown[vehicle, "centroidal_tip"]
+        assert tuned.entrant.law == "hybrid_computed_torque_tuned"
+        assert tuned.scenario().plant.vehicle == own.scenario().plant.vehicle == load_vehicle(vehicle)
+    assert flown["circle", "paper_ct"].entrant.law == "paper_ct"
+    assert flown["circle", "paper_ct"].scenario().plant.vehicle == load_vehicle(PAPER)
+    alone = dataclasses.replace(asked, vehicle="pelican_arm2", axes=VEHICLES)
+    with pytest.raises(ValueError, match="--only: must name trials that the vehicle flies"):
+        run_suite.fly_suite(alone, None)
+
+
+def test_commands_that_become_late_are_on_time_before():
+    """A lane is the flight with a change at 8 s; until then all lanes are the flight without delay, to the bit."""
+    axis = dataclasses.replace(AXES["delay_in_flight"], values=(0.0, 0.02))
+    (cell,) = axis_flights("paper_pd", axis, setting_of(PAPER, 8.3))
+    scenario = cell.scenario()
+    (path,) = cell.values(scenario)
+    logs = [skyarm.run(with_numbers(scenario, {path: late})) for late in (0.0, 0.02)]
+    early = logs[0].time < 8.0
+    same = [np.array_equal(logs[0].position[at], logs[1].position[at]) for at in (early, ~early)]
+    assert same == [True, False]
+    for value, log in zip(fly(cell).metrics[TIP], logs, strict=True):
+        assert value == pytest.approx(skyarm.score(log, [TIP], cell.case.windows)[TIP], rel=1e-6)
 
 
 @pytest.mark.thorough

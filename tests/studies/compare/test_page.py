@@ -9,7 +9,9 @@ import numpy as np
 
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.comparison_report import (
+    COST,
     GROUPS,
+    TRACKING,
     comparison_report,
     main_sections,
 )
@@ -71,8 +73,14 @@ def test_no_two_columns_of_a_table_have_the_same_head():
 
 
 def test_the_table_of_costs_says_its_case():
-    tables = [each.html() for each in main_sections(made(), ENTRANTS, EVERY) if "rotor jitter" in each.html()]
-    assert any("What they were bought with, in Case 3 in wind" in content for content in tables)
+    tables = [each.html() for each in main_sections(made(), ENTRANTS, EVERY) if "jitter" in each.html()]
+    assert any("torque, motion and tilt: Case 3 in wind" in content for content in tables)
+
+
+def test_jitter_and_saturation_stand_beside_every_error_of_the_tip():
+    tipped = {column.case for column in TRACKING if "tip" in column.head}
+    for metric in ("rotor_jitter", "rotor_saturation"):
+        assert {column.case for column in COST if column.metric == metric} == tipped
 
 
 def test_the_picture_takes_the_whole_width_of_the_page():

@@ -45,11 +45,15 @@ from skyarm.studies.compare.suite import Case, Condition
 Flown = tuple[dict[str, float], str]
 """Metrics and status of one flight."""
 
+JITTER, LIMITED = "rotor_jitter", "rotor_saturation"
+"""Metrics that every table shows beside the tip's error: RMS change of a rotor command per control period, rad/s, and
+the share of periods with a rotor at its limit."""
+
 METRICS = (
     *(f"{what}_error_{how}_continuous" for what in ("position", "joint", "ee") for how in ("mean", "max")),
     *("gust_peak_x_continuous", "gust_ee_peak_x_continuous"),
     *("ee_error_last_mean_continuous", "ee_error_last_max_continuous"),
-    *("rotor_jitter", "rate_rms", "tilt_max", "altitude_error_max_continuous"),
+    *(JITTER, LIMITED, "rate_rms", "tilt_max", "altitude_error_max_continuous"),
 )
 """Counted of every flight, under the names of :mod:`skyarm.log.metrics.metric_catalogue`; and every joint's effort."""
 

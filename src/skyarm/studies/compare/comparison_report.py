@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
+from skyarm.studies.compare.cells import JITTER, LIMITED
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import Record
 from skyarm.studies.compare.suite import CASES, Condition
@@ -45,14 +46,24 @@ WHICH = "gust: of Case 2; wind, 45 deg, side, 50 g: of Case 3"
 """Which case a head means that names none."""
 
 COST = (
-    Column("rotor jitter, rad/s", "case3_wind", "rotor_jitter", 1.0),
+    *(
+        column
+        for head, case in (
+            *(("gust", "case2_gust"), ("case 3", "case3"), ("wind", "case3_wind"), ("45 deg", "case3_wind_45")),
+            *(("side", "case3_wind_side"), ("50 g, wind", "case3_wind_payload")),
+        )
+        for column in (
+            Column(f"{head} jitter, rad/s", case, JITTER, 1.0),
+            Column(f"{head} at a limit, %", case, LIMITED, 100.0),
+        )
+    ),
     Column("joint torque 1, mN m RMS", "case3_wind", "tau1_rms"),
     Column("attitude motion, rad/s", "case3_wind", "rate_rms", 1.0),
     Column("largest tilt, deg", "case3_wind", "tilt_max", 57.29577951308232),
 )
-"""What the errors were bought with, in :data:`COST_CASE`."""
+"""What the errors were bought with: rotor jitter and saturation wherever the tip's error is shown."""
 
-COST_CASE = "Case 3 in wind"
+COST_WORDS = "What they were bought with (periods with a rotor at its limit; torque, motion and tilt: Case 3 in wind)"
 
 CAPTION = (
     "Case 3 in wind. Left: mean tip error over 10 to 20 s on the true plant. Right: share of noisy wrong plants "
@@ -146,8 +157,8 @@ def main_sections(found: Record, entrants: Mapping[str, Entrant], conditions: Ma
 
 def _tables(summaries: Record, entrants: Mapping[str, Entrant], condition: Condition) -> list[Table]:
     if condition.spread:
-        parts = ((f">{case} success", f">{case} tip, mm: mean / 95 %") for case in condition.cases)
-        head = ["law", *(part for pair in parts for part in pair)]
+        words = ("success", "tip, mm: mean / 95 %", "jitter, rad/s; at a limit, %")
+        head = ["law", *(f">{case} {word}" for case in condition.cases for word in words)]
         return [
             _table_by_kind(head, plants_rows(summaries, entrants, condition.cases), entrants, "Successes, tip errors")
         ]
@@ -157,7 +168,7 @@ def _tables(summaries: Record, entrants: Mapping[str, Entrant], condition: Condi
         )
         for columns, caption in (
             (TRACKING, f"Errors ({WHICH})"),
-            (COST, f"What they were bought with, in {COST_CASE}"),
+            (COST, COST_WORDS),
         )
     ]
 
@@ -185,13 +196,15 @@ def plants_rows(summaries: Record, entrants: Mapping[str, Entrant], cases: Seque
         for case in cases:
             found = summaries.get(case, {}).get(name)
             if found is None:
-                cells += [DASH, DASH]
+                cells += [DASH, DASH, DASH]
                 continue
             spread, (low, high) = found["metrics"].get(TOOL), found["success_interval"]
+            bought = ((found["metrics"].get(metric), factor) for metric, factor in ((JITTER, 1.0), (LIMITED, 100.0)))
             others = max(each["episodes"] for each in summaries[case].values())
             few = f" of {found['episodes']}" if found["episodes"] < max(FEW, others) else ""
             cells.append(f"{found['success_rate']:.1%} [{low:.1%}, {high:.1%}]{few}")
             cells.append(DASH if spread is None else f"{number(spread['mean'], 1e3)} / {number(spread['p95'], 1e3)}")
+            cells.append("; ".join(number(each and each["mean"], factor) for each, factor in bought))
         if any(cell != DASH for cell in cells):
             rows.append([name, *cells])
     return rows

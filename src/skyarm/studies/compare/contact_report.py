@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from skyarm.log.metrics.interaction import BAND
 from skyarm.records.files import versions
-from skyarm.studies.compare.cells import Cell
+from skyarm.studies.compare.cells import JITTER, LIMITED, Cell
 from skyarm.studies.compare.contact_tasks import Task
 from skyarm.studies.compare.run_suite import Document, Record
 from skyarm.studies.sweep.intervals import wilson
@@ -39,6 +39,8 @@ NUMBERS: Mapping[str, tuple[str, str, float, float]] = {
     "tip": ("contact_tip_mean", "tip, mm", 1e3, 50.0),
     "losses": ("contact_losses", "losses", 1.0, 50.0),
     "time": ("phases_time", "time, s", 1.0, 50.0),
+    "jitter": (JITTER, "rotor jitter, rad/s", 1.0, 50.0),
+    "limited": (LIMITED, "a rotor at its limit, in 95 %, % of the periods", 100.0, 95.0),
     "radial": ("grip_force_mean", "radial force on a handle, N", 1.0, 50.0),
     "radial_most": ("grip_force_max", "largest, in 95 %, N", 1.0, 95.0),
     "lag_most": ("grip_lag_max", "largest lag, in 95 %, deg", 180.0 / math.pi, 95.0),

@@ -35,11 +35,11 @@ ENVELOPE = "envelope-suite"
 LAWS = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "centroidal_tip_robust")
 """What flies where nobody chooses; nmpc takes a quarter of an hour more (--laws nmpc)."""
 
-TUNED_LAWS = (
-    *("decoupled_pd_tuned", "hybrid_computed_torque_tuned", "l1_adaptive"),
-    *("centroidal_tip", "centroidal_tip_robust"),
-)
-"""The same on another vehicle than the paper's, which the paper's gains are not for."""
+TUNED: Mapping[str, str] = {"paper_pd": "decoupled_pd_tuned", "paper_ct": "hybrid_computed_torque_tuned"}
+"""Law with the paper's gains -> the same law with gains tuned for another vehicle, which the paper's are not for."""
+
+TUNED_LAWS = tuple(TUNED.get(law, law) for law in LAWS)
+"""What flies on another vehicle than the paper's where nobody chooses."""
 
 QUICK = 10.0
 """s, of a trial where the envelope is to be quick."""
@@ -119,7 +119,7 @@ def axis_flights(
     points, inside = axis.of(setting), Window(axis.start, setting.duration)
     condition = "noisy" if axis.noisy else "perfect"
     whole = AxisFlights(
-        entrant=Entrant(name=law, group="own", law=law),
+        entrant=Entrant(name=law, group="own", law=TUNED.get(law, law) if axis.vehicle else law),
         case=Case(
             name=axis.name, title=axis.title, scenario=setting.vehicle, windows=Windows(steady=inside, gust=inside)
         ),
@@ -163,11 +163,21 @@ class Envelope(Suite[AxisFlights]):
         """Hover scenario of the vehicle, with the scales of its envelope trials."""
         return setting_of(self.vehicle, QUICK if self.quick else DURATION, self.plant)
 
+    def setting_of_axis(self, name: str) -> Setting:
+        """Hover scenario of the vehicle that flies a difficulty axis, the envelope's or the axis' own."""
+        setting = self.setting
+        own = AXES[name].vehicle
+        return setting_of(own, setting.duration, self.plant) if own else setting
+
     @property
     def flyable_axes(self) -> tuple[str, ...]:
-        """Names of the difficulty axes that the vehicle can fly."""
+        """Names of the difficulty axes that the vehicle can fly; those of other vehicles only beside the paper's."""
         servos = bool(self.setting.truth.drives)
-        return tuple(name for name in self.axes if not (servos and AXES[name].torques))
+        return tuple(
+            name
+            for name in self.axes
+            if not (servos and AXES[name].torques) and (self.vehicle == PAPER or not AXES[name].vehicle)
+        )
 
     def axis(self, name: str) -> Axis:
         """Difficulty axis by name, with only the values to be simulated."""
@@ -179,17 +189,22 @@ class Envelope(Suite[AxisFlights]):
         found: list[AxisFlights] = []
         refused: dict[str, str] = {}
         for law in self.laws:
-            try:
-                for name in self.flyable_axes:
-                    found += axis_flights(law, self.axis(name), self.setting, seed=self.seed, plant=self.plant)
-            except ControllerError as error:
-                refused[law] = str(error)
-                found = [each for each in found if each.entrant.name != law]
+            for name in self.flyable_axes:
+                axis, setting = self.axis(name), self.setting_of_axis(name)
+                try:
+                    found += axis_flights(law, axis, setting, seed=self.seed, plant=self.plant)
+                except ControllerError as error:
+                    if axis.vehicle:  # the law may fly the others
+                        refused[f"{law} on {axis.vehicle}"] = str(error)
+                        continue
+                    refused[law] = str(error)
+                    found = [each for each in found if each.entrant.name != law]
+                    break
         return found, refused
 
     def judge(self, todo: Sequence[AxisFlights], cells: Sequence[Cell], refused: Refused) -> Document:
         """Evaluate the envelope: errors of every controller at every value of every difficulty axis."""
-        axes: Document = {name: axis_record(self.axis(name), self.setting) for name in self.flyable_axes}
+        axes: Document = {name: axis_record(self.axis(name), self.setting_of_axis(name)) for name in self.flyable_axes}
         for flights, cell in zip(todo, cells, strict=True):
             points = points_of(cell, flights.axis, len(flights.points))
             axes[flights.case.name]["laws"].setdefault(flights.entrant.name, []).extend(points)

@@ -9,15 +9,18 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from skyarm.algebra import E_X, Vec3
 from skyarm.dynamics.actuators.drive import LaggedTorque
 from skyarm.records.arrays import Array
 from skyarm.records.leaves import walk
 from skyarm.reference import Constant, Product, Pulses, Ramp, Signal, Sine, Sum, Windowed
+from skyarm.reference.splines import uniform_curve
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import LATE
-from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, JointDrive, Scenario
-from skyarm.studies.compare.envelope_setting import PAPER, Setting
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Change, Delays, JointDrive, Scenario
+from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
 from skyarm.vehicle.vehicle_records import BodyDrag
@@ -56,6 +59,19 @@ FALLING = 3.2 - 1.0
 LONGEST = 0.03
 """s, of the commands."""
 
+ONSET, LATEST = 8.0, 0.04
+"""s: from when on commands are late that were on time before, and by how much at most."""
+
+VEHICLES = ("hexarotor_arm6", "octo_coaxial_two_arms", "quadrotor_roll_arm2")
+"""Other vehicles that fly an axis of delays each: six joints, two arms with slides on eight rotors, and servos."""
+
+FIGURE = {"x": (0.8, 2.0, 0.0), "y": (0.5, 3.0, 0.7), "z": (0.15, 5.0, 1.9)}
+FIGURE_ARM = (0.3, 7.0, 1.1)
+"""Lissajous figure that no gain or law was chosen on: m (of the joints rad), times the axis' frequency, rad."""
+
+POINTS, SPAN = 31, {"x": 0.8, "y": 0.8, "z": 0.3, "joints": 0.6}
+"""Seed of the random curve's points, and their largest distance from the middle: m, of the joints rad."""
+
 PLANTS, WIDEST = 24, 2.0
 """Perturbed plants of every value, the same ones for every law, further from the model as the value grows; the last
 value, times the comparison's spread."""
@@ -81,6 +97,7 @@ class Axis:
         noisy: sensor noise and a measurement that is 5 ms old, a delay that the law knows.
         start: s, beginning of the error metrics. metric: that decides on the axis.
         torques: of joints that take torques only; a vehicle whose joints are servos does not fly it.
+        vehicle: that flies the axis in place of the envelope's; "" for none.
     """
 
     name: str
@@ -96,6 +113,7 @@ class Axis:
     start: float = DISTURBED
     metric: str = TIP
     torques: bool = False
+    vehicle: str = ""
 
     def of(self, setting: Setting) -> tuple[float, ...]:
         """Parameter values of a difficulty axis, scaled to a vehicle, SI."""
@@ -148,6 +166,44 @@ def circle(setting: Setting, radius: float = 1.0, speed: float = 1.0) -> Scenari
 def slow_circle(setting: Setting, **words: Any) -> Scenario:
     """Envelope trial: slow horizontal circle, used for delays, lags, payloads and noise."""
     return circle(setting, *SLOW).with_words(**words)
+
+
+def slow_circle_with_onset(setting: Setting) -> Scenario:
+    """Envelope trial: slow circle on which commands, on time before, are late from 8 s on."""
+    late = Change(at=ONSET, path=LATE, value=LATEST)
+    return slow_circle(setting, delays=Delays(measurement=DELAY, longest_command=LATEST), changes=(late,))
+
+
+def figure(setting: Setting) -> Scenario:
+    """Envelope trial: Lissajous figure in space while the joints swing faster; frequencies are set by the axis."""
+    height = setting.hover.reference.z
+    base = {axis: sine_from_rest(size * setting.climb, times, phase) for axis, (size, times, phase) in FIGURE.items()}
+    size, times, phase = FIGURE_ARM
+    return along(setting, **base | {"z": Sum((height, base["z"]))}, joints=swings(setting, (size,), times, phase))
+
+
+def figure_frequencies(setting: Setting, frequency: float) -> Numbers:
+    """Parameter path -> frequency of every sine of the Lissajous figure, Hz."""
+    paths = {("z.1" if axis == "z" else axis): times for axis, (_, times, _) in FIGURE.items()}
+    paths |= {f"joints.{j}.1": FIGURE_ARM[1] for j in range(setting.truth.n)}
+    return {f"reference.{path}.signal.frequency_hz": times * frequency for path, times in paths.items()}
+
+
+def random_curve(setting: Setting, step: float) -> Scenario:
+    """Envelope trial: base and joints follow B-splines of random points, the given time apart, s."""
+    draws = np.random.default_rng(POINTS)
+    count = math.ceil(DURATION / min(RANDOM_STEPS)) + 8
+
+    def curve(span: float) -> Signal:
+        points = span * draws.uniform(-1.0, 1.0, count)
+        return Product(uniform_curve(points[: math.ceil(setting.duration / step) + 8].tolist(), 0.0, step), EASE)
+
+    base = {axis: curve(SPAN[axis] * setting.climb) for axis in "xyz"}
+    joints = tuple(
+        Sum((Constant(middle), curve(SPAN["joints"] * unit)))
+        for middle, unit in zip(setting.middle, setting.swing, strict=True)
+    )
+    return along(setting, **base | {"z": Sum((setting.hover.reference.z, base["z"]))}, joints=joints)
 
 
 def vertical(setting: Setting) -> Scenario:
@@ -256,10 +312,15 @@ def by_weight(setting: Setting) -> float:
     return setting.weight
 
 
+RANDOM_STEPS = (1.0, 0.7, 0.5, 0.35)
+"""s, between the points of the random curve."""
+
 MOVING = partial(Axis, start=SETTLED)
 SLOWLY = partial(Axis, noisy=True)
 VERTICAL = partial(MOVING, title="vertical sine of 0.2 m, arm swinging", unit="Hz", build=vertical,
                    numbers=frequencies("z.1"))  # fmt: skip
+
+LATE_IN_FLIGHT: Mapping[str, Any] = {"build": slow_circle_with_onset, "numbers": same("changes.0.value")}
 
 ROWS = (
     MOVING(
@@ -280,6 +341,14 @@ ROWS = (
         numbers=lambda setting, size: {
             f"reference.joints.{j}.1.signal.amplitude": size * unit for j, unit in enumerate(setting.swing)
         },
+    ),
+    MOVING(
+        name="figure", title="Lissajous figure in space, joints swinging", unit="Hz", values=(0.05, 0.1, 0.15, 0.2),
+        build=figure, numbers=figure_frequencies,
+    ),
+    MOVING(
+        name="random_curve", title="B-spline of random points, time between them, base and joints", unit="s",
+        values=RANDOM_STEPS, build=random_curve,
     ),
     MOVING(
         name="wrong_plants", unit="times", values=(0.5, 1.0, 1.5, WIDEST), build=wrong_plants, plants=True,
@@ -318,6 +387,17 @@ ROWS = (
         name="command_delay", title="slow circle, commands late, unknown to the law", unit="ms", shown=1e3,
         values=(0.0, 0.005, 0.01, 0.015, 0.02, LONGEST), numbers=same(LATE),
         build=partial(slow_circle, delays=Delays(measurement=DELAY, longest_command=LONGEST)),
+    ),
+    SLOWLY(
+        name="delay_in_flight", title="slow circle, commands late from 8 s on, unknown to the law", unit="ms",
+        shown=1e3, values=(0.0, 0.01, 0.02, 0.03, LATEST), start=ONSET, **LATE_IN_FLIGHT,
+    ),
+    *(
+        SLOWLY(
+            name=vehicle, title=f"the same on {vehicle}", unit="ms late", shown=1e3,
+            values=(0.0, 0.01, 0.02, 0.03), start=ONSET, vehicle=vehicle, **LATE_IN_FLIGHT,
+        )
+        for vehicle in VEHICLES
     ),
     SLOWLY(
         name="measurement_delay", title="slow circle, measurements old, the law is told", unit="ms", shown=1e3,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.records.files import versions
-from skyarm.studies.compare.cells import Cell
+from skyarm.studies.compare.cells import JITTER, LIMITED, Cell
 from skyarm.studies.compare.envelope_axes import OUTSIDE, OVERSHOOT, TIP, TIP_MAX, Axis
 from skyarm.studies.compare.envelope_setting import Setting
 from skyarm.studies.compare.run_suite import Document, Record
@@ -20,8 +20,11 @@ from skyarm.view.pages import DASH, Report, Section, Table, image, number
 LEVELS = (0.010, 0.100)
 """m: how far along an axis the error stays within these says where a law is good and where it still serves."""
 
-MEASURED = {"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "tilt_max"}
-"""Key of a point -> metric, m, s and rad."""
+MEASURED = {
+    **{"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "tilt_max"},
+    **{"jitter": JITTER, "limited": LIMITED},
+}
+"""Key of a point -> metric, m, s, rad, rad/s and a share."""
 
 NEAR = 0.020
 """m: a plant whose tip stays within this all through its window counts as held; the comparison's success."""
@@ -67,7 +70,7 @@ def point_of_plants(flights: Sequence[Record]) -> Document:
     is the median of the plants' means, all else the largest of theirs. ``plants`` has them one by one.
     """
     kept = [each for each in flights if not each["lost"]]
-    found: Document = {key: _over(kept, key, max) for key in ("judged", "tip_max", "outside")}
+    found: Document = {key: _over(kept, key, max) for key in ("judged", "tip_max", "outside", "jitter", "limited")}
     found |= {"tip_mean": _over(kept, "tip_mean", np.median), "tilt": _over(flights, "tilt", max)}
     gone = [each["status"] for each in flights if each["lost"]]
     held = sum(each["tip_max"] <= NEAR for each in kept)
@@ -112,12 +115,14 @@ def lost_at(points: Sequence[Record]) -> list[int]:
 
 DPI = 160
 LOST = "lost"
+COMMANDS = "Rotor jitter (RMS change of a command per period), rad/s; periods with a rotor at its limit"
 CAPTION = "Error of every law along every axis, mm. A cross in the band at the top is a law that is lost there"
 
 MEANING = (
     "Errors are distances of the tip from where a level base on its reference would carry it: mean / largest, mm; of "
     "steps the base's overshoot. A law is lost where its flight ended early, tilted by over 80 degrees or "
-    "was, in the mean over its last 5 s, over 0.5 m off."
+    "was, in the mean over its last 5 s, over 0.5 m off. After the semicolon the largest jitter of its other flights "
+    "(RMS change of a rotor command per period, rad/s), and the largest share of periods with a rotor at its limit."
 )
 
 HOW = (
@@ -148,7 +153,10 @@ def envelope_report(found: Record, picture: bytes | None = None) -> Report:
                 Section(
                     title=axis_title(name, axis),
                     remark=HOW.format(seconds=seconds) if name == next(iter(axes)) else "",
-                    tables=[Table(head=axis_head(axis), rows=axis_rows(axis))],
+                    tables=[
+                        Table(head=axis_head(axis), rows=axis_rows(axis)),
+                        Table(head=axis_head(axis), rows=command_rows(axis), caption=COMMANDS),
+                    ],
                 )
                 for name, axis in axes.items()
             ),
@@ -197,17 +205,39 @@ def axis_rows(axis: Record) -> list[list[str]]:
     return [[law, *(cell_text(point, axis["judged"]) for point in points)] for law, points in axis["laws"].items()]
 
 
+def command_rows(axis: Record) -> list[list[str]]:
+    """Rows of a difficulty axis' table of rotor jitter and saturation, one per controller."""
+    return [[law, *map(command_text, points)] for law, points in axis["laws"].items()]
+
+
+def command_text(point: Record) -> str:
+    """Table text of the rotor commands: jitter, rad/s, and share of periods at a limit, %; of plants the largest."""
+    if point["jitter"] is None or (point["lost"] and "plants" not in point):
+        return LOST
+    return f"{number(point['jitter'])}; {number(point['limited'], 1e2)} %"
+
+
 def axis_title(name: str, axis: Record) -> str:
     """Section title of a difficulty axis: its name, its trial, whether sensors are noisy, and the error metric."""
     return f"{name.replace('_', ' ')}: {axis['title']}{', with noise' if axis['noisy'] else ''} ({axis['judged']}, mm)"
 
 
 def reach_text(axis: Record, points: Sequence[Record]) -> str:
-    """Text with the axis values up to which a controller's error stays low, and where it crashes."""
+    """Text with the axis values up to which a controller's error stays low, and where it crashes.
+
+    Then the largest rotor jitter where it flies, rad/s, and the largest share of periods with a rotor at its limit.
+    """
     values, gone = axis["values"], lost_at(points)
     counts = [within(points, level) for level in LEVELS]
     good = " / ".join(f"{values[count - 1]:g}" if count else DASH for count in counts)
-    return f"{good}, lost at {', '.join(f'{values[k]:g}' for k in gone)}" if gone else good
+    if gone:
+        last = len(gone) > 1 and gone[0] + len(gone) == len(values)
+        good += f", lost from {values[gone[0]]:g}" if last else f", lost at {', '.join(f'{values[k]:g}' for k in gone)}"
+    flown = [point for point in points if not point["lost"]]
+    if not flown:
+        return good
+    jitter, limited = (max(point[key] or 0.0 for point in flown) for key in ("jitter", "limited"))
+    return f"{good}; {jitter:.2g}" + (f", {100.0 * limited:.2g} %" if limited else "")
 
 
 def summary_rows(axes: Record, laws: Sequence[str]) -> list[list[str]]:

@@ -15,7 +15,7 @@ from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.draws import draws_needed
-from skyarm.studies.compare.cells import Cell, Flights
+from skyarm.studies.compare.cells import JITTER, LIMITED, Cell, Flights
 from skyarm.studies.compare.comparison_report import BASE, JOINT, TOOL, title_of
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Document, Record, Refused, Suite
@@ -36,7 +36,8 @@ COLUMNS: Sequence[tuple[str, str, float]] = (
     ("base, mm", BASE, 1e3),
     ("joints, mrad", JOINT, 1e3),
     ("tip, mm", TOOL, 1e3),
-    ("rotor jitter, rad/s", "rotor_jitter", 1.0),
+    ("rotor jitter, rad/s", JITTER, 1.0),
+    ("a rotor at its limit, %", LIMITED, 100.0),
     ("largest tilt, deg", "tilt_max", 57.29577951308232),
 )
 """Head, metric, factor from SI to the unit of the head; user-defined metrics follow in SI."""

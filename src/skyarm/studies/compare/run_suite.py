@@ -79,7 +79,8 @@ def fly_suite(suite: Suite[F], folder: Path, *, threads: int = 1, progress: Prog
     require_machine_code()
     todo, refused = suite.plan_cells()
     if not todo:
-        raise ValueError("; ".join(f"--laws: {law}: {why}" for law, why in refused.items()))
+        words = "; ".join(f"--laws: {law}: {why}" for law, why in refused.items())
+        raise ValueError(words or "--only: must name trials that the vehicle flies")
     prepare(folder)
     cells = fly_all(todo, folder / "cells", threads=threads, progress=progress)
     found: Document = {"schema": 1, "suite": suite.name, **suite.options}

@@ -11,7 +11,7 @@ A file has ``schema = 1`` and::
     chunk            episodes of one file of rows (4096)
     precision        "double", "single" or "bit_exact" (double)
     design           "random", "grid" or "sobol" (random)
-    metrics          names and groups (["standard"]); what is not asked for costs no time
+    metrics          names and groups (["standard", "rotor_jitter", "rotor_saturation"]); others cost no time
     windows          steady, transient, gust, hover: [start, stop) in s; holds: a list of such; last: s before the
                      end; what is left out is the scenario's, or else the flight after its first third
     [vary]           "dotted.path" = { uniform = [low, high] } | { normal = [mean, std] } |
@@ -211,7 +211,7 @@ def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int
 
 def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
     """Names of the metrics that a study computes of every flight."""
-    wanted = top.take("metrics", ["standard"])
+    wanted = top.take("metrics", ["standard", "rotor_jitter", "rotor_saturation"])
     if not isinstance(wanted, list) or not wanted:
         raise ValueError(f"metrics = {shown(wanted)}: must be a list of names")
     return metric_names(wanted, scenario.plant.vehicle.n, scenario.commands_setpoints)
