@@ -9,15 +9,15 @@ import re
 from pathlib import Path
 
 from skyarm.control.catalogue import tuned_factors
-from skyarm.studies.compare.cells import Flights, fly
+from skyarm.studies.compare.cells import JITTER, LIMITED, Flights, fly
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.suite import CASES, conditions
 
 LAWS = Path(__file__).resolve().parents[2] / "docs" / "laws.md"
 BLOCK = re.compile(r"<!-- envelope -->\n(.*?)<!-- /envelope -->", re.S)
 HEAD = (
-    "| mm (joints: mrad) | Case 3: base | joints | tip | in the wind: base | joints | tip |\n"
-    "| --- | ---: | ---: | ---: | ---: | ---: | ---: |\n"
+    "| mm (joints: mrad; jitter: rad/s) | Case 3: base | joints | tip | jitter | in the wind: base | joints | tip | "
+    "jitter |\n|-|-:|-:|-:|-:|-:|-:|-:|-:|\n"
 )
 KINDS = ("position", "joint", "ee")
 
@@ -28,12 +28,17 @@ def entrant(name: str) -> Entrant:
 
 
 def flown(name: str) -> list[float]:
-    """Mean errors in Case 3 and in the wind: base, mm; joints, mrad; tip, mm."""
+    """Mean errors in Case 3 and in the wind: base, mm; joints, mrad; tip, mm; rotor jitter, rad/s.
+
+    Raises:
+        AssertionError: a rotor is at its limit, which the page says of none.
+    """
     perfect = conditions()["perfect"]
     found = []
     for case in ("case3", "case3_wind"):
         metrics = fly(Flights(entrant=entrant(name), case=CASES[case], condition=perfect)).metrics
-        found += [1e3 * metrics[f"{kind}_error_mean_continuous"][0] for kind in KINDS]
+        found += [1e3 * metrics[f"{kind}_error_mean_continuous"][0] for kind in KINDS] + [metrics[JITTER][0]]
+        assert metrics[LIMITED][0] == 0.0, f"{name} in {case}: rotors at a limit in {metrics[LIMITED][0]:.2%}"
     return found
 
 
