@@ -126,7 +126,7 @@ def test_interrupts_at_random_times_leave_nothing_behind(tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_a_thousand_interrupts_leave_nothing_behind(tmp_path):
     found, broken = attack(tmp_path, np.random.default_rng(2), 20, 50)
-    assert len(found) == 1000
+    assert len(found) == 1000, broken
     require_nothing(found, broken)
 
 

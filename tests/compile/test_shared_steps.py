@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import concurrent.futures
 import dataclasses
 import weakref
+from queue import SimpleQueue
 
 import numpy as np
 import pytest
@@ -74,6 +74,20 @@ def test_slices_take_the_time_they_should():
                     assert blocks / group >= 4 * threads
 
 
+def interrupted_queue():
+    """A kind of queue, the first wait for which with a timeout is interrupted."""
+    made = []
+
+    class Interrupted(SimpleQueue):
+        def get(self, block=True, timeout=None):
+            if timeout is not None and not made:
+                made.append(1)
+                raise KeyboardInterrupt
+            return super().get(block, timeout)
+
+    return Interrupted
+
+
 @pytest.mark.parametrize("threads", [1, 3])
 def test_an_interrupt_leaves_the_arrays_given_and_the_kernel_as_they_were(cut, monkeypatch, threads):
     kernel = spring()
@@ -90,15 +104,10 @@ def test_an_interrupt_leaves_the_arrays_given_and_the_kernel_as_they_were(cut, m
             if threads == 1 and len(made) == number:
                 raise KeyboardInterrupt
 
-        def waiting(flying, seconds=None):
-            if seconds is not None:
-                raise KeyboardInterrupt
-            return concurrent.futures.wait(flying)
-
         with monkeypatch.context() as patch:
             patch.setattr(kernel, "machine", dataclasses.replace(kernel.machine, call=interrupted))
             if threads > 1:
-                patch.setattr(shared_steps, "wait", waiting)
+                patch.setattr(shared_steps, "SimpleQueue", interrupted_queue())
             with pytest.raises(KeyboardInterrupt):
                 kernel.run(*arrays, seed=9, start=5, every=7, threads=threads)
     assert all(map(np.array_equal, arrays, before))

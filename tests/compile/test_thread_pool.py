@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import _thread
 import copy
+import dataclasses
 import os
 import pickle
 import subprocess
@@ -14,6 +16,7 @@ import numpy as np
 import pytest
 from programs_random import oscillator, same_bits
 
+from kernel_threads import wait_until
 from skyarm.compile.llvm import kernel as native
 from skyarm.compile.llvm import shared_steps
 from skyarm.compile.llvm.kernel import Kernel
@@ -39,10 +42,10 @@ def fly(kernel, lanes=103, **options):
 
 def test_little_work_is_not_shared(monkeypatch):
     monkeypatch.setattr(shared_steps, "SHARED", 1.0)
-    pools = []
-    monkeypatch.setattr(native.ThreadPoolExecutor, "submit", pools.append)
+    shared = []
+    monkeypatch.setattr(shared_steps.Workers, "put", lambda _, job: shared.append(job))
     fly(spring(), threads=4)
-    assert pools == []
+    assert shared == []
 
 
 def test_callers_at_once_have_threads_of_their_own():
@@ -151,3 +154,48 @@ for lanes in (1, 50_000):
     one = ["ended"] * 4 + ["interrupted"] * 2 + ["heard 1", "True"]
     many = ["ended", "interrupted", "heard 1", "True"]
     assert ran(text, tmp_path).split("\n") == [*one, *many, ""]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_a_handler_that_raises_at_any_instant_leaves_no_lock_taken(tmp_path):
+    """Within the start of threads and waits, too: Python's own pool hung or raised RuntimeError within seconds."""
+    text = """
+def end(*_): raise KeyboardInterrupt
+signal.signal(signal.SIGALRM, end)
+begun = time.monotonic(); fly(500, 2000); took = time.monotonic() - begun
+draw, seen, until = np.random.default_rng(1), 0, time.monotonic() + 3.0
+whole = fly(500, 2000)
+while time.monotonic() < until:
+    try:
+        signal.setitimer(signal.ITIMER_REAL, draw.uniform(2e-5, took * draw.choice([0.1, 1.2])))
+        fly(500, 2000, threads=int(draw.integers(2, 9)))
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    except KeyboardInterrupt: seen += 1
+print(seen > 20, np.array_equal(fly(500, 2000), whole))
+"""
+    assert ran(text, tmp_path, 30) == "True True\n"
+
+
+def test_threads_end_with_the_last_who_holds_them():
+    workers, free = shared_steps.Workers(), threading.Event()
+    counts = []
+    workers.start(3)
+    for _ in range(3):
+        workers.put(lambda: (counts.append(threading.get_ident()), free.wait(10)))
+    wait_until(lambda: len(counts) == 3)
+    free.set()
+    assert len(set(counts)) == 3
+    before = _thread._count()
+    del workers
+    wait_until(lambda: _thread._count() == before - 3)
+
+
+def test_what_a_thread_raises_reaches_the_caller(monkeypatch):
+    kernel = spring()
+
+    def broken(_):
+        raise MemoryError
+
+    monkeypatch.setattr(kernel, "machine", dataclasses.replace(kernel.machine, call=broken))
+    with pytest.raises(MemoryError):
+        fly(kernel, threads=3)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any
 
@@ -16,7 +15,7 @@ import numpy as np
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.llvm_loop import CALL, assembly
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.llvm.shared_steps import GUESS, Machine, SharedSteps
+from skyarm.compile.llvm.shared_steps import GUESS, Machine, SharedSteps, Workers
 from skyarm.compile.machine_code import llvm_needed, require_floor
 from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
@@ -128,11 +127,7 @@ class Kernel:
         log = np.zeros((entries, self.loop.logged, padded), dtype=self.dtype)
         arrays, blocks = (c, p, r, log, keys), padded // width
         steps = SharedSteps(self.machine, arrays, blocks=blocks, lanes=padded, every=every, threads=threads)
-        if threads == 1:
-            steps.run(start)
-        else:
-            with ThreadPoolExecutor(threads) as pool:
-                steps.run(start, pool)
+        steps.run(start, Workers() if threads > 1 else None)
         return c[:, :lanes], log[:, :, :lanes]
 
     def _pad(self, name: str, values: Array, shape: tuple[int, int], lanes: int) -> Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.llvm.shared_steps import SharedSteps
+from skyarm.compile.llvm.shared_steps import SharedSteps, Workers
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.records.arrays import AnyArray as Array
@@ -64,7 +63,7 @@ class LaneStepper:
         self._quick = kernel.quick
         self._arrays, self._blocks = arrays, blocks
         self._shared: SharedSteps | None = None
-        self._pool: ThreadPoolExecutor | None = None
+        self._workers = Workers()
         self._threads, self._process = threads, os.getpid()
         if threads > 1 and lanes > ALONE:
             self._shared = SharedSteps(kernel.machine, arrays, blocks=blocks, lanes=stride, threads=threads)
@@ -105,15 +104,13 @@ class LaneStepper:
             self._arguments[9] = tick
             self._quick(self._pointer)
         else:
-            if self._pool is None or self._process != os.getpid():  # threads stay behind in a fork
-                self._pool, self._process = ThreadPoolExecutor(self._threads), os.getpid()
-            self._shared.run(tick, self._pool, whole=True)
+            if self._process != os.getpid():  # threads stay behind in a fork
+                self._workers, self._process = Workers(), os.getpid()
+            self._shared.run(tick, self._workers, whole=True)
 
     def close(self) -> None:
         """Shut down the worker threads; the next step starts new ones."""
-        if self._pool is not None:
-            self._pool.shutdown()
-            self._pool = None
+        self._workers = Workers()
 
 
 def apart(blocks: int) -> int:

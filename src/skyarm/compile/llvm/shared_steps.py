@@ -6,10 +6,12 @@ Python handles signals between slices, and machine code lets other threads run.
 from __future__ import annotations
 
 import ctypes
+import weakref
+from _thread import start_new_thread
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, Future, wait
 from contextlib import suppress
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from skyarm.records.arrays import AnyArray as Array
@@ -50,6 +52,50 @@ class Machine:
     pace: float
 
 
+class Workers:
+    """Threads that take jobs from a queue, started as they are needed; they end when nobody holds this.
+
+    An exception that a signal's handler raises within ``Thread.start`` or ``concurrent.futures``, which are Python, may
+    leave a lock taken for ever; here the caller takes none but within functions of C, which no handler cuts in two.
+
+    Attributes:
+        count: of threads.
+    """
+
+    def __init__(self) -> None:
+        self._jobs: SimpleQueue[Any] = SimpleQueue()
+        # of C, too: what is raised in a finaliser of Python is dropped
+        self._end = weakref.ref(self, self._jobs.put)
+        self.count = 0
+
+    def start(self, threads: int) -> None:
+        """Have so many threads at least.
+
+        Raises:
+            RuntimeError: the system gives none.
+        """
+        while self.count < threads:
+            try:
+                start_new_thread(_work, (self._jobs, self._end))
+            except RuntimeError:  # fewer do it as well
+                if not self.count:
+                    raise
+                return
+            self.count += 1
+
+    def put(self, job: Callable[[], None]) -> None:
+        """Have a job done by the next thread that is free."""
+        self._jobs.put(job)
+
+
+def _work(jobs: SimpleQueue[Any], end: object) -> None:
+    """Do one job after another; whoever is told to end tells the next."""
+    while (job := jobs.get()) is not end:
+        job()
+        del job  # what it holds is not kept while this waits
+    jobs.put(end)
+
+
 class SharedSteps:
     """Parallel stepping of all blocks of SIMD lanes by several threads.
 
@@ -65,15 +111,15 @@ class SharedSteps:
         # whoever may still step holds arrays and machine code
         self._arrays, self._fixed = arrays, (*map(_address, arrays), 0, 0, 0, 0, 0, lanes, every)
 
-    def run(self, start: int, pool: Executor | None = None, *, whole: bool = False) -> None:
-        """Step all blocks of lanes through all input rows, on the threads of a pool.
+    def run(self, start: int, workers: Workers | None = None, *, whole: bool = False) -> None:
+        """Step all blocks of lanes through all input rows, on the threads given.
 
         What is raised meanwhile comes through within milliseconds, or, where the arrays are to be a ``whole``, once
         every lane has made its steps.
 
         Args:
             start: of the steps.
-            pool: threads; None steps in the caller's.
+            workers: threads; None steps in the caller's.
             whole: never leave some lanes a step ahead of others; needs threads.
         """
         machine = self._machine
@@ -95,19 +141,45 @@ class SharedSteps:
 
         shares = int(self._blocks * self._steps * machine.pace / SHARED)
         threads = max(2 if whole else 1, min(self._most, len(groups), shares))
-        if pool is None or threads == 1:
+        if workers is None or threads == 1:
             step()
             return
-        flying: list[Future[None]] = []
-        try:
-            flying += [pool.submit(step) for _ in range(threads)]
-            while wait(flying, WAIT).not_done:
-                pass
-        except BaseException:
-            if not whole:
+        entered, left, failed, bell = list[bool](), list[bool](), list[BaseException](), SimpleQueue[bool]()
+
+        def share() -> None:
+            entered.append(True)
+            try:
+                step()
+            except BaseException as error:
+                failed.append(error)
                 given_up.append(True)
-            wait(flying)
+            finally:
+                left.append(True)
+                bell.put(True)
+
+        def finish() -> None:
+            # who enters after the last group was taken, or after it was given up, steps nothing
+            while (groups and not given_up) or len(left) < len(entered):
+                with suppress(Empty):
+                    bell.get(timeout=WAIT)
+
+        try:
+            workers.start(threads)
+            for _ in range(threads):
+                workers.put(share)
+            finish()
+        except BaseException:
+            if not (whole and workers.count):
+                given_up.append(True)
+            done = False
+            while not done:  # however often this is interrupted, too
+                with suppress(BaseException):
+                    workers.put(share)
+                    finish()
+                    done = True
             raise
+        if failed:
+            raise failed[0]
 
 
 def slice_work(blocks: int, steps: int, pace: float, threads: int) -> tuple[int, int]:
