@@ -53,7 +53,7 @@ class Machine:
 
 
 class Workers:
-    """Threads that take jobs from a queue, started as they are needed; they end when nobody holds this.
+    """Threads that take jobs from a queue, started as they are needed; they end with the last reference.
 
     An exception that a signal's handler raises within ``Thread.start`` or ``concurrent.futures``, which are Python, may
     leave a lock taken for ever; here the caller takes none but within functions of C, which no handler cuts in two.
@@ -89,7 +89,7 @@ class Workers:
 
 
 def _work(jobs: SimpleQueue[Any], end: object) -> None:
-    """Do one job after another; whoever is told to end tells the next."""
+    """Do one job after another until the end, which is passed on to the next thread."""
     while (job := jobs.get()) is not end:
         job()
         del job  # what it holds is not kept while this waits
