@@ -38,10 +38,8 @@ def test_every_kind_that_can_be_registered_is_on_the_page() -> None:
 
 
 def test_the_air_shown_flies_by_its_name(tmp_path: Path) -> None:
-    file = tmp_path / "wandering.py"
-    file.write_text(files("python")["wandering.py"], "utf-8")
     with registry_kept():
-        load_plugin(file)
+        load_plugin(ROOT / "examples" / "own_wind.py")
         _fly_it(tmp_path)
 
 
@@ -148,12 +146,12 @@ SECTION = PAGE[PAGE.index("## When your law is wrong") :].partition("\n## ")[0]
 MISTAKES = re.findall(r"^\| .* \| (`.*) \|$", SECTION, re.MULTILINE)
 
 
-def test_the_law_shown_flies(tmp_path: Path) -> None:
-    file = tmp_path / "climber.py"
-    file.write_text(files("python")["climber.py"], "utf-8")
+def test_the_law_shown_flies() -> None:
     planned = skyarm.load_scenario("case3", duration=0.1)
-    mine = skyarm.load_plugin(file).make(planned.controller.par.model, stiffness=9.0)
-    assert mine.par.stiffness == 9.0
+    with registry_kept():
+        make = skyarm.load_plugin(ROOT / "examples" / "own_law.py").make_lqr
+    mine = make(planned.controller.par.model, weight=9.0)
+    assert mine.par.base[0] == 3.0
     assert skyarm.run(dataclasses.replace(planned, controller=mine)).status == "completed"
 
 

@@ -16,7 +16,7 @@ from world_flights import touching
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "pictures.md").read_text("utf-8").partition("\n## Films\n")[0]
 COMMANDS = re.findall(r"^    (skyarm .*)$", PAGE, re.MULTILINE)
-(STUDY,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+STUDY = (DOCS.parent / "examples" / "arm_length.toml").read_text("utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         r"controllers = .*", 'controllers = ["paper_ct", "paper_pd"]', short
     )  # a law of its own takes seconds
     text = re.sub(r"windows = .*", "windows = { steady = [0.1, 0.3], transient = [0.0, 0.1] }", short)
-    (made / "arm_length.toml").write_text(text)
+    (made / "examples").mkdir()
+    (made / "examples" / "arm_length.toml").write_text(text)
     touching().save_npz(made / "press.npz")
     return made
 

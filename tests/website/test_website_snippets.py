@@ -69,13 +69,13 @@ def prepared(name: str) -> dict[str, str]:
     files = {"my/vehicle.toml": vehicle, "my/flight.toml": flight, "flight.toml": flight}
     if "my_law.py:make" in PAGES[name] and "skyarm new law" not in PAGES[name]:
         files["my_law.py"] = (Path(skyarm.__file__).parent / "cli/starters/law.py.txt").read_text("utf-8")
-    if "examples/picker.urdf" in PAGES[name]:
-        files["examples/picker.urdf"] = (ROOT / "examples" / "picker.urdf").read_text("utf-8")
+    for example in re.findall(r"[ \"](examples/\w+\.(?:urdf|py))", PAGES[name]):
+        files[example] = (ROOT / example).read_text("utf-8")
     if name == "export_c.md":
         files["tuned.toml"] = next(block.text for block in blocks(PAGES["tuning.md"]) if "[gains]" in block.text)
     if name == "extending.md":
         found = {block.title or block.language: block.text for block in blocks(PAGES[name])}
-        files |= {"wandering.py": found["wandering.py"], "mine.toml": f"{case}\n{found['toml']}"}
+        files["mine.toml"] = f"{case}\n{found['toml']}"
     return files
 
 
@@ -83,7 +83,7 @@ def own_blocks(name: str) -> list[Block]:
     """Blocks of a page that run here."""
     found = blocks(PAGES[name])
     if name == "extending.md":  # its plugins: tests/test_docs_extending.py
-        return [block for block in found if block.language == "sh" or "climber" in block.title + block.text]
+        return [block for block in found if block.language == "sh" or "own_law" in block.text]
     if name == "environments.md":  # JAX, which reads its flags once a process: tests/envs
         jax = next(i for i, block in enumerate(found) if "import jax" in block.text)
         return [*found[:jax], *found[jax + 2 :]]
@@ -117,7 +117,6 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    monkeypatch.delitem(sys.modules, "climber", raising=False)
     return tmp_path
 
 
