@@ -1,4 +1,4 @@
-"""The page on the centroidal law is enough to write it again: a law written from it gives the shipped one's commands."""
+"""The page on the centroidal law is enough to write it again: what is written from it gives the law's commands."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import written_law
-from written_law import WrittenLaw, vehicle_of
+import written_parts
+from written_law import WrittenLaw
+from written_vehicle import vehicle_of
 
 import skyarm
 from skyarm.records.leaves import rebuild
@@ -37,7 +38,7 @@ def recorded(scenario: skyarm.Scenario) -> list[tuple[Any, Any, list[Any], Any, 
     """Of each period of a flight: measurement, reference, its samples to come, rotor speeds and efforts commanded."""
     log, inputs = skyarm.run(scenario), episode_inputs(scenario)
     assert log.status == "completed"
-    seen = log.readings["state"] if "state" in log.readings else None
+    seen = log.readings.get("state")
     names = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates")
     rows = []
     for k, leaves in enumerate(np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1)):
@@ -57,11 +58,12 @@ def written(scenario: skyarm.Scenario) -> WrittenLaw:
 
 
 def differences(rows: list[Any], law: WrittenLaw) -> Any:
-    """Of each period the largest relative difference of a rotor speed (of 1 rad/s at least) or effort (of the limit)."""
+    """Largest relative difference in each period: of rotor speeds (of 1 rad/s at least), of efforts (of the limit)."""
     found = []
     for measurement, held, ahead, speeds, efforts in rows:
         own_speeds, own_efforts = law.step(measurement, held, ahead)
-        found.append(max((np.abs(own_speeds - speeds) / np.maximum(speeds, 1.0)).max(), np.abs((own_efforts - efforts) / 0.5).max()))
+        off = (np.abs(own_speeds - speeds) / np.maximum(speeds, 1.0)).max()
+        found.append(max(off, np.abs((own_efforts - efforts) / 0.5).max()))
     return np.array(found)
 
 
@@ -79,7 +81,7 @@ def test_a_law_written_from_the_page_gives_the_commands_of_the_law(short: Any) -
 
 def test_a_wrong_number_of_the_page_is_found(short: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario, rows = short
-    monkeypatch.setattr(written_law.NUMBERS, "shift_rate", 3.03)
+    monkeypatch.setattr(written_parts.NUMBERS, "shift_rate", 3.03)
     assert differences(rows[:60], written(scenario)).max() > CLOSE
 
 
@@ -88,12 +90,12 @@ UNUSED = {"arm_turn", "friction_adaptation", "low_thrust", "shift_limit", "tilt"
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", sorted(vars(written_law.NUMBERS)))
+@pytest.mark.parametrize("name", sorted(vars(written_parts.NUMBERS)))
 def test_every_number_of_the_page_enters_the_commands(short: Any, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario, rows = short
-    value = getattr(written_law.NUMBERS, name)
+    value = getattr(written_parts.NUMBERS, name)
     changed = tuple(1.01 * each for each in value) if isinstance(value, tuple) else 1.01 * value
-    monkeypatch.setattr(written_law.NUMBERS, name, changed)
+    monkeypatch.setattr(written_parts.NUMBERS, name, changed)
     assert (differences(rows, written(scenario)).max() > CLOSE) == (name not in UNUSED)
 
 

@@ -1,0 +1,285 @@
+"""Parts of the law that is written again: lag, velocity noise, force trend, shift of the base, adaptation."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from written_vehicle import (
+    Vehicle,
+    constant,
+    derivatives,
+    dot,
+    low,
+    mul,
+    pass_on,
+    power,
+    series,
+    vector,
+)
+
+NUMBERS = SimpleNamespace(
+    observer=(27.0, 31.0, 34.0, 60.0),
+    base=(22.0, 8.5, 205.0, 22.5),
+    yaw=(30.0, 9.0),
+    arm=(900.0, 60.0),
+    tip=(700.0, 53.0),
+    reach=0.12,
+    damping=0.03,
+    posture=1e-4,
+    shift_rate=3.0,
+    shift_limit=0.4,
+    pull=8.0,
+    tilt=1.2,
+    approach=2.0,
+    low_thrust=0.8,
+    arm_turn=20.0,
+    yaw_slack=5.0,
+    lag_inversion=0.1,
+    trim_rate=3.0,
+    preview=0.6,
+    lag=(0.020, 0.012),
+    velocity_noise=0.0018,
+    adaptation=0.6,
+    friction_adaptation=2.0,
+    tip_mass_limit=0.2,
+)
+"""Of the preset "adaptive", as the page states them."""
+
+SHARES = (1 / 8, 1 / 4, 7 / 16, 11 / 16, 1.0)
+"""Of the preview."""
+
+
+class WrittenParts:
+    """Memories of the parts, and one step of each."""
+
+    par: Any
+    v: Vehicle
+    dt: float
+    g: float
+    d: Any
+    rates: Any
+
+    # lag
+
+    def _weights(self) -> list[Any]:
+        """Weights of the lags of base and joints."""
+        found = []
+        for M in self.lag.M:
+            paid = M + 0.005 * np.arange(9)
+            found.append((1 + 12.5 * (paid - paid.min()) / (paid.min() + 0.005)) ** -8)
+        return found
+
+    def _lags(self) -> tuple[list[Any], list[float]]:
+        weights = self._weights()
+        return weights, [w @ np.arange(9) * self.stride * self.dt / w.sum() for w in weights]
+
+    # force trend
+
+    def _trend(self) -> Any:
+        """Rate of the observed force."""
+        t, dt, d, m = self.trend, self.dt, self.d[0], self.v.mass
+        b = np.exp(-10.0 * dt)
+        e = d - t.level - t.rate * dt
+        t.level = t.level + t.rate * dt + (1 - b * b) * e
+        t.rate = t.rate + (1 - b) ** 2 * e / dt
+        for line, new in ((t.forces, d), (t.rates, t.rate)):
+            pass_on(line, new, (12.0,) * 3, dt)
+
+        def nu(x: Any) -> float:
+            return 1 / (1 + (np.linalg.norm(x) / (5 * m)) ** 4)
+
+        c = (d - t.forces[2]) / 0.25
+        t.A += low(0.7, dt) * (nu(c) * t.rates[2] @ c - t.A)
+        t.B += low(0.7, dt) * (nu(c) * t.rates[2] @ t.rates[2] - t.B)
+        return t.rate * nu(t.rate) * np.clip(2 * t.A / (t.B + (0.1 * m) ** 2) - 1, 0.0, 1.0)
+
+    # the shift of the base
+
+    def _levers(self, q: Any, psi: float) -> tuple[Any, Any, Any]:
+        """Directions (world axes), and what joints leave of a lever along them: share and rest."""
+        v = self.v
+        links, places, axes = v.still(q)
+        flat = [np.outer(a[:2], a[:2]) for a in axes]
+        chain = v.chain(v.tip_link)
+        G = sum((flat[i] for i in chain), np.zeros((2, 2)))
+        u = np.linalg.eigh(G)[1][:, 1]
+
+        def left(joints: list[int]) -> Any:
+            part = sum((flat[i] for i in joints), np.zeros((2, 2)))
+            along = u @ part @ u
+            return np.array([0.02 / (np.trace(part) - along + 0.02), 0.02 / (along + 0.02)])
+
+        heights = [v.bodies[0][1][2], *((places[k] + links[k] @ c)[2] for k, (_, c, _) in enumerate(v.bodies[1:]))]
+        rest = np.zeros(2)
+        for i in range(v.n):
+            carried = [k >= 0 and i in v.chain(k) for k in range(-1, v.n)]
+            rows = zip(v.bodies, heights, carried, strict=True)
+            terms = [(m / v.mass * (z - places[i][2]), c) for (m, _, _), z, c in rows]
+            height = sum(t for t, c in terms if not c) if i in chain else -sum(t for t, c in terms if c)
+            rest = rest + (left(v.chain(i)[:-1]) - left(v.chain(i))) * height
+        c, s = np.cos(psi), np.sin(psi)
+        first = np.array([[c, -s], [s, c]]) @ u
+        return np.array([first, [-first[1], first[0]]]), left(chain), rest
+
+    def _height(self, q: Any) -> float:
+        com, tip = self.v.com_tip(constant(q, 1))
+        return com[2, 0] - tip[2, 0]
+
+    def _shift(
+        self, base: Any, psi: float, q: Any, com: Any, tip: Any, F: Any, rate: Any, drag: float, lead: Any, ahead: Any
+    ) -> list[Any]:
+        """First to fourth derivative of the shift; the memory goes on."""
+        m, g, dt = self.v.mass, self.g, self.dt
+        axes, left, rest = self._levers(q[:, 0], psi)
+        lever = com[2] - tip[2]
+        times_ = np.array([0.0, *lead])
+        h = np.diff(times_)
+        one, two, four = (self._height(ahead[k][4:, 0]) for k in (0, 1, 3))
+        levers = np.array([lever[0], one, two, (two + four) / 2, four, four])
+        sizes = np.maximum(abs(levers), 0.02)
+        velocity = [base[1], *(row[:3, 1] for row in ahead)]
+        acceleration = [base[2], *(row[:3, 2] for row in ahead)]
+        factor = (np.outer(levers, left) + rest) / sizes[:, None]
+        f = np.array(
+            [
+                phi * (axes @ (F[:2] / m + rate[:2] / m * t - drag / m * v[:2] - a[:2]))
+                for phi, t, v, a in zip(factor, times_, velocity, acceleration, strict=True)
+            ]
+        )
+        # numbers of the last period go on to now
+        late = lead[0] - self.first + dt
+        k, e = self.secants.copy(), self.falls.copy()
+        k[1:5] += (self.secants[2:6] - self.secants[1:5]) * late / h[1:5]
+        e[0:4] += (self.falls[1:5] - self.falls[0:4]) * late / h[1:5]
+        z = np.array([a[2] for a in acceleration])
+        n = np.maximum([*(g - F[2] / m + (z[:-1] + z[1:]) / 2 + e), g - F[2] / m + z[-1]], 0.15 * g)
+        n = n * [*((k[:-1] + k[1:]) / 2), k[-1]]
+        b = np.sqrt(n[5] / sizes[5])
+        v = -f[5] / b - (f[5] - f[4]) / (b * b * h[4])
+        sweep = []
+        for i in range(4, -1, -1):
+            pace = 2 * n[i] / (sizes[i] + sizes[i + 1])
+            x = pace * h[i] ** 2
+            C, S = 1 + x / 2 + x**2 / 24 + x**3 / 720, h[i] * (1 + x / 6 + x**2 / 120 + x**3 / 5040)
+            mean, change = (f[i] + f[i + 1]) / 2, f[i + 1] - f[i]
+            p = h[i] ** 2 * ((1 / 2 + x / 24 + x**2 / 720) * mean - (1 / 12 + x / 80) * change)
+            down = C + b * S
+            v, b = (v - b * p - S * mean + h[i] * x * change / 24) / down, (pace * S + b * C) / down
+            sweep.insert(0, (b, v, C, S, p))
+
+        def secant(y: Any, size: float) -> float:
+            return (1 - min(y @ y / size**2, 0.75)) ** -0.5
+
+        y = now = axes @ self.y[:2]
+        # forwards from the shift of now
+        secants, falling, rates = [], [], []
+        end = (np.sqrt(n[5] / sizes[5]), -f[5] / np.sqrt(n[5] / sizes[5]) - (f[5] - f[4]) / (n[5] / sizes[5] * h[4]))
+        for i in range(6):
+            bi, vi = sweep[i][:2] if i < 5 else end
+            dy = vi - bi * y
+            secants.append(secant(y, sizes[i]))
+            rates.append(-levers[i] / sizes[i] ** 2 * secants[-1] * (y @ dy))
+            if i < 5:
+                y = sweep[i][2] * y + sweep[i][3] * dy + sweep[i][4]
+        falling = np.diff(rates) / h
+        # the shift of now, with derivatives
+        (b, v), size0 = sweep[0][:2], sizes[0]
+        size = lever[:3] * np.sign(lever[0]) if abs(lever[0]) > 0.02 else constant(0.02, 3)
+        up = [
+            base[2][2] + g - F[2] / m + self.sinks[0],
+            base[3][2] - rate[2] / m + self.sinks[1],
+            base[4][2] + self.sinks[2],
+        ]
+        N = series(*up) if up[0] > 0.15 * g else constant(0.15 * g, 3)
+        per = power(size, -1)
+        forcing = series(
+            axes @ (F[:2] / m - drag / m * base[1][:2] - base[2][:2]),
+            axes @ (rate[:2] / m - drag / m * base[2][:2] - base[3][:2]),
+            axes @ (-drag / m * base[3][:2] - base[4][:2]),
+        )
+        phi = mul(np.outer(left, lever[:3]) + rest[:, None] * [1.0, 0, 0], per[None])
+        F0, F1, F2 = derivatives(mul(phi, forcing))
+        dy = v - b * now
+        ddy = N[0] / size0 * secant(now, size0) * now + F0
+        lean = mul(series(now, dy, ddy), per[None])
+        square = dot(lean, lean)
+        square = square if square[0] < 0.75 else constant(0.75, 3)
+        k0, k1, k2 = derivatives(mul(mul(N, per), power(constant(1.0, 3) - square, -0.5)))
+        third = k1 * now + k0 * dy + F1
+        fourth = k2 * now + 2 * k1 * dy + k0 * ddy + F2
+        Y = series(now, dy, ddy, third, fourth)
+        low_by = -lever[0] / size0**2 * secant(now, size0)
+        heights = [low_by * each for each in derivatives(dot(Y, Y) / 2)[1:]]
+        moved = [np.array([*(axes.T @ each), z]) for each, z in zip((dy, ddy, third, fourth), heights, strict=True)]
+        step = moved[0] * dt + moved[1] * dt * dt / 2
+        self.y = self.y + step * [1.0, 1.0, 0.0]
+        self.sinks = np.array(heights[1:])
+        self.secants, self.falls, self.first = np.array(secants), falling, lead[0]
+        return moved
+
+    # lag, noise, adaptation
+
+    def _learn_lag(self, x: Any, told: Any, free: Any, weights: Any) -> None:
+        """The bank of lags, one period later."""
+        a, dt, running = self.lag, self.dt, self.started
+        rates = np.array([*x.rate[:2], *x.joint_rates])
+        if not running:
+            a.rates = rates
+            return
+        _, angular, bend = self._accelerations(
+            told.R, told.w, told.q, told.qd, self.means[0], self.efforts[0], told.unknown
+        )
+        model, seen = np.array([*angular[:2], *bend]) - a.own, (rates - a.rates) / dt
+        bands = []
+        for line, new in ((a.model, model), (a.measured, seen)):
+            pass_on(line, new, (60.0, 60.0, 20.0), dt)
+            bands.append(line[1] - line[2])
+        band, z = bands
+        past = np.array([band, *a.past[self.stride - 1 :: self.stride]])
+        eta = max(0.5 * dt, 1 / (a.count + 20))
+        scale = a.s[0]
+        for k, part in enumerate((slice(0, 2), slice(2, None))):
+            E = ((z[part] - past[:, part]) ** 2).sum(axis=1)
+            M = a.M[k] + eta * (E / (E + 4 * a.s[k] + 0.01) - a.M[k])
+            cost = 0.005 * np.arange(9)
+            a.M[k] = np.minimum(M, (M + cost).min() + 0.04 - cost)
+            a.s[k] += dt * (min(E.mean(), 4 * (a.s[k] + 0.01)) - a.s[k])
+        expected = weights[0] @ past[:, :2] / weights[0].sum()
+        size = z[:2] @ z[:2] + 4 * scale + 0.01
+        a.A += 0.15 * dt * (expected @ z[:2] / size - a.A)
+        a.B += 0.15 * dt * (expected @ expected / size - a.B)
+        a.own = a.own + told.corrections * [free[0], free[0], *free[1:]]
+        a.rates, a.past, a.count = rates, [band, *a.past[:-1]], a.count + 1
+
+    def _learn_noise(self, o: Any, bandwidth: float) -> None:
+        """Variance of the measured velocity's noise."""
+        a, dt = self.noise, self.dt
+        c = o / max(np.exp(-bandwidth * dt) ** 2, 1e-3) - a.o
+        most = 20 * (max(a.V, 0.0) + self.par.velocity_noise**2 / dt)
+        a.V += 2.0 * dt * (np.clip(-(c @ a.c) / 3, -most, most) - a.V)
+        a.o, a.c = o, c
+
+    def _adapt(self, qt: Any, Rq: Any, wq: Any, aq: Any, proper: Any, observer: Any, free: Any) -> None:
+        """Mass at the tip and damping of the joints, and what they need in the next period."""
+        par, v, dt, a = self.par, self.v, self.dt, self.learned
+        q, qd = qt[:, 0], qt[:, 1]
+        r = derivatives(v.com_tip(qt[:, :3])[1])
+        push = -(Rq.T @ proper + vector(aq, r[0]) + vector(wq, vector(wq, r[0])) + 2 * vector(wq, r[1]) + r[2])
+        Y = v.tip_jacobian(q).T @ push
+        share = low(observer[2], dt)
+        a.once = a.once + share * (np.array([Y, q, qd]) - a.once)
+        a.twice = a.twice + share * (a.once - a.twice)
+        slow = low(2.0, dt)
+        a.u, a.o = a.u + slow * (qd**2 - a.u), a.o + slow * ((self.rates[2] - qd) ** 2 - a.o)
+        weight = free[1:] * np.maximum(0.0, 1 - 2 * a.o / (a.u + 0.1))
+        load, place, rate = a.twice
+        d = self.d[2]
+        a.m += par.adaptation * dt * (weight * load * d).sum() / (0.001 + (load**2).sum())
+        a.m = np.clip(a.m, -par.tip_mass_limit, par.tip_mass_limit)
+        e = weight * (d - a.c - a.k * place)
+        a.b = a.b - par.friction_adaptation * dt * e * rate / (0.1 + rate**2)
+        a.b = np.clip(a.b, -v.damping, self.stickiest)
+        a.c, a.k = a.c + dt * e, a.k + dt * e * place / (0.01 + place**2)
+        self.adapted = Rq @ push * a.m, vector(r[0], push) * a.m, Y * a.m - a.b * qd
