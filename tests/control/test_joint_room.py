@@ -8,10 +8,17 @@ import pytest
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.laws.centroidal.demands import SHARE, WITH_STOP, within_limits
+from skyarm.control.laws.centroidal.demands import SHARE, TURN, WITH_STOP, within_limits
 from skyarm.control.laws.centroidal.make import ends_of, make_centroidal
+from skyarm.control.laws.centroidal.parameters import brace_joints
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
+from skyarm.reference import Constant, Windowed
+from skyarm.scenario.scenario_record import Delays
+from skyarm.studies.compare.envelope_setting import PAPER, setting_of
+from skyarm.studies.compare.suite import NOISE
+from skyarm.world import Disturbance
+from skyarm.world.signal_vector import SignalVector
 
 ARM1 = skyarm.load_vehicle("crazyflie_arm1")
 GAINS = JointGains(stiffness=(900.0,), damping=(60.0,))
@@ -105,12 +112,25 @@ def test_a_loop_of_little_damping_bounds_by_its_stiffness(arm):
     assert bounded(vehicle, 0.1, 0.0, 0.0, 1e4, gains) == pytest.approx(900.0 * (0.75 - 0.1))
 
 
-def test_a_motion_within_the_room_keeps_its_bits_and_no_limit_is_no_bound():
+@pytest.mark.parametrize("push", [1e4, -1e4])
+def test_a_joint_without_limits_comes_to_rest_beside_its_moving_reference(push):
+    """2.2 rad from a swing, on either side and from 0.4 rad on alike: it does not spin."""
+    vehicle, dt, q, rate = with_limits(-np.inf, np.inf), 1e-3, 0.4 * np.sign(push), 0.0
+    for k in range(2000):
+        rate += bounded(vehicle, q, rate, swinging(k * dt, 0.6), push) * dt
+        q += rate * dt
+        if k > 500:
+            assert q == pytest.approx(swinging((k + 1) * dt, 0.6)[0] + np.sign(push) * TURN, abs=0.02)
+    one, other = (bounded(vehicle, sign * 5.0, sign * 7.0, sign * 0.3, sign * 1e3) for sign in (1.0, -1.0))
+    assert one == -other < 0.0
+
+
+def test_a_motion_within_the_room_keeps_its_bits_and_one_limit_bounds_one_side():
     wide, free, above = (with_limits(*pair) for pair in ((-1.5, 1.5), (-np.inf, np.inf), (-np.inf, 1.0)))
     for q, wanted in ((0.1, 3.3), (-0.3, -7.7), (0.4, 0.0)):
         assert bounded(wide, q, 0.5, 0.1, wanted) == wanted
     assert (ends_of(free), ends_of(above)) == (((False, False),), ((False, True),))
-    assert bounded(free, 5.0, 50.0, 0.0, 1e3) == 1e3
+    assert bounded(free, 1.9, 3.0, 0.0, 77.0) == 77.0
     assert bounded(above, -5.0, -50.0, 0.0, -1e3) == -1e3
     assert bounded(above, 0.9, 0.0, 0.0, 1e3) < 0.0
     below = with_limits(-1.0, np.inf)
@@ -123,14 +143,47 @@ def test_a_motion_within_the_room_keeps_its_bits_and_no_limit_is_no_bound():
         assert bounded(vehicle, 1.5 * share, 0.0, 0.0, 1e3) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_only_the_adaptive_preset_bounds_and_only_joints_that_have_limits():
+def test_only_the_adaptive_preset_bounds_and_braces_only_joints_without_limits():
     model, free = Model(vehicle=ARM1), Model(vehicle=with_limits(-np.inf, np.inf))
     assert make_centroidal(model, mode="tip", preset="adaptive").par.joint_ends == ((True, True),)
-    assert make_centroidal(free, mode="tip", preset="adaptive").par.joint_ends == ()
+    assert make_centroidal(free, mode="tip", preset="adaptive").par.joint_ends == ((False, False),)
+    presses = {"mode": "tip", "preset": "adaptive", "interaction": (0.5, 0.25)}
+    braces = [make_centroidal(each, mode="tip", preset="adaptive").par.braces for each in (model, free)]
+    assert [*braces, make_centroidal(free, **presses).par.braces] == [False, True, False]
     for preset in ("robust", "stiff"):
         assert make_centroidal(model, mode="tip", preset=preset).par.joint_ends == ()
     assert make_centroidal(model, preset="robust", joint_limits=True).par.joint_ends == ((True, True),)
     assert make_centroidal(model, preset="adaptive", joint_limits=False).par.joint_ends == ()
+
+
+@pytest.mark.parametrize(("up", "share"), [(-3.0, 1.0), (0.04, 1.0), (0.25, 1.6), (3.0, 2.0)])
+def test_joints_are_braced_by_the_upward_force_over_the_weight(up, share):
+    """Stiffness as the square of the bandwidth; the base's gains and observers stay."""
+    par = make_centroidal(Model(vehicle=with_limits(-np.inf, np.inf)), mode="tip", preset="adaptive").par
+    weight = par.model.vehicle.mass * par.model.gravity
+    found = brace_joints(par, Vec3(40.0, -7.0, up * weight))
+    gains = (found.tip.position, found.tip.velocity, *found.joint_gains.stiffness, *found.joint_gains.damping)
+    own = (par.tip.position, par.tip.velocity, *par.joint_gains.stiffness, *par.joint_gains.damping)
+    assert gains == pytest.approx([a * b for a, b in zip(own, (share**2, share) * 2, strict=True)])
+    assert found.observer.joints == pytest.approx(share * par.observer.joints)
+    assert (found.base, found.observer.force, found.observer.torque) == (
+        par.base, par.observer.force, par.observer.torque,
+    )  # fmt: skip
+
+
+def test_a_push_from_below_folds_the_arm_by_less_than_half_a_turn():
+    """3 N at the tip of the paper's arm for 4 s: 5 turns and 50 mm without bracing."""
+    hover = setting_of(PAPER).hover
+    force = SignalVector(z=Windowed(Constant(3.0), 4.0, 8.0))
+    pushed = hover.with_words(
+        forces=(Disturbance(force=force, frame=hover.plant.vehicle.end_effector),), noise=NOISE,
+        delays=Delays(measurement=0.005), duration=9.0,
+    )  # fmt: skip
+    law = make_centroidal(hover.controller.par.model, mode="tip", preset="adaptive", delay=0.005)
+    log = skyarm.run(dataclasses.replace(pushed, controller=law))
+    assert log.status == "completed"
+    assert np.abs(log.joints).max() < np.pi
+    assert np.linalg.norm(log.tip - log.tip[799], axis=1)[800:1600].mean() < 0.03
 
 
 def test_a_reference_beyond_a_limit_is_followed_up_to_it():

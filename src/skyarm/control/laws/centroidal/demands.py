@@ -251,6 +251,9 @@ def wanted_attitude(
 SHARE, WITH_STOP = 0.5, 0.75
 """Of the way from a joint's reference to its limit that tip and links may take, without and with a hard stop there."""
 
+TURN = 2.2
+"""rad, from its reference: where the same barrier holds a joint that turns without a limit."""
+
 Ends = tuple[tuple[bool, bool], ...]
 """Whether each joint has a lower and an upper limit: structure."""
 
@@ -285,6 +288,9 @@ def within_limits(
         if low:
             end = towards(joint.lower, references[i], share, pole)
             kept = maximum(kept, maximum(end, square * joint.lower) - gone)
+        if joint.turns and not (low or high):
+            asked, room = towards(0.0, references[i], 0.0, pole) - gone, square * TURN
+            kept = minimum(maximum(kept, asked - room), asked + room)
         found.append(kept)
     return tuple(found)
 

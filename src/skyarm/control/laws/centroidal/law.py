@@ -24,7 +24,7 @@ from skyarm.control.blocks.late_actuators import Past
 from skyarm.control.blocks.prediction import Disturbance, actuation, predict, predict_across, with_side
 from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.demands import demands
-from skyarm.control.laws.centroidal.parameters import FOLLOWING, CentroidalParameters
+from skyarm.control.laws.centroidal.parameters import FOLLOWING, CentroidalParameters, brace_joints
 from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.laws.centroidal.shift_motion import Following, slow_force, steady_force
 from skyarm.control.laws.centroidal.torques import actuate
@@ -93,6 +93,8 @@ def centroidal(
     memories = {name: getattr(memory.parts, name) for name, _ in parts}
     for name, part in parts:
         par = part.adjust_gains(memories[name], par, dt)
+    if par.braces:
+        par = brace_joints(par, memory.observed.force)
     adapted = Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
     if par.parts.adaptation is not None:
         adapted = memories["adaptation"].feedforward

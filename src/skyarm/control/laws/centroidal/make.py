@@ -117,6 +117,9 @@ def make_centroidal(
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
     ends = ends_of(vehicle)
+    # whatever has no limit turns as far as its arm buckles; what presses on purpose is not to be stiff
+    loose = any(link.joint.turns and not any(end) for link, end in zip(vehicle.links, ends, strict=True))
+    bounded, presses = gains["joint_limits"] and (loose or any(map(any, ends))), any(gains["interaction"])
     par = CentroidalParameters(
         model=model,
         mixer=_mixer(vehicle, sideways, gains["yaw_slack"], "yaw_slack" in changes),
@@ -139,7 +142,8 @@ def make_centroidal(
             else None,
         ),
         joint_gains=JointGains(**_row("stiffness damping", ((each,) * vehicle.n for each in gains["arm"]))),
-        joint_ends=ends if gains["joint_limits"] and any(map(any, ends)) else (),
+        joint_ends=ends if bounded else (),
+        braces=bounded and loose and not presses,
         tip=_of_options(
             TipGains,
             gains,

@@ -6,7 +6,8 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, divide, maximum, minimum
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.laws.centroidal.part import Part
@@ -22,6 +23,10 @@ FOLLOWING = 2
 
 SHARES = (0.125, 0.25, 0.4375, 0.6875, 1.0)
 """Of the preview, where the law takes samples for the shift of the base: closer together where they count more."""
+
+
+PRESSED, PER_WEIGHT, STIFFEST = 0.05, 3.0, 2.0
+"""Upward force over the weight from which joints are braced; share of their bandwidth by what exceeds it, the most."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -117,6 +122,7 @@ class CentroidalParameters:
         mode: "joint" keeps base and joints on their references, "tip" the tip and the links.
         joint_gains: on accelerations.
         joint_ends: whether each joint has a lower and an upper limit that it is kept off; empty leaves it out.
+        braces: wider bandwidths of the joints where a force pushes the arm from below.
         delay_periods: known delay from a command to its measurement, in control periods.
         lead_periods: what of it is not the measurement's age, by which the reference is ahead.
     """
@@ -128,6 +134,7 @@ class CentroidalParameters:
     center: CenterGains
     joint_gains: JointGains
     joint_ends: tuple[tuple[bool, bool], ...]
+    braces: bool = False
     tip: TipGains
     observer: ObserverGains
     rotors: RotorGains
@@ -159,6 +166,23 @@ def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> Cent
         joint_gains=_times(par.joint_gains, stiffness=twice, damping=joints),
         tip=_times(par.tip, position=twice, velocity=joints),
         observer=observer,
+    )
+
+
+def brace_joints(par: CentroidalParameters, force: Vec3) -> CentroidalParameters:
+    """Constants of the law with wider bandwidths of the joints under an observed upward force (N, world axes).
+
+    A force ``F`` that pushes a hanging arm of length ``l`` from below takes the stiffness ``F l`` from its joints, and
+    what the observer finds of that is late: the arm buckles where ``F l`` exceeds the stiffness of its loop.
+    """
+    share = divide(force.z, par.model.vehicle.mass * par.model.gravity)
+    joints = 1.0 + minimum(maximum((share - PRESSED) * PER_WEIGHT, 0.0), STIFFEST - 1.0)
+    twice = joints * joints
+    return dataclasses.replace(
+        par,
+        joint_gains=_times(par.joint_gains, stiffness=twice, damping=joints),
+        tip=_times(par.tip, position=twice, velocity=joints),
+        observer=_times(par.observer, joints=joints),
     )
 
 
