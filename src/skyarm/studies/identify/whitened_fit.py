@@ -155,10 +155,13 @@ def jackknife_scores(slope: Array, error: Array, curvature: Array, blocks: int |
         blocks: their number, or the rows at which they begin but for the first.
     """
     found = []
+    # in units of the parameters' deviations: kg m^2 beside seconds make a matrix that no solver inverts
+    unit = np.sqrt(np.diag(curvature))
+    inverse = curvature / np.outer(unit, unit)
     for block, rest in zip(np.array_split(slope, blocks), np.array_split(error, blocks), strict=True):
-        s = block.reshape(-1, block.shape[-1])
-        left = np.eye(len(curvature)) - s.T @ s @ curvature
-        found.append(np.linalg.lstsq(left, s.T @ rest.ravel(), rcond=None)[0])
+        s = block.reshape(-1, block.shape[-1]) * unit
+        left = np.eye(len(inverse)) - s.T @ s @ inverse
+        found.append(np.linalg.lstsq(left, s.T @ rest.ravel(), rcond=None)[0] / unit)
     return np.array(found)
 
 
