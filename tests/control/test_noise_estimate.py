@@ -134,6 +134,17 @@ def test_with_an_accelerometer_there_is_no_such_part():
         make_centroidal(MODEL, mode="tip", preset="gusts", velocity_noise=0.002)
 
 
+@pytest.mark.parametrize(
+    ("name", "share"), [("hummingbird_arm2", 1.0), ("crazyflie_arm1", 0.625), ("hexarotor12_arm5", 0.3125)]
+)
+def test_of_slower_motors_the_noise_is_answered_sooner(name, share):
+    """Mean time constants of 18.75, 30 and 60 ms; a number that is given holds for any."""
+    model = Model(vehicle=skyarm.load_vehicle(name))
+    parts = make_centroidal(model, preset="adaptive").par.parts
+    assert parts.noise.density == pytest.approx(0.0018 * share)
+    assert make_centroidal(model, preset="adaptive", velocity_noise=0.003).par.parts.noise.density == 0.003
+
+
 def noisy_circle(times, vehicle="hummingbird_arm2_rotors", duration=8.0, **law):
     setting = setting_of(vehicle, duration)
     noise = dataclasses.replace(NOISE, **{f.name: getattr(NOISE, f.name) * times for f in dataclasses.fields(NOISE)})

@@ -46,6 +46,7 @@ from skyarm.control.laws.centroidal.presets import (
     damping_share,
     must_act,
     name_of,
+    noise_share,
     number_within,
     periods_of,
     refuse,
@@ -107,6 +108,8 @@ def make_centroidal(
         # both go with the root of the arm's length: the preview is as long as its pendulum swings
         for name in {"damping", "preview"} - set(changes):
             gains[name] *= damping_share(vehicle)
+    if "velocity_noise" not in changes:
+        gains["velocity_noise"] *= noise_share(vehicle)
     if (mode == "tip" or changes.get("adaptation")) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
     if not vehicle.n:

@@ -124,6 +124,9 @@ OLDEST = 100
 PRESETS_ARM = 0.3
 """m, length of the arm on which the presets were chosen."""
 
+PRESETS_LAG = 0.5 * (0.0125 + 0.025)
+"""s, mean time constant of the motors that the presets were chosen with."""
+
 SHORTEST = 0.01
 """m, length that an arm is given at least; one whose tip sits on its first joint has none."""
 
@@ -158,6 +161,15 @@ def damping_share(vehicle: Vehicle) -> float:
     accuracy under noise two thirds, one that grows as its root a tenth to a third; both hold the arm.
     """
     return math.sqrt(max(arm_length(vehicle), SHORTEST) / PRESETS_ARM)
+
+
+def noise_share(vehicle: Vehicle) -> float:
+    """Scale of the presets' velocity noise: mean time constants of the paper's motors over the slowest's, at most 1.
+
+    Inverting the lag of a motor amplifies noise of the wanted speed by about its time constant over the period.
+    """
+    times = (0.5 * (float(rotor.time_constant_up) + float(rotor.time_constant_down)) for rotor in vehicle.rotors)
+    return PRESETS_LAG / max(PRESETS_LAG, *times)
 
 
 def refuse(name: str, value: Any, words: str) -> NoReturn:
