@@ -84,10 +84,9 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "gusts": {
         **ADAPTIVE,
         "base": (22.0, 8.5, 240.0, 24.4),
-        "tip": (900.0, 60.0),
         "reach": 0.25,
         "lag_inversion": 0.25,
-        "accelerometer": (40.0, 5.0),
+        "accelerometer": (30.0, 5.0),
         "velocity_noise": 0.0,
         "gust_shift": 0.7,
     },
