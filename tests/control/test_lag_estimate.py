@@ -15,7 +15,8 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.lag_estimate import (
     CANDIDATES,
     IGNORED,
-    PRIOR,
+    LEAD,
+    PRICES,
     LagGains,
     LagMemory,
     delay_share,
@@ -157,11 +158,20 @@ def test_gusts_are_no_lag():
     assert lags(flown(0, gust=50.0, noise=0.01)) == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
-@pytest.mark.parametrize(("late", "within"), sampled(((6, 0.6), (3, 0.7), (8, 0.6), (2, 1.0)), 3))
+@pytest.mark.parametrize(("late", "within"), sampled(((6, 0.35), (3, 0.5), (8, 0.35), (2, 0.6)), 3))
 def test_a_lag_that_begins_late_is_found_soon(late, within):
     """However long there was none: evidence against it is bounded. A short lag leaves less evidence a second."""
     found = lags(flown(0, later=(4.0, late), seconds=4.0 + within))
     assert found == pytest.approx((late * DT, late * DT), abs=1e-3)
+
+
+def test_accelerations_much_smaller_than_modelled_need_evidence_of_longer():
+    """Errors of a wrong model turn the phase as a lag does; of a right one 30 ms are found within 0.35 s."""
+    begun = dataclasses.replace(GAINS.start(2), agreement=0.2, size=0.4)
+    soon, late = (flown(0, later=(4.0, 6), weaker=2.0, begun=begun, seconds=4.0 + wait) for wait in (0.45, 1.5))
+    assert delay_share(soon) == 0.0
+    assert lags(soon)[0] == pytest.approx(0.0, abs=1e-3)
+    assert lags(late)[0] == pytest.approx(0.03, abs=1e-3)
 
 
 def test_a_lag_that_ends_is_forgotten_as_soon():
@@ -171,8 +181,8 @@ def test_a_lag_that_ends_is_forgotten_as_soon():
 def test_no_lag_falls_further_behind_than_prices_alone_put_it():
     memory = flown(0, seconds=4.0)
     for bank in (memory.base, memory.arm):
-        paid = [mean + PRIOR * j for j, mean in enumerate(bank.means)]
-        assert max(paid) - min(paid) <= PRIOR * (CANDIDATES - 1) + 1e-12
+        paid = [mean + price for mean, price in zip(bank.means, PRICES, strict=True)]
+        assert max(paid) - min(paid) <= LEAD + 1e-12
         assert paid[0] == min(paid)
 
 

@@ -38,17 +38,21 @@ STEP = 0.005
 LOW, HIGH = 20.0, 60.0
 """Edges of the band, rad/s."""
 
-FORGETTING, FIRST = 0.5, 20.0
-"""1/s, rate at which the means follow; periods that count as seen before the first one."""
+FORGETTING, SLOWLY, FIRST = 1.5, 0.35, 20.0
+"""1/s, rates at which the means follow, of a delay and where accelerations are much smaller than modelled; periods that
+count as seen before the first one."""
 
 ROBUST, FLOOR, GROWTH = 4.0, 0.01, 4.0
 """Of the scale, the residual that counts half; least scale, (rad/s^2)^2; most that one period adds, of the scale."""
 
-PRIOR, SHARPNESS = 0.005, 100.0
+PRIOR, SHARPNESS = 0.0075, 100.0
 """Price of each step of lag, of a mean that lies between 0 and 1; weight of the means' relative differences."""
 
-LEAD = PRIOR * (CANDIDATES - 1)
-"""Most that a mean and its price lie above the least: what prices alone come to, of a bank without evidence."""
+LEAD = 0.05
+"""Most that a mean and its price lie above the least, and the highest price."""
+
+PRICES = tuple(min(PRIOR * j, LEAD) for j in range(CANDIDATES))
+"""Of each lag of the bank."""
 
 LEARNING, KNOWN = 0.15, 0.5
 """1/s, rate at which the size of the accelerations is learned; agreement and size, before the first measurement."""
@@ -131,7 +135,9 @@ class LagGains(Part):
         band = _band_pass(believed)
         past = [band, *(memory.past[k - 1] for k in range(self.stride, len(memory.past) + 1, self.stride))]
         learned = mul(running, step.isolated)
-        keep = learned * maximum(FORGETTING * dt, divide(1.0, memory.count + FIRST))
+        # with a wrong model the phase of its errors wanders: evidence of longer
+        rate = SLOWLY + (FORGETTING - SLOWLY) * delay_share(memory)
+        keep = learned * maximum(rate * dt, divide(1.0, memory.count + FIRST))
         here = _band_pass(measured)
         groups = ((memory.base, slice(0, TILTS)), (memory.arm, slice(TILTS, None)))
         base, arm = (_bank(bank, here[p], [each[p] for each in past], keep, running * dt) for bank, p in groups)
@@ -140,8 +146,8 @@ class LagGains(Part):
         expected = [
             inner_product(weights, axis) * inverse for axis in zip(*(each[:TILTS] for each in past), strict=True)
         ]
-        rate = learned * (LEARNING * dt)
-        gain = divide(rate, inner_product(turned, turned) + ROBUST * memory.base.scale + FLOOR)
+        share = learned * (LEARNING * dt)
+        gain = divide(share, inner_product(turned, turned) + ROBUST * memory.base.scale + FLOOR)
         return LagMemory(
             count=memory.count + running,
             rates=tuple(data(each) for each in rates),
@@ -153,8 +159,8 @@ class LagGains(Part):
             past=(band, *memory.past[:-1]),
             base=base,
             arm=arm,
-            agreement=memory.agreement * (1.0 - rate) + gain * inner_product(expected, turned),
-            size=memory.size * (1.0 - rate) + gain * inner_product(expected, expected),
+            agreement=memory.agreement * (1.0 - share) + gain * inner_product(expected, turned),
+            size=memory.size * (1.0 - share) + gain * inner_product(expected, expected),
             found=self.lags(memory, dt),
         )
 
@@ -215,7 +221,7 @@ def estimate(bank: Bank, step: Scalar) -> Any:
 
 def _price_lags(means: Sequence[Scalar]) -> tuple[list[Scalar], Scalar]:
     """Mean residual plus penalty of each candidate lag, and the smallest of these sums."""
-    paid = [mean + PRIOR * j for j, mean in enumerate(means)]
+    paid = [mean + price for mean, price in zip(means, PRICES, strict=True)]
     least = paid[0]
     for each in paid[1:]:
         least = minimum(least, each)
@@ -258,5 +264,5 @@ def _bank(
     half = ROBUST * bank.scale + FLOOR
     means = [old + keep * (divide(e, e + half) - old) for old, e in zip(bank.means, squares, strict=True)]
     _, least = _price_lags(means)
-    bounded = (minimum(mean, least + (LEAD - PRIOR * j)) for j, mean in enumerate(means))
+    bounded = (minimum(mean, least + (LEAD - price)) for mean, price in zip(means, PRICES, strict=True))
     return Bank(means=tuple(bounded), scale=bank.scale + passed * (size - bank.scale))
