@@ -14,9 +14,7 @@ from written_law import WrittenLaw
 from written_vehicle import vehicle_of
 
 import skyarm
-from skyarm.records.leaves import rebuild
 from skyarm.reference.preview import samples, samples_ahead
-from skyarm.simulate.inputs import episode_inputs
 
 LIBRARY = Path(skyarm.__file__).parent
 NOISE = {"position": 1e-3, "velocity": 1e-2, "attitude": 2e-3, "rate": 1e-2, "joints": 1e-3, "joint_rates": 1e-2}
@@ -36,25 +34,25 @@ def scenario_of(case: str, *, start: float | None = None, duration: float, **tab
 
 def recorded(scenario: skyarm.Scenario) -> list[tuple[Any, Any, list[Any], Any, Any]]:
     """Of each period of a flight: measurement, reference, its samples to come, rotor speeds and efforts commanded."""
-    log, inputs = skyarm.run(scenario), episode_inputs(scenario)
-    assert log.status == "completed"
-    seen = log.readings.get("state")
-    names = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates")
-    rows = []
-    for k, leaves in enumerate(np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1)):
-        reference = rebuild(inputs.reference_example, iter(leaves.tolist()))
+    session, rows = skyarm.Session(scenario), []
+    while session.running:
+        seen, reference = session.measurement, session.reference
+        names = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates")
+        taken = {name: np.array(getattr(seen, name), dtype=float) for name in names}
         ahead = [np.array(each, dtype=float) for each in samples_ahead(reference)]
-        taken = {name: (getattr(log, name) if seen is None else seen[name])[k] for name in names}
-        held = np.array(samples(reference), dtype=float)
-        rows.append((SimpleNamespace(**taken), held, ahead, log.rotor_commands[k], log.efforts[k]))
-    return rows
+        rows.append((SimpleNamespace(**taken), np.array(samples(reference), dtype=float), ahead))
+        session.step()
+    log = session.log
+    assert log.status == "completed"
+    return [(*row, *sent) for row, *sent in zip(rows, log.rotor_commands, log.efforts, strict=True)]
 
 
 def written(scenario: skyarm.Scenario) -> WrittenLaw:
     """The law written from the page, for the model's file."""
     rates = scenario.rates
     vehicle = vehicle_of(LIBRARY / "vehicle" / "library" / "hummingbird_arm2.toml")
-    return WrittenLaw(vehicle, 9.81, 1.0 / rates.control, 1.0 / rates.reference)
+    delay = round(scenario.delays.measurement * rates.control)
+    return WrittenLaw(vehicle, 9.81, 1.0 / rates.control, 1.0 / rates.reference, delay)
 
 
 def differences(rows: list[Any], law: WrittenLaw) -> Any:
@@ -85,18 +83,50 @@ def test_a_wrong_number_of_the_page_is_found(short: Any, monkeypatch: pytest.Mon
     assert differences(rows[:60], written(scenario)).max() > CLOSE
 
 
-UNUSED = {"arm_turn", "friction_adaptation", "low_thrust", "shift_limit", "tilt", "tip_mass_limit", "yaw_slack"}
-"""Bounds that the short flight does not reach."""
+ABRUPT = {
+    "base": {
+        "kind": "signals",
+        "x": {"kind": "ramp", "start": 0.1, "duration": 0.02, "height": 1.5},
+        "z": [2.0, {"kind": "sine", "amplitude": 0.25, "frequency_hz": 1.25, "start": 0.3}],
+    },
+    "joints": [{"kind": "sine", "amplitude": 0.9, "frequency_hz": 2.0, "phase": phase} for phase in (0.0, 0.9)],
+}
+"""A reference that takes rotors and joints to their limits."""
+
+
+@pytest.fixture(scope="module")
+def abrupt() -> tuple[skyarm.Scenario, list[Any]]:
+    """1.2 s of it, in wind and noise."""
+    scenario = scenario_of("case3_wind", duration=1.2, reference=ABRUPT, sensors=NOISE)
+    return scenario, recorded(scenario)
+
+
+@pytest.mark.thorough
+def test_it_does_where_rotors_and_joints_are_at_their_limits(abrupt: Any) -> None:
+    scenario, rows = abrupt
+    assert differences(rows, written(scenario)).max() < CLOSE
+    stopped = np.array([speeds.min() <= 0.0 for *_, speeds, _ in rows])
+    limited = np.array([np.abs(efforts).max() >= 0.5 for *_, efforts in rows])
+    assert stopped.mean() > 0.2
+    assert limited.any()
+
+
+UNUSED = {"shift_limit", "tip_mass_limit"}
+"""Bounds that none of these flights reaches."""
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted(vars(written_parts.NUMBERS)))
-def test_every_number_of_the_page_enters_the_commands(short: Any, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    scenario, rows = short
+def test_a_number_of_the_page_enters_the_commands(
+    short: Any, abrupt: Any, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """1 % more of it gives other commands in one of both flights."""
     value = getattr(written_parts.NUMBERS, name)
     changed = tuple(1.01 * each for each in value) if isinstance(value, tuple) else 1.01 * value
     monkeypatch.setattr(written_parts.NUMBERS, name, changed)
-    assert (differences(rows, written(scenario)).max() > CLOSE) == (name not in UNUSED)
+    flights = (short, abrupt)
+    found = any(differences(rows, written(scenario)).max() > CLOSE for scenario, rows in flights)
+    assert found == (name not in UNUSED)
 
 
 @pytest.mark.thorough
@@ -109,8 +139,11 @@ def test_it_does_over_the_whole_of_case_3(case: str) -> None:
 
 
 @pytest.mark.thorough
-def test_it_does_under_noise_with_commands_that_become_late() -> None:
-    """20 ms from 3 s on: the lag is found, and rotors and joints are at their limits for some periods."""
-    late = {"delays": {"longest_command": 0.02}, "changes": [{"at": 3.0, "path": "delays.command", "value": 0.02}]}
-    scenario = scenario_of("case3", start=1.0, duration=6.0, sensors=NOISE, **late)
-    assert differences(recorded(scenario), written(scenario)).max() < CLOSE
+def test_it_does_under_noise_with_known_and_unknown_delay() -> None:
+    """Measurements 5 ms old, and commands that become 20 ms late at 2 s, which the lag estimate finds."""
+    delays = {"measurement": 0.005, "longest_command": 0.02}
+    late = [{"at": 2.0, "path": "delays.command", "value": 0.02}]
+    scenario = scenario_of("case3", start=0.5, duration=5.0, sensors=NOISE, delays=delays, changes=late)
+    law = written(scenario)
+    assert differences(recorded(scenario), law).max() < CLOSE
+    assert law._lags()[1][0] > 0.01

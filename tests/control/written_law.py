@@ -43,14 +43,14 @@ BINOMIAL = np.array([[math.comb(i, k) for i in range(6)] for k in range(6)], dty
 class WrittenLaw(WrittenParts):
     """The law's memory, and one step of it."""
 
-    def __init__(self, vehicle: Vehicle, gravity: float, dt: float, T: float) -> None:
-        self.par, self.v, self.g, self.dt, self.T = NUMBERS, vehicle, gravity, dt, T
+    def __init__(self, vehicle: Vehicle, gravity: float, dt: float, T: float, delay: int) -> None:
+        self.par, self.v, self.g, self.dt, self.T, self.delay = NUMBERS, vehicle, gravity, dt, T, delay
         v, n = vehicle, vehicle.n
         f, t, efforts = v.rnea(np.zeros(n), np.zeros(3), np.zeros(n), np.zeros(3), gravity * E_Z, np.zeros(n))
         W = np.sqrt(v.inverse @ [*t, f[2]])
         self.stride = max(1, round(0.005 / dt))
         # 1. newest first
-        rows = 1 + 8 * self.stride
+        rows = 1 + delay + 8 * self.stride
         self.speeds, self.means, self.efforts = [W] * rows, [W * W] * rows, [efforts] * rows
         self.command = (W, efforts)
         self.started, self.age, self.sample = False, 0.0, None
@@ -116,7 +116,7 @@ class WrittenLaw(WrittenParts):
         self.speeds = [end, *self.speeds[:-1]]
         self.means = [(W * W + 4 * half * half + end * end) / 6, *self.means[:-1]]
         self.efforts = [e, *self.efforts[:-1]]
-        a = L[0] / dt
+        a = L[0] / dt + self.delay
         w = np.clip(a - np.arange(len(self.speeds)), 0.0, 1.0)
         shares = np.array([1.0, *w[:-1]]) - w
         then = SimpleNamespace(squares=shares @ self.means, speeds=shares @ self.speeds, efforts=shares @ self.efforts)
@@ -131,6 +131,8 @@ class WrittenLaw(WrittenParts):
         share = np.clip((1.35 - self.lag.B / self.lag.A) / 0.2, 0.0, 1.0)
         r = par.lag[0] / (par.lag[0] + max(L[0] * (1 - share) - 0.002, 0.0))
         j = par.lag[1] / (par.lag[1] + max(L[1] - L[0] - 0.002, 0.0))
+        # joint_limits: all joints without limits
+        j *= 1.0 + np.clip(3 * (self.d[0][2] / (m * g) - 0.05), 0.0, 1.0)
         kp, kv = par.base[0] * r * r, par.base[1] * r
         KR = np.array([par.base[2], par.base[2], par.yaw[0]]) * r * r
         Kw = np.array([par.base[3], par.base[3], par.yaw[1]]) * r
@@ -211,6 +213,9 @@ class WrittenLaw(WrittenParts):
         rows.append(np.eye(v.n))
         right.append(preferred)
         qdd = squares(rows, right, [1.0, *[par.damping**2] * v.n, par.posture**2])
+        pole = max(arm[1] / 2, np.sqrt(arm[0]))
+        near = 2 * q[:, 2] + 2 * pole * (q[:, 1] - now.joint_rates) + pole**2 * (q[:, 0] - now.joints)
+        qdd = np.clip(qdd, near - 2.2 * pole**2, near + 2.2 * pole**2)
         # 12. inverse dynamics and commands
         F0 = v.rnea(now.joints, omega, now.joint_rates, alpha, np.zeros(3), qdd)[0]
         proper = (Fz * E_Z + R.T @ unknown[0] - F0) / m

@@ -58,6 +58,7 @@ class WrittenParts:
     v: Vehicle
     dt: float
     g: float
+    delay: int
     d: Any
     rates: Any
 
@@ -229,7 +230,7 @@ class WrittenParts:
             a.rates = rates
             return
         _, angular, bend = self._accelerations(
-            told.R, told.w, told.q, told.qd, self.means[0], self.efforts[0], told.unknown
+            told.R, told.w, told.q, told.qd, self.means[self.delay], self.efforts[self.delay], told.unknown
         )
         model, seen = np.array([*angular[:2], *bend]) - a.own, (rates - a.rates) / dt
         bands = []
@@ -268,7 +269,7 @@ class WrittenParts:
         r = derivatives(v.com_tip(qt[:, :3])[1])
         push = -(Rq.T @ proper + vector(aq, r[0]) + vector(wq, vector(wq, r[0])) + 2 * vector(wq, r[1]) + r[2])
         Y = v.tip_jacobian(q).T @ push
-        share = low(observer[2], dt)
+        share = low(1 / (1 / observer[2] + self.delay * dt / 2), dt)
         a.once = a.once + share * (np.array([Y, q, qd]) - a.once)
         a.twice = a.twice + share * (a.once - a.twice)
         slow = low(2.0, dt)
