@@ -128,8 +128,7 @@ class WrittenLaw(WrittenParts):
         signals = np.array([self._signal(*rows, late) for rows in zip(held, ahead[0], ahead[1], strict=True)])
         lead = [max(p * par.preview - late, dt) for p in SHARES]
         # 3. gains
-        share = np.clip((1.35 - self.lag.B / self.lag.A) / 0.2, 0.0, 1.0)
-        r = par.lag[0] / (par.lag[0] + max(L[0] * (1 - share) - 0.002, 0.0))
+        r = par.lag[0] / (par.lag[0] + max(L[0] * (1 - self._delay_share()) - 0.002, 0.0))
         j = par.lag[1] / (par.lag[1] + max(L[1] - L[0] - 0.002, 0.0))
         # joint_limits: all joints without limits
         j *= 1.0 + np.clip(3 * (self.d[0][2] / (m * g) - 0.05), 0.0, 1.0)

@@ -50,6 +50,9 @@ NUMBERS = SimpleNamespace(
 SHARES = (1 / 8, 1 / 4, 7 / 16, 11 / 16, 1.0)
 """Of the preview."""
 
+PRICES = np.minimum(0.0075 * np.arange(9), 0.05)
+"""Of the lags of the bank."""
+
 
 class WrittenParts:
     """Memories of the parts, and one step of each."""
@@ -68,9 +71,12 @@ class WrittenParts:
         """Weights of the lags of base and joints."""
         found = []
         for M in self.lag.M:
-            paid = M + 0.005 * np.arange(9)
-            found.append((1 + 12.5 * (paid - paid.min()) / (paid.min() + 0.005)) ** -8)
+            paid = M + PRICES
+            found.append((1 + 12.5 * (paid - paid.min()) / (paid.min() + 0.0075)) ** -8)
         return found
+
+    def _delay_share(self) -> float:
+        return float(np.clip((1.35 - self.lag.B / self.lag.A) / 0.2, 0.0, 1.0))
 
     def _lags(self) -> tuple[list[Any], list[float]]:
         weights = self._weights()
@@ -239,13 +245,12 @@ class WrittenParts:
             bands.append(line[1] - line[2])
         band, z = bands
         past = np.array([band, *a.past[self.stride - 1 :: self.stride]])
-        eta = max(0.5 * dt, 1 / (a.count + 20))
+        eta = max((0.35 + 1.15 * self._delay_share()) * dt, 1 / (a.count + 20))
         scale = a.s[0]
         for k, part in enumerate((slice(0, 2), slice(2, None))):
             E = ((z[part] - past[:, part]) ** 2).sum(axis=1)
             M = a.M[k] + eta * (E / (E + 4 * a.s[k] + 0.01) - a.M[k])
-            cost = 0.005 * np.arange(9)
-            a.M[k] = np.minimum(M, (M + cost).min() + 0.04 - cost)
+            a.M[k] = np.minimum(M, (M + PRICES).min() + 0.05 - PRICES)
             a.s[k] += dt * (min(E.mean(), 4 * (a.s[k] + 0.01)) - a.s[k])
         expected = weights[0] @ past[:, :2] / weights[0].sum()
         size = z[:2] @ z[:2] + 4 * scale + 0.01
