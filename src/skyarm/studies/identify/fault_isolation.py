@@ -369,11 +369,12 @@ def _words_of_efforts(flight: FlightData, start: Vehicle) -> Iterator[str]:
     except ValueError:  # of a flight that cannot be cut the fit says so
         return
     law = effort_law(stretch, start)
-    if law is None or _holds(law):
+    # joint by joint: of two that are exchanged the proximal one may well follow the other's efforts
+    if law is None or (law.shares(law.nominal)[law.visible] >= FAILS).all():
         return
     count = start.n
     names = [link.joint.name for link in start.links]
-    best, top = "do not follow", HOLDS
+    best, top = "" if _holds(law) else "do not follow", HOLDS
     for order in _joint_orders(count):
         for turned in (), *((i,) for i in range(count)), tuple(range(count)):
             signs = np.where(np.isin(np.arange(count), turned), -1.0, 1.0)
@@ -382,7 +383,8 @@ def _words_of_efforts(flight: FlightData, start: Vehicle) -> Iterator[str]:
             score = 0.0 if law is None or not law.visible.any() else law.score(law.nominal)
             if score > top + 0.02:
                 best, top = " and ".join(_joint_changes(order, signs, names)), score
-    yield best
+    if best:
+        yield best
 
 
 def _joint_orders(count: int) -> Sequence[tuple[int, ...]]:
