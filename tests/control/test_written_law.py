@@ -1,4 +1,7 @@
-"""The page on the centroidal law is enough to write it again: what is written from it gives the law's commands."""
+"""The page on the centroidal law is enough to write it again: what is written from it gives the law's commands.
+
+Whoever changes the law changes its page, and reads the change off the page into ``written_law.py`` and its parts.
+"""
 
 from __future__ import annotations
 
@@ -63,6 +66,44 @@ def differences(rows: list[Any], law: WrittenLaw) -> Any:
         off = (np.abs(own_speeds - speeds) / np.maximum(speeds, 1.0)).max()
         found.append(max(off, np.abs((own_efforts - efforts) / 0.5).max()))
     return np.array(found)
+
+
+PAGE = " ".join((Path(__file__).resolve().parents[2] / "docs" / "centroidal_law.md").read_text("utf-8").split())
+PHRASES = {
+    "observer": "`observer = [force, torque, joints, pose]` ({}, {}, {}, {} rad/s)",
+    "base": "`base = [k_p, k_v, K_R, K_w]` ({}, {}, {}, {})",
+    "yaw": "`yaw` those about z ({}, {})",
+    "arm": "`arm = [k_p, k_d]` ({}, {})",
+    "tip": "`tip = [k_p, k_d]` ({}, {})",
+    "reach": "`reach` ({} m",
+    "damping": "`damping` ({} m",
+    "posture": "`posture` (0.1 mm)",
+    "shift_rate": "`shift_rate` ({} rad/s)",
+    "shift_limit": "shift limit ({} m)",
+    "pull": "`pull` ({} m/s^2)",
+    "tilt": "`tilt` ({})",
+    "approach": "**`approach`** ({} m/s^2",
+    "low_thrust": "**`low_thrust`** ({} = `c`)",
+    "arm_turn": "**`arm_turn`** ({} rad/s^2)",
+    "yaw_slack": "`yaw_slack` ({} rad/s^2)",
+    "lag_inversion": "`lag_inversion` ({})",
+    "trim_rate": "`trim_rate` ({} 1/s)",
+    "preview": "`preview` ({} s for an arm of 0.3 m)",
+    "lag": "`lag = [T_b, T_j]` (20, 12 ms)",
+    "velocity_noise": "`velocity_noise` ({} m/s/Hz^0.5",
+    "adaptation": "`adaptation` ({} 1/s)",
+    "friction_adaptation": "`friction_adaptation` ({} 1/s)",
+    "tip_mass_limit": "`tip_mass_limit` ({} kg)",
+}
+
+
+def test_the_numbers_of_the_written_law_are_those_of_the_page() -> None:
+    assert PHRASES.keys() == vars(written_parts.NUMBERS).keys()
+    assert (written_parts.NUMBERS.posture, written_parts.NUMBERS.lag) == (1e-4, (0.020, 0.012))
+    for name, phrase in PHRASES.items():
+        value = getattr(written_parts.NUMBERS, name)
+        shown = phrase.format(*(f"{each:g}" for each in (value if isinstance(value, tuple) else (value,))))
+        assert shown in PAGE, shown
 
 
 @pytest.fixture(scope="module")
