@@ -31,8 +31,15 @@ def test_a_loop_counts_its_inputs_and_outputs():
 
 
 def test_a_carry_of_another_size_is_refused():
-    with pytest.raises(ValueError, match="returns a carry of 1 scalars, took one of 2"):
+    with pytest.raises(ValueError, match="returns another carry than it takes: carry is "):
         trace_loop(lambda c, p, r, u: ((c[0],), ()), (0.0, 0.0), (), ())
+
+
+@pytest.mark.parametrize(("first", "then"), [((0, 1.0), lambda c: (c[1] + 0.5, 1)), ((0.0, 1), lambda c: (1, c[0]))])
+def test_a_carry_of_as_many_scalars_in_other_places_is_refused(first, then):
+    """Else one state's numbers were handed to another: a law flew with them and no error."""
+    with pytest.raises(ValueError, match=r"takes: carry\[0\] is "):
+        trace_loop(lambda c, p, r, u: (then(c), ()), first, (), ())
 
 
 def test_a_lowered_program_holds_basic_operations_only():

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import weakref
-from queue import SimpleQueue
 
 import numpy as np
 import pytest
 from programs_random import oscillator, same_bits
 
-from kernel_threads import wait_until
+from kernel_threads import interrupted_queue, wait_until
 from skyarm.compile.llvm import shared_steps
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -72,20 +71,6 @@ def test_slices_take_the_time_they_should():
                 assert group * span * pace <= max(shared_steps.SLICE, pace)
                 if threads > 1 and blocks >= 64:
                     assert blocks / group >= 4 * threads
-
-
-def interrupted_queue():
-    """A kind of queue, the first wait for which with a timeout is interrupted."""
-    made = []
-
-    class Interrupted(SimpleQueue):
-        def get(self, block=True, timeout=None):
-            if timeout is not None and not made:
-                made.append(1)
-                raise KeyboardInterrupt
-            return super().get(block, timeout)
-
-    return Interrupted
 
 
 @pytest.mark.parametrize("threads", [1, 3])

@@ -6,13 +6,13 @@ import dataclasses
 import os
 import subprocess
 import sys
-from concurrent.futures import wait
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import skyarm
+from kernel_threads import interrupted_queue
 from skyarm.compile.llvm import lane_stepper, shared_steps
 from skyarm.compile.llvm.lane_stepper import apart
 from skyarm.records.leaves import leaves
@@ -132,12 +132,7 @@ def test_what_is_raised_in_a_step_finds_every_lane_at_the_same_instant(shared, m
         alone.step(each)
     batch.step(actions[0])
 
-    def interrupted(flying, seconds=None):
-        if seconds is not None:
-            raise KeyboardInterrupt
-        return wait(flying)
-
-    monkeypatch.setattr(shared_steps, "wait", interrupted)
+    monkeypatch.setattr(shared_steps, "SimpleQueue", interrupted_queue())
     with pytest.raises(KeyboardInterrupt):
         batch.step(actions[1])
     assert numbers(batch.state).tobytes() == numbers(alone.state).tobytes()

@@ -101,8 +101,8 @@ def mismatch(example: object, record: object, path: str) -> str | None:
     if below is None:
         kinds = (*_STRUCTURE, tuple)
         shaped = any(isinstance(one, kinds) or is_record(one) for one in (example, record))
-        same = type(example) is type(record) and example == record if shaped else True
-        return None if same else f"{path} is {record!r}, not {example!r}"
+        alike = type(example) is type(record) and isinstance(example, _STRUCTURE) and example == record
+        return None if alike or not shaped else f"{path} is {record!r}, not {example!r}"
     return next((found for a, b, name in below if (found := mismatch(a, b, name))), None)
 
 

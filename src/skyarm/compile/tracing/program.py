@@ -216,7 +216,7 @@ def trace_loop(
         own_seeds: every lane draws with a seed of its own (:class:`skyarm.compile.llvm.lane_stepper.LaneStepper`).
 
     Raises:
-        ValueError: the step returns a carry with another number of scalars.
+        ValueError: the step returns a carry of another structure; where one has an int, a constant, so has the other.
     """
     graph = Graph(loops=loops)
     groups = [
@@ -227,8 +227,8 @@ def trace_loop(
     arguments = [rebuild(record, iter(group)) for record, group in zip((carry, parameters, row), groups, strict=True)]
     result = step(*arguments, draws)
     following, log = (leaves(part) for part in result)
-    if len(following) != len(groups[0]):
-        raise ValueError(f"the step returns a carry of {len(following)} scalars, took one of {len(groups[0])}")
+    if wrong := mismatch(carry, result[0], "carry"):
+        raise ValueError(f"the step returns another carry than it takes: {wrong}")
     outputs = [graph.lift(leaf) for leaf in (*following, *log)]
     inputs = [node for group in (*groups, draws) for node in group]
     program = lower(inputs, live(outputs), outputs)
