@@ -215,7 +215,15 @@ WINDOWS = Windows(
 )
 
 
-LATER = ("x_error_max", "ee_time_outside", "reference_lag_mean", "reference_lag_max", "phases_done")
+LATER = (
+    "x_error_max",
+    "ee_time_outside",
+    "reference_lag_mean",
+    "reference_lag_max",
+    "phases_done",
+    "rotor_saturation",
+    "joint_saturation",
+)
 """Metrics that there were not yet when the digests were taken."""
 
 
