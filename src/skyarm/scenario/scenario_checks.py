@@ -179,10 +179,13 @@ def _check_sensors(scenario: Scenario) -> None:
     if senses_force(par):
         _require_tip_sensor("controller", held, vehicle)
     _check_guards(scenario.reference, held, vehicle)
-    if learns_load(par) and scenario.reference.load is None:
+    grippers = () if scenario.world is None else scenario.world.grippers
+    reported = any(each.frame in ("", vehicle.end_effector) for each in grippers)
+    if learns_load(par) and scenario.reference.load is None and not reported:
         # the law that waits to be told adapts no tip mass meanwhile, so it would know less than without the option
         most = shown(part_of(scenario.controller.par, "load").limit)
-        raise ValueError(f"controller.load = {most}: must be 0 without reference.load, which says when a load is held")
+        words = "must be 0 without reference.load or a gripper at the tip, which says when a load is held"
+        raise ValueError(f"controller.load = {most}: {words}")
     scenario.estimator.require_sensors(sensors, rates.control, par.model.vehicle)
     # the scenario's own drives, too, of which the model need not know
     scenario.estimator.require_torques(vehicle.name, {each.joint: each.drive for each in scenario.joint_drives})

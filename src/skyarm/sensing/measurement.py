@@ -46,12 +46,15 @@ class Measurement:
     switches: Annotated[tuple[Scalar, ...], Unit("", "1 closed; tactile switches that phases wait for")] = field(
         default=(), metadata=WRITTEN_IF_ANY
     )
+    holds: Annotated[tuple[Scalar, ...], Unit("", "1 while a gripper at the tip reports a grasp")] = field(
+        default=(), metadata=WRITTEN_IF_ANY
+    )
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
         vectors = type(self.position) is type(self.velocity) is type(self.rate) is type(self.specific_force) is Vec3
         tuples = type(self.joints) is type(self.joint_rates) is type(self.rotor_speeds) is type(self.tilts) is tuple
-        tuples = tuples and type(self.tip_force) is type(self.switches) is tuple
+        tuples = tuples and type(self.tip_force) is type(self.switches) is type(self.holds) is tuple
         if not (vectors and tuples and type(self.quaternion) is Quaternion and type(self.time) in (float, int)):
             accept_fields(self, "measurement")
 

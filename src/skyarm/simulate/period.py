@@ -50,7 +50,7 @@ def measure(stages: Any, plant: PlantSteps, now: LoopState, row: Row, uniforms: 
     wind, pushes = stages.wind_sample(around, now.state), stages.pushes(around, now.state)
     force = plant.specific_force(now.state, acting, around)
     read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, acting, row.time, uniforms, pushes)
-    return Measured(components, around, acting, wind, read)
+    return Measured(components, around, acting, wind, stages.with_grasp(read, components))
 
 
 def act(

@@ -7,11 +7,13 @@ traced program (:func:`skyarm.simulate.period.make_period`).
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, data, logical_and, mul, where
+from skyarm.algebra.scalars import Scalar, absolute, data, logical_and, maximum, mul, where
+from skyarm.control.controller import learns_load
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -74,6 +76,7 @@ class Stages:
         self.draws: Draws = draw_plan(scenario)
         self._law = checked_law(scenario.controller)
         model = scenario.controller.par.model
+        self._awaits_load = learns_load(scenario.controller.par) and scenario.reference.load is None
         self._estimator = scenario.estimator.believing(model.vehicle, model.gravity)
         self.whole, self.late = command_delay(scenario)
         self.apart = rotor_and_joint_delays(scenario) if scenario.delays.apart else None
@@ -185,6 +188,15 @@ class Stages:
             measurement = dataclasses.replace(measurement, switches=told)
         kept = tuple((name, reading) for name, reading in arrived.items() if name in self.logged)
         return Readings(sensors=tuple(going), estimate=memory, readings=kept, measurement=measurement)
+
+    def with_grasp(self, read: Readings, memories: Sequence[Any]) -> Readings:
+        """Readings with the report of the grippers at the tip, for a law whose load no reference announces."""
+        if not self._awaits_load:
+            return read
+        tip, each_memory = self.scenario.plant.vehicle.end_effector, zip(self.components, memories, strict=True)
+        reports = [held for each, memory in each_memory for held in each.holds(memory, tip)]
+        holds = (functools.reduce(maximum, reports),) if reports else ()
+        return dataclasses.replace(read, measurement=dataclasses.replace(read.measurement, holds=holds))
 
     def decide(
         self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()

@@ -151,6 +151,10 @@ class Component:
         """
         return memory
 
+    def holds(self, memory: Any, frame: str) -> tuple[Scalar, ...]:
+        """Reports of the grippers at a frame of the vehicle, 1 while one holds a body and 0 else; () without any."""
+        return ()
+
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
         """Air velocity at a position, world axes, m/s."""
         return ZERO3

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt
+from skyarm.algebra.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete, fold_zeros
@@ -395,6 +395,11 @@ class Contact(Force):
     def act(self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion) -> ContactMemory:
         """Internal state of the contact model after the grippers close, open or slip at a control instant."""
         return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
+
+    def holds(self, memory: ContactMemory, frame: str) -> tuple[Scalar, ...]:
+        """Reports of the grippers at a frame of the vehicle, as their fingers or magnets sense it: 1 with a body."""
+        grips = zip(self.grippers, memory.grips, strict=True)
+        return tuple(where(grip.taken > 0.5, 1.0, 0.0) for own, grip in grips if own.frame in ("", frame))
 
     def far(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Any:
         """True if nothing can touch a surface within ``seconds`` and no gripper holds anything.

@@ -103,7 +103,7 @@ class Interaction(InteractionGains, Part):
             return seen, memory
         # not on the way to the surface either: an observer is late, and would learn of the touch
         efforts, alone = step.memory.sent[0].efforts, logical_not(wanted.requests_contact)
-        for held in step.reference.load:
+        for held in step.holds:
             alone = logical_and(alone, held < 0.5)
         free = logical_and(alone, logical_or(memory.free > self.rest, scale.met < 0.5))
         rate = where(memory.free > self.rest, self.bias_rate, 0.0)

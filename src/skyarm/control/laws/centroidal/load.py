@@ -149,10 +149,12 @@ class LoadGains(Part):
     pace: Annotated[Scalar, Unit("", "rate of the mass over the observer's bandwidth")] = 1.5
     noise_share: Annotated[Scalar, Unit("", "share of the mass, an error below which counts as noise")] = 0.05
     settled_rate: Annotated[Scalar, Unit("", "0 to 1, of the rate that is left of it there")] = 0.1
-    place_pace: Annotated[Scalar, Unit("", "rate of the centre of mass over the observer's bandwidth")] = 0.1
+    place_pace: Annotated[Scalar, Unit("", "rate of the centre of mass over the observer's bandwidth")] = 0.05
     light: Annotated[Scalar, Unit("", "share of the limit, a mass below which tells little of its centre")] = 0.2
     furthest: Annotated[Scalar, Unit("m", "of the centre of mass from the tip, along each of its axes")] = 0.05
     size: Annotated[Scalar, Unit("m", "radius of gyration about the centre of mass, of any axis")] = 0.01
+    bulk: Annotated[Scalar, Unit("m", "lever of the tip about a joint, below which its inertia is the load's")] = 0.03
+    links: Annotated[Scalar, Unit("", "of the bandwidth of links about axes near the tip, left with a load")] = 0.4
     bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed without a load")] = 0.5
 
     def start(self, joints: int) -> LoadMemory:
@@ -169,10 +171,10 @@ class LoadGains(Part):
 
     def adjust_reference(self, memory: LoadMemory, step: Step) -> LoadMemory:
         """Update the load estimate; leave the force of a support under the load uncompensated."""
-        if not step.reference.load:
+        if not step.holds:
             return memory
         par, before, dt, observed = step.par, step.memory, step.dt, step.observed
-        holds = step.reference.load[0] > 0.5
+        holds = step.holds[0] > 0.5
         learns: Scalar = where(all_follow(before.applied), 1.0, 0.0)
         for each in before.free:
             learns = mul(learns, each)
@@ -187,7 +189,26 @@ class LoadGains(Part):
             self, memory, par.model, R, observed.joints, step.alone, holds, learns, bandwidth, dt
         )
         step.unknown, step.force = step.unknown + resting, step.force + resting.force
+        shares = self.unknown_shares(par.model.vehicle, observed.joints, load.mass)
+        efforts = tuple(mul(1.0 - share, each) for share, each in zip(shares, step.unknown.efforts, strict=True))
+        step.unknown = dataclasses.replace(step.unknown, efforts=efforts)
+        # there the load is nearly all of the inertia, and the grasp is elastic: turn these links gently
+        calm = tuple(1.0 - mul(1.0 - self.links, share) for share in shares)
+        step.par = dataclasses.replace(par, tip=dataclasses.replace(par.tip, links=calm))
         return load
+
+    def unknown_shares(self, vehicle: Vehicle, joints: Sequence[Scalar], mass: Scalar) -> list[Scalar]:
+        """Share, 0 to 1, of the inertia about each joint that a held load has and the model lacks.
+
+        With a load of mass m and radius of gyration r at a lever l from the joint, the inertia is m (l^2 + r^2), of
+        which the model has m l^2: an observer that compensates all of it is unstable where the rest is ten times that.
+        """
+        least, bulk = self.light * self.limit, self.bulk * self.bulk * self.bulk * self.bulk
+        held, found = divide(mass * mass, mass * mass + least * least), list[Scalar]()
+        for column, link in zip(jacobian_columns(vehicle, vehicle.frame(), joints), vehicle.links, strict=True):
+            square = column.linear.dot(column.linear)
+            found.append(held * divide(bulk, square * square + bulk) if link.joint.turns else 0)
+        return found
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

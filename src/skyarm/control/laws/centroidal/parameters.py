@@ -95,6 +95,7 @@ class TipGains:
     shift_rate: Annotated[Scalar, Unit("rad/s", "filter of the disturbance that the base's shift follows")]
     shift_limit: Annotated[Scalar, Unit("m", "largest shift of the base")]
     shift: ShiftGains | None = None
+    links: Annotated[tuple[Scalar, ...], Unit("", "bandwidth of each link's orientation over the tip's; () for 1")] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

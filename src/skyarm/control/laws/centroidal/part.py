@@ -75,6 +75,11 @@ class Step:
     drift: Vec3 = ZERO3
     demand: Demand | None = None
 
+    @property
+    def holds(self) -> tuple[Scalar, ...]:
+        """Above 0.5 while the tip holds a load: the reference's command, else the gripper's report; () for neither."""
+        return self.reference.load or self.measurement.holds
+
     def isolate(self, share: Scalar) -> None:
         """Stop adaptation where ``share`` is 0, because an external force is in the observed disturbance."""
         self.free, self.isolated = tuple(mul(each, share) for each in self.free), mul(self.isolated, share)

@@ -261,8 +261,10 @@ def joint_accelerations(
     directions = axes(vehicle, poses)
     for i, (rate, bias) in enumerate(link_turning(vehicle, directions, now.joint_rates, w, now.alpha)):
         error = orientation_error(R @ poses[i].R, wanted.links[i])
-        turn = wanted.accelerations[i] + wanted.rates[i] * gains.velocity + error * gains.position
-        needed = R.apply_T(turn) - rate * gains.velocity - bias
+        calm = gains.links[i] if gains.links else 1
+        velocity, position = mul(gains.velocity, calm), mul(gains.position, mul(calm, calm))
+        turn = wanted.accelerations[i] + wanted.rates[i] * velocity + error * position
+        needed = R.apply_T(turn) - rate * velocity - bias
         problem.require(orientation_rows(vehicle, directions, i), needed, gains.damping * gains.damping)
     problem.prefer(preferred, gains.posture * gains.posture)
     slides = divide(gains.damping, gains.reach)
