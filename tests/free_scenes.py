@@ -51,7 +51,8 @@ class Scene:
         assert len(leaves(around)) == len(self._shape), "of the same structure"
         x, told = flat(self.state), list(leaves(around))
         places, vehicles, objects = places_in(around), [], []
-        bristles = len(leaves(around.memories[0].clock)) + 3 * len(around.memories[0].bristles)
+        held = around.memories[0]
+        bristles = len(leaves((held.finer, held.clock, held.bristles)))
         command = (0.0,) * (len(self.vehicle.rotors) + self.vehicle.n)
         for _ in range(round(seconds / step)):
             found = self._plant.advance(x, command, told, step)

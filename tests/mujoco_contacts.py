@@ -94,7 +94,8 @@ class PlantContact(Contact):
 
     def start(self, period: float, draws: Sequence[Any]) -> FeltMemory:
         """Initial memory of every body, without bristles and touches."""
-        return with_felt(replace(Contact.start(self, period, draws), bristles=()), (UNTOUCHED,) * self.logged_pairs)
+        alone = replace(Contact.start(self, period, draws), finer=(), bristles=())
+        return with_felt(alone, (UNTOUCHED,) * self.logged_pairs)
 
     def meetings(self, memory: Any, motion: PointMotion) -> list[Meeting]:
         """None of ours: the plant finds them."""
@@ -506,7 +507,7 @@ class MujocoContactPlant:
         memories = around.coupled_memories()
         before = sum(len(leaves(each)) for each in memories[: self._place])
         memory = memories[self._place]
-        first = before + len(leaves((memory.clock, memory.bristles)))
+        first = before + len(leaves((memory.finer, memory.clock, memory.bristles)))
         places, velocities = self._places.positions, self._places.velocities
         qpos, qvel = list[int](), list[int]()
         for held, q, v in zip(memory.carried, places, velocities, strict=True):

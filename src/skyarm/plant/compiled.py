@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import where
+from skyarm.algebra.scalars import floor, where
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
 from skyarm.compile.tracing.program import trace_loop
@@ -45,12 +45,14 @@ class Steps(NamedTuple):
         near: steps. far: fewer steps of the plant's integrator while the coupled components are inactive; 0 for none.
         rounds: least number of the inactive components' own steps within one of those.
         verlet: True if active components use the Stoermer-Verlet method instead of the plant's integrator.
+        most: times ``near``, of the steps in an interval in which something hits.
     """
 
     near: int
     far: int = 0
     rounds: int = 1
     verlet: bool = False
+    most: int = 1
 
 
 def hold(
@@ -59,17 +61,25 @@ def hold(
     """Integrate vehicle and contact states over an interval (s) with a constant command."""
     near = VERLET if count.verlet else integrator
 
-    def step(both: Moved) -> Moved:
-        return COUPLED_STEP[near](world, both[0], command, around.with_coupled(both[1]), seconds / count.near)
+    there, motion = around.with_coupled(now[1]), PointMotion(world.vehicle, now[0])
+    steps: Any = float(count.near)
+    if count.most > 1:
+        memories, finer = there.hurry(motion, seconds)
+        now, steps = (now[0], memories), -floor(-steps * finer)
 
-    far: Any = count.far > 0 and around.with_coupled(now[1]).far(PointMotion(world.vehicle, now[0]), seconds)
-    if far is False:
+    def step(both: Moved) -> Moved:
+        return COUPLED_STEP[near](world, both[0], command, around.with_coupled(both[1]), seconds / steps)
+
+    far: Any = count.far > 0 and there.far(motion, seconds)
+    if far is False and count.most == 1:
         return repeat(count.near, step, now)
 
     def step_far(both: Moved) -> Moved:
         return far_step(integrator, world, both, command, around, seconds / count.far, count.rounds)
 
-    now = repeat_while(count.near, where(far, 0.0, float(count.near)), step, now)
+    now = repeat_while(count.near * count.most, where(far, 0.0, steps), step, now)
+    if far is False:
+        return now
     return repeat_while(count.far, where(far, float(count.far), 0.0), step_far, now)
 
 
@@ -113,15 +123,18 @@ class RigidBodyPlant:
 
     def substeps(self, seconds: float) -> Steps:
         """Number of integration steps that the plant takes in an interval of ``seconds``."""
+        most = 1
+        if self._integrator != "euler":  # whose step is said
+            most = max((self.around.components[i].most_hit_steps for i in self.around.coupled), default=1)
         near, far = (self._count(seconds, largest) for largest in (self._largest, self._largest_far))
         if near == far:
-            return Steps(near)
+            return Steps(near, most=most)
         rounds = math.ceil(near / far)
         if self._verlet is not None:
             held = max(divisions(seconds, self._verlet), math.ceil(seconds * self._rate / HELD_FRICTION_STEP))
             if held < near * STAGES:
-                return Steps(held, far, rounds, verlet=True)
-        return Steps(near, far, rounds)
+                return Steps(held, far, rounds, verlet=True, most=most)
+        return Steps(near, far, rounds, most=most)
 
     def _count(self, seconds: float, largest: float | None) -> int:
         if self._integrator != "euler":

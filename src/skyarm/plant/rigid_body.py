@@ -158,14 +158,14 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
     """
     half, vehicle = 0.5 * dt, world.vehicle
     middle = _drift(with_lag(vehicle, state, command, half, around), half)
-    motion = PointMotion(vehicle, middle, around.air_velocity, gravity=world.gravity, step=dt)
     there = drift_coupled(around, half)
+    motion = PointMotion(vehicle, middle, around.air_velocity, gravity=world.gravity, step=dt)
     there = bend_coupled(there, there.slopes(motion, middle.rotor_speeds), dt)
-    force, torques = applied_force(vehicle, middle, command, there, step=dt)
     moving, R = loaded_vehicle(vehicle, there), middle.quaternion.rotation()
 
-    def push(at: State, seconds: Scalar) -> State:
-        """Vehicle state at mid-step with velocities advanced by the forces over ``seconds``."""
+    def push(at: State, beside: Surroundings, seconds: Scalar) -> State:
+        """Vehicle state at mid-step, pushed for ``seconds`` by the forces that act at given velocities."""
+        force, torques = applied_force(vehicle, at, command, beside, step=dt)
         base, joints = dynamics.forward_dynamics(moving, at.joints, at.rate, at.joint_rates, force, torques)
         linear, angular = coordinate_acceleration(R, base, world.gravity)
         rates = zip(middle.joint_rates, joints, strict=True)
@@ -176,8 +176,10 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
             joint_rates=tuple(add(x, mul(dx, seconds)) for x, dx in rates),
         )
 
-    after = _drift(push(push(middle, half), dt), half)
-    memories = drift_coupled(push_coupled(there, motion, middle.rotor_speeds, dt), half).coupled_memories()
+    pushed = push(middle, there, half), push_coupled(there, there, motion, half)
+    felt = PointMotion(vehicle, pushed[0], around.air_velocity, gravity=world.gravity, step=dt)
+    after = _drift(push(*pushed, dt), half)
+    memories = drift_coupled(push_coupled(there, pushed[1], felt, dt), half).coupled_memories()
     q, whole = after.quaternion.renormalized(), with_lag(vehicle, state, command, dt, around)
     return replace(after, quaternion=q, rotor_speeds=whole.rotor_speeds, tilts=whole.tilts), memories
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, data, logical_and
+from skyarm.algebra.scalars import Scalar, data, logical_and, maximum
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
@@ -18,6 +18,9 @@ from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Rotor
 from skyarm.world import Component, Effectiveness, WindSample, Wrench
 from skyarm.world.component import moved_by
+
+Memories = tuple[Any, ...]
+"""Of the coupled components, in their order."""
 
 
 @immutable
@@ -89,6 +92,14 @@ class Surroundings:
             found = there if found is True else logical_and(found, there)
         return found
 
+    def hurry(self, motion: PointMotion, seconds: Scalar) -> tuple[Memories, Any]:
+        """Internal states of the contact models, and steps in the place of one for the next ``seconds``."""
+        found = [self.components[i].hurry(self.memories[i], motion, seconds) for i in self.coupled]
+        finer: Any = 1.0
+        for _, steps in found:
+            finer = maximum(finer, steps)
+        return tuple(memory for memory, _ in found), finer
+
     def without_coupled(self) -> Surroundings:
         """Copy of the plant inputs without the contact models."""
         kept = [i for i, component in enumerate(self.components) if not component.coupled]
@@ -120,10 +131,6 @@ def wind_at(around: Surroundings, world: Truth, state: State) -> WindSample:
     pairs = zip(around.components, around.memories, strict=True)
     own = tuple(data(c) for each, memory in pairs if each.columns for c in each.logged(memory, motion))
     return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), numbers=own)
-
-
-Memories = tuple[Any, ...]
-"""Of the coupled components, in their order."""
 
 
 def slopes_of(world: Truth, state: State, around: Surroundings) -> Memories:
@@ -165,11 +172,12 @@ def drift_coupled(around: Surroundings, dt: Scalar) -> Surroundings:
     return around.with_coupled([around.components[i].drift(held, dt) for i, held in going])
 
 
-def push_coupled(around: Surroundings, motion: PointMotion, rotor_speeds: Sequence[Scalar], dt: Scalar) -> Surroundings:
-    """Copy of the plant inputs with movable bodies accelerated by contact forces for ``dt`` (s)."""
-    going = zip(around.coupled, around.coupled_memories(), strict=True)
+def push_coupled(around: Surroundings, felt: Surroundings, motion: PointMotion, dt: Scalar) -> Surroundings:
+    """Copy of the plant inputs with movable bodies pushed for ``dt`` (s) by the forces at ``felt``'s velocities."""
+    speeds = motion.state.rotor_speeds
+    going = zip(around.coupled, around.coupled_memories(), felt.coupled_memories(), strict=True)
     return around.with_coupled(
-        [around.components[i].push(held, around.time, motion, rotor_speeds, dt) for i, held in going]
+        [around.components[i].push(held, around.time, motion, speeds, dt, now) for i, held, now in going]
     )
 
 

@@ -196,16 +196,33 @@ class Component:
         """Internal state of a model such as a contact after ``dt`` (s) without forces: only positions change."""
         return memory
 
-    def push(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any) -> Any:
+    def push(
+        self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any, felt: Any = None
+    ) -> Any:
         """Internal state of a model such as a contact after forces acted for ``dt`` (s): only velocities change.
 
         What goes on by its rate alone, and not in ``drift`` nor ``before_euler_step``, does so here.
+
+        Args:
+            memory: before.
+            t: as of ``slope``.
+            motion: the same.
+            rotor_speeds: the same.
+            dt: s.
+            felt: with the velocities at which forces are taken; those before if left out.
         """
-        return moved_by(memory, self.slope(memory, t, motion, rotor_speeds), dt)
+        return moved_by(memory, self.slope(memory if felt is None else felt, t, motion, rotor_speeds), dt)
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
         """True if the model, such as a distant contact, certainly exerts no force for the next ``seconds``."""
         return False
+
+    most_hit_steps: int = 1
+    """Most steps in the place of one that ``hurry`` may ask for. A property will do."""
+
+    def hurry(self, memory: Any, motion: PointMotion, seconds: Any) -> tuple[Any, Any]:
+        """Internal state of the model, and steps in the place of one for the next ``seconds``: more during a hit."""
+        return memory, 1.0
 
     def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> Any:
         """Internal state of a model such as a contact after ``seconds`` in which it exerted no force.

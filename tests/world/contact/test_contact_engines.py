@@ -129,9 +129,9 @@ def test_a_ball_is_as_deep_as_its_radius_says_and_slips_with_its_lowest_point():
     assert float(still.depth) == pytest.approx(0.01, rel=1e-12)
     assert [*still.spot] == pytest.approx([0.0, 0.0, -0.1])
     turning = touch_of_ball(rate=Vec3(0.0, 0.5, 0.0))
-    assert [*turning.bristle_rate] == pytest.approx([-0.05, 0.0, 0.0], abs=1e-12)
+    assert [*turning.slip] == pytest.approx([-0.05, 0.0, 0.0], abs=1e-12)
     rolling = touch_of_ball(rate=Vec3(0.0, 0.5, 0.0), velocity=Vec3(0.05, 0.0, 0.0))
-    assert [*rolling.bristle_rate] == pytest.approx([0.0] * 3, abs=1e-12)
+    assert [*rolling.slip] == pytest.approx([0.0] * 3, abs=1e-12)
     assert [*touch_of_ball(velocity=Vec3(0.1, 0.0, -0.2)).slip] == pytest.approx([0.1, 0.0, -0.2])
 
 

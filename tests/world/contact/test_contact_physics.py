@@ -41,7 +41,10 @@ def test_a_block_that_slides_loses_mu_g_of_its_speed_each_second(friction):
 
 
 def test_on_a_slope_it_sticks_below_the_cone_and_slides_above():
-    """tan 20 degrees is 0.364: at 0.5 it creeps by less than 0.1 mm/s, at 0.3 it gets g (sin - mu cos)."""
+    """tan 20 degrees is 0.364: at 0.5 it creeps by less than 0.1 mm/s, at 0.3 it gets g (sin - mu cos).
+
+    Friction makes it rock on its skids as it slides, with 2.5 Hz: the mean is over one of these.
+    """
     slope = math.radians(20.0)
     tilt = dataclasses.replace(
         at_rest(BIRD, (0.12 * math.sin(slope), 0.0, 0.12 * math.cos(slope) - REST)),
@@ -50,9 +53,9 @@ def test_on_a_slope_it_sticks_below_the_cone_and_slides_above():
     down = np.array([math.cos(slope), 0.0, -math.sin(slope)])
     stuck = fall(BIRD, tilt, around(ground(friction=0.5, angles=(0.0, slope, 0.0))), 1.2)
     assert abs((stuck[-1, :3] - stuck[-101, :3]) @ down) < 0.5e-4
-    slid = fall(BIRD, tilt, around(ground(friction=0.3, angles=(0.0, slope, 0.0))), 0.4)
+    slid = fall(BIRD, tilt, around(ground(friction=0.3, angles=(0.0, slope, 0.0))), 0.6)
     expected = GRAVITY * (math.sin(slope) - 0.3 * math.cos(slope))
-    assert (slid[-1, 7:10] - slid[-41, 7:10]) @ down / 0.2 == pytest.approx(expected, rel=1e-2)
+    assert (slid[-1, 7:10] - slid[-81, 7:10]) @ down / 0.4 == pytest.approx(expected, rel=2e-3)
 
 
 @pytest.mark.parametrize("stiffness", [5000.0, pytest.param(20000.0, marks=pytest.mark.thorough)])

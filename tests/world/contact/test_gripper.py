@@ -262,7 +262,7 @@ def test_every_engine_gives_what_floats_give(engine, tolerance, kind):
     given += 1e-3 * rng.normal(size=given.shape)
     n = len(leaves(START))
     given[:, 3:7] /= np.linalg.norm(given[:, 3:7], axis=1, keepdims=True)
-    given[:, n + 13] = rng.integers(0, 2, 20)  # held or not
+    given[:, n + 14] = rng.integers(0, 2, 20)  # held or not
 
     def everything(*numbers):
         state, memory = rebuild((START, first), iter(numbers))

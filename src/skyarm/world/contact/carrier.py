@@ -89,6 +89,11 @@ class Carrier:
         """Factor by which contact with this movable body shortens the longest stable integration step."""
         return 1.0
 
+    @property
+    def has_edges(self) -> bool:
+        """True if the movable body is a box, whose edges may touch those of other boxes."""
+        return False
+
     def start(self) -> Any:
         """Initial state of the movable body, a dataclass or tuple of floats."""
         raise NotImplementedError(f"{type(self).__name__} must define start()")

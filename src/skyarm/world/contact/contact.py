@@ -7,12 +7,12 @@ beside them, since it advances within a control period.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt, where
+from skyarm.algebra.scalars import Scalar, clip, data, exp, logical_and, maximum, neg, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete, fold_zeros
@@ -23,8 +23,10 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import MOST_STEPS, Column, Force, Wrench, moved_by
+from skyarm.world.contact.box_edges import EDGE_PAIRS, box_of, edge_touches, pairs_with_edges
 from skyarm.world.contact.carrier import NOBODY, CarriedFrame, Carrier, both, untouched_after
 from skyarm.world.contact.contact_point import ContactPoint, Moving, Touch, moving_points, touch_of, wrenches_on
+from skyarm.world.contact.contact_steps import least_of, steps_of_carriers
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.gripper import UNCHANGED, Grasps, Grip, Gripper
 from skyarm.world.contact.material import LIGHTEST, RECOVERY
@@ -37,6 +39,15 @@ if TYPE_CHECKING:
 NEAR, SWIFT = 0.005, 400.0
 """m that a point stays away from a surface at least while longer steps are taken, and m/s^2 that it may accelerate by
 meanwhile: both are the same in 5 ms, longer periods ask for more."""
+
+EDGE = -1
+"""Number of a spot that is a place on an edge."""
+
+HIT = 1.2
+"""m/s at which steps are as fine as they get; at slower hits they are longer by as much."""
+
+CALM = 0.1
+"""s in which steps become longer again after a hit, by a factor of e."""
 
 TIP = "tip"
 """Name of the point that a vehicle with a tip has where nothing is said of its points."""
@@ -62,11 +73,13 @@ class ContactMemory:
     """Internal state of the contact model: surface clock, friction bristles, movable bodies and grippers.
 
     Attributes:
+        finer: steps in the place of one in this interval; empty where hits take no more.
         clock: s, of surfaces that move; empty where none does.
         bristles: deflection of each pair's bristle, m, world axes, in the order of :meth:`Contact.meet`.
         carried: memories of the carriers. grips: of the grippers.
     """
 
+    finer: tuple[Any, ...]
     clock: tuple[Any, ...]
     bristles: tuple[Vec3, ...]
     carried: tuple[Any, ...] = ()
@@ -79,7 +92,8 @@ class Meeting:
 
     Attributes:
         surface: name. of: number of the carrier of the surface, or ``NOBODY`` for the world.
-        by: number of the carrier of the spot, or ``NOBODY`` for the vehicle. index: of its spot, or point.
+        by: number of the carrier of the spot, or ``NOBODY`` for the vehicle.
+        index: of its spot, or point; ``EDGE`` of its edges.
         touch: contact force and bristle. place: where, m, world axes.
     """
 
@@ -107,6 +121,7 @@ class Contact(Force):
     mechanisms: tuple[Mechanism, ...] = ()
     grippers: tuple[Gripper, ...] = ()
     rotor_radius: Annotated[Scalar, Unit("m", "of the rotors' discs, which may touch nothing; 0: hubs", low=0.0)] = 0
+    hit_steps: Annotated[int, Unit("", "steps in the place of one while something hits", low=1, high=100)] = 12
 
     def __post_init__(self) -> None:
         accept_fields(self, "world")
@@ -148,36 +163,19 @@ class Contact(Force):
         touched = self.surfaces if self.points or not carriers else ()
         own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
         inner = [(f"mechanism {c.name!r}", c.largest_step) for c in carriers if c.largest_step is not None]
-        return (*own, *self._steps_of_carriers(), *self.grasps.steps(), *inner)
-
-    def _steps_of_carriers(self) -> Iterator[tuple[str, Any]]:
-        """Longest stable integration step (s) of each kind of contact pair with a movable body."""
-        masses = [1.0 / each.mobility for each in self.carriers]
-        for i, carrier in enumerate(self.carriers):
-            others = [
-                (masses[j], each.step_share) for j, each in enumerate(self.carriers) if j != i and each.spot_count
-            ]
-            what, share = f"the mass of {carrier.name!r}", carrier.step_share
-            for surface in carrier.surfaces:
-                if self.points:
-                    yield what, share * surface.material.step_of(both(masses[i], LIGHTEST))
-                for mass, other in others:
-                    yield what, min(share, other) * surface.material.step_of(both(masses[i], mass))
-            if carrier.spot_count:
-                for surface in self.surfaces:
-                    yield what, share * surface.material.step_of(masses[i])
+        return (*own, *steps_of_carriers(self), *self.grasps.steps(), *inner)
 
     @property
     def largest_step(self) -> Any:  # type: ignore[override]
         """Longest stable integration step (s) of the whole contact model; None without contact."""
-        return _least(step for _, step in self.steps)
+        return least_of(step for _, step in self.steps)
 
     @property
     def largest_euler_step(self) -> Any:
         """Longest stable semi-implicit Euler step (s) of the whole contact model; None without contact."""
         grasped = [step for _, step in self.grasps.steps(euler=True)]
         inner = [each.largest_euler_step for each in self.carriers if each.largest_euler_step is not None]
-        return _least((*(step for _, step in self.steps), *grasped, *inner))
+        return least_of((*(step for _, step in self.steps), *grasped, *inner))
 
     @property
     def largest_verlet_step(self) -> Any:
@@ -201,7 +199,9 @@ class Contact(Force):
     def meeting_count(self) -> int:
         """Number of all contact pairs of surfaces with points of the vehicle and of movable bodies."""
         every = len(self.surfaces) + sum(len(each.surfaces) for each in self.carriers)
-        return self.logged_pairs + sum(each.spot_count * (every - len(each.surfaces)) for each in self.carriers)
+        spots = sum(each.spot_count * (every - len(each.surfaces)) for each in self.carriers)
+        edges = EDGE_PAIRS * sum(1 for _ in pairs_with_edges(self.surfaces, self.carriers))
+        return self.logged_pairs + spots + edges
 
     @property
     def still(self) -> tuple[Surface, ...]:
@@ -251,6 +251,7 @@ class Contact(Force):
     def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
         """Initial internal state: undeflected friction bristles, initial states of movable bodies and grippers."""
         return ContactMemory(
+            finer=(1.0,) if self.hit_steps > 1 else (),
             clock=(0.0,) if any(surface.moves for surface in self.surfaces) else (),
             bristles=tuple(Vec3(0.0, 0.0, 0.0) for _ in range(self.meeting_count)),
             carried=tuple(carrier.start() for carrier in self.carriers),
@@ -288,9 +289,8 @@ class Contact(Force):
         masses = [1.0 / carrier.mobility for carrier in self.carriers]
         held, found = iter(bristles), list[Meeting]()
 
-        def touch(surface: Surface, of: int, by: int, index: int, at: _Place) -> None:
+        def meet(surface: Surface, of: int, by: int, index: int, at: _Place, depth: Any, normal: Vec3) -> None:
             frame = None if of == NOBODY else frames[of]
-            depth, normal = _depth(surface, frame, at.position, at.radius, clock)
             spot = normal * neg(at.radius)  # where it touches, seen from its middle
             place = at.position + spot
             under = surface.place(clock)[1] if frame is None else frame.velocity_at(place)
@@ -299,6 +299,10 @@ class Contact(Force):
             over = mean if of == by == NOBODY else step
             own = touch_of(surface.material, depth, normal, spot, slip, next(held), step, mass, mean=over)
             found.append(Meeting(surface=surface.name, of=of, by=by, index=index, touch=own, place=place))
+
+        def touch(surface: Surface, of: int, by: int, index: int, at: _Place) -> None:
+            frame = None if of == NOBODY else frames[of]
+            meet(surface, of, by, index, at, *_depth(surface, frame, at.position, at.radius, clock))
 
         every = [(NOBODY, surface) for surface in self.surfaces]
         every += [(of, surface) for of, carrier in enumerate(self.carriers) for surface in carrier.surfaces]
@@ -319,6 +323,11 @@ class Contact(Force):
                 for index, (place, radius) in enumerate(carrier.spots(own, toward)):
                     at = _Place(place, own.velocity_at(place), own.turning, radius, masses[by])
                     touch(surface, of, by, index, at)
+        for of, surface, by in pairs_with_edges(self.surfaces, self.carriers):
+            own, other = frames[by], box_of(surface, None if of == NOBODY else frames[of], clock)
+            for place, depth, normal in edge_touches(box_of(self.carriers[by].surfaces[0], own, clock), other):
+                at = _Place(place, own.velocity_at(place), own.turning, 0, masses[by])
+                meet(surface, of, by, EDGE, at, depth, normal)
         return found
 
     def on_points(self, memory: ContactMemory, motion: PointMotion) -> Sequence[Touch]:
@@ -349,6 +358,7 @@ class Contact(Force):
         meetings = self.meetings(memory, motion)
         rows = zip(self.carriers, memory.carried, self.on_carriers(memory, motion, meetings), strict=True)
         return ContactMemory(
+            finer=tuple(0.0 for _ in memory.finer),
             clock=tuple(1.0 for _ in memory.clock),
             bristles=tuple(Vec3(*(data(c) for c in each.touch.bristle_rate)) for each in meetings),
             carried=tuple(carrier.slope(held, *push, motion.gravity) for carrier, held, push in rows),
@@ -362,10 +372,12 @@ class Contact(Force):
         return replace(memory, bristles=moved_by(memory.bristles, slope.bristles, dt), carried=carried)
 
     def push(
-        self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar], dt: Scalar
-    ) -> ContactMemory:
+        self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar], dt: Scalar,
+        felt: ContactMemory | None = None,
+    ) -> ContactMemory:  # fmt: skip
         """Internal state of the contact model after forces accelerated the movable bodies for ``dt`` (s)."""
-        pushes = self.on_carriers(memory, motion, self.meetings(memory, motion))
+        felt = memory if felt is None else felt
+        pushes = self.on_carriers(felt, motion, self.meetings(felt, motion))
         rows = zip(self.carriers, memory.carried, pushes, strict=True)
         carried = tuple(carrier.after_push(held, *push, motion.gravity, dt) for carrier, held, push in rows)
         return replace(memory, carried=carried)
@@ -407,14 +419,30 @@ class Contact(Force):
         Its whole speed counts, and not only what brings it nearer to the nearest place: force may still act where it
         leaves, and in a hole another wall may be in its way. What a gripper holds is near.
         """
-        margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
         found = [grip.taken < 0.5 for grip in memory.grips]
-        touches = [each.touch for each in self.meetings(memory, motion)]
-        found += [each.depth + sqrt(each.slip.dot(each.slip)) * seconds < -margin for each in touches]
+        found += [_misses(each.touch, seconds) for each in self.meetings(memory, motion)]
         whole: Any = found[0] if found else True
         for each in found[1:]:
             whole = logical_and(whole, each)
         return whole
+
+    @property
+    def most_hit_steps(self) -> int:  # type: ignore[override]
+        """Most steps in the place of one."""
+        return self.hit_steps
+
+    def hurry(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> tuple[ContactMemory, Any]:
+        """Steps in the place of one: as many as ``hit_steps`` at a hit of ``HIT`` and faster, 1 where all is slow.
+
+        They stay nearly as fine through a hit, or the change of the step itself would be felt as energy.
+        """
+        fastest: Any = 0.0
+        for each in self.meetings(memory, motion):
+            slip = each.touch.slip
+            fastest = maximum(fastest, where(_misses(each.touch, seconds), 0.0, slip.dot(slip)))
+        asked = sqrt(fastest) * (self.hit_steps / HIT)
+        finer = clip(maximum(asked, memory.finer[0] * exp(-seconds / CALM)), 1.0, float(self.hit_steps))
+        return replace(memory, finer=(finer,)), finer
 
     def alone(self, memory: ContactMemory, seconds: Scalar, rounds: int, gravity: Scalar) -> ContactMemory:
         """Internal state of the contact model after ``seconds`` in which nothing touched."""
@@ -484,9 +512,7 @@ def _depth(
     return surface.depth(place, radius, clock) if frame is None else frame.depth(surface, place, radius)
 
 
-def _least(steps: Iterable[Any]) -> Any:
-    """Smallest of some steps (s); None for an empty sequence."""
-    smallest = None
-    for each in steps:
-        smallest = each if smallest is None else minimum(smallest, each)
-    return smallest
+def _misses(touch: Touch, seconds: Scalar) -> Any:
+    """True if a point cannot come to a surface within ``seconds``, whatever pushes it meanwhile."""
+    margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
+    return touch.depth + sqrt(touch.slip.dot(touch.slip)) * seconds < -margin

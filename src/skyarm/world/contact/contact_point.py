@@ -162,10 +162,10 @@ def touch_of(
         mean: s, in which a point makes the way that the depth is a mean over; the material's longest step of a contact
             with a vehicle if left out.
     """
-    bristle = _across(held, axis)  # a round surface's normal turns
-    rate = material.bristle_rate(bristle, _across(slip, axis), depth, material.bristle_length / step)
+    bristle, along = _across(held, axis), _across(slip, axis)  # a round surface's normal turns
+    rate = material.bristle_rate(bristle, along, depth, step)
     normal = material.normal_force(depth, -slip.dot(axis), mean)
-    friction = material.friction_force(bristle, rate, normal, mass)
+    friction = material.friction_force(bristle, material.bending_rate(bristle, along), normal, mass)
     return Touch(depth=depth, slip=slip, normal=normal, friction=friction, spot=spot, bristle_rate=rate, axis=axis)
 
 

@@ -138,6 +138,11 @@ class FreeObject(Carrier):
         return STEP_SHARE
 
     @property
+    def has_edges(self) -> bool:
+        """True for a box."""
+        return self.shape == "box"
+
+    @property
     def gyration(self) -> Scalar:
         """Smallest squared radius of gyration, m^2."""
         moments = self.moments

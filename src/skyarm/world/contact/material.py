@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, absolute, divide, maximum, minimum, same, sqrt, where
+from skyarm.algebra.scalars import Scalar, absolute, divide, exp, maximum, minimum, same, sqrt, where
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 
@@ -101,21 +101,27 @@ class Material:
         force = self.stiffness * mean * (1.0 + self.dissipation * depth_rate)
         return where(half > 0.0, maximum(force, 0.0), 0.0)
 
-    def bristle_rate(self, bristle: Vec3, slip: Vec3, depth: Scalar, fastest: Scalar) -> Vec3:
-        """Time derivative (m/s) of the elastic bristle deflection in the friction model.
+    def bristle_rate(self, bristle: Vec3, slip: Vec3, depth: Scalar, step: Scalar) -> Vec3:
+        """Rate (m/s) of the elastic bristle deflection in the friction model, a mean over a step at this slip.
+
+        In closed form: along a way s the bristle goes to its length along the slip as exp(-s / z_s).
 
         Args:
             bristle: its deflection, m.
             slip: velocity of the point along the surface, m/s.
             depth: m.
-            fastest: slip, m/s, from which on a bristle bends no faster: what a step can follow. It changes the
-                0.2 mm over which friction builds up, and neither sticking nor steady sliding.
+            step: s, over which the slip is constant.
         """
         speed = sqrt(slip.dot(slip) + _STILL)
-        followed = minimum(speed, fastest)
-        bending = slip * divide(followed, speed) - bristle * (followed * (1.0 / self.bristle_length))
+        gone = divide(1.0 - exp(speed * step * (-1.0 / self.bristle_length)), step)
+        bending = slip * (divide(self.bristle_length, speed) * gone) - bristle * gone
         touches, recovery = depth > 0.0, bristle * -RECOVERY
         return Vec3(*(a if same(a, z) else where(touches, a, z) for a, z in zip(bending, recovery, strict=True)))
+
+    def bending_rate(self, bristle: Vec3, slip: Vec3) -> Vec3:
+        """Rate (m/s) of the bristle deflection at an instant of contact."""
+        rate: Vec3 = slip - bristle * (sqrt(slip.dot(slip) + _STILL) * (1.0 / self.bristle_length))
+        return rate
 
     def friction_force(self, bristle: Vec3, bristle_rate: Vec3, normal_force: Scalar, mass: Scalar = LIGHTEST) -> Vec3:
         """Friction force (N, world axes) from the bristle deflection, limited to the friction cone.

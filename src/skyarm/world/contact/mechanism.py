@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import E_X, E_Z, ZERO3, Vec3
 from skyarm.algebra.matrix import axis_rotation
-from skyarm.algebra.scalars import Scalar, add, clip, data, divide, maximum, minimum, mul, neg, sqrt
+from skyarm.algebra.scalars import Scalar, absolute, add, clip, data, divide, maximum, minimum, mul, neg, sqrt
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
@@ -292,7 +292,8 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any
     length, (z,) = bristle_of(of), memory.bristle
     # one axis of a contact's bristle
     fastest = length / longest_step(of)
-    bending = Material(bristle_length=length).bristle_rate(Vec3(z, 0, 0), Vec3(rate, 0, 0), 1.0, fastest).x
+    followed = clip(rate, -fastest, fastest)
+    bending = followed - z * absolute(followed) / length
     held = of.friction / length
     # half of critical damping: vibration of the bristle dies away
     wanted = held * z + sqrt(held * of.generalized_inertia) * bending
