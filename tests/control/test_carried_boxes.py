@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import moving, posture
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.load import LoadGains
+from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.laws.centroidal.tip_tasks import Goal, Now, derivative, joint_accelerations
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, link_poses
@@ -20,6 +22,7 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensing.measurement import blank_measurement
 from skyarm.simulate.loop import run_in_python
+from skyarm.simulate.stages import Stages
 
 ARM = skyarm.load_vehicle("hexarotor_arm6")
 GAINS = LoadGains(limit=0.6)
@@ -102,16 +105,17 @@ def test_links_may_be_turned_more_slowly_than_the_tip_is_moved():
 def test_with_a_load_the_observed_torque_of_the_hands_roll_is_left_and_its_link_turned_gently():
     """One period of the law with 0.5 kg held, and the same period of a law for which this is no load."""
     law = make_centroidal(Model(vehicle=ARM, gravity=9.81), mode="tip", load=0.6)
-    seen = (0.0,) * 5 + (0.05,)
+    seen = (*(0.0,) * 5, 0.05)
 
-    def roll(**gains):
+    def roll(rate=0.0, **gains):
+        turning = (*(0.0,) * 5, rate)
         parts = dataclasses.replace(law.par.parts, load=dataclasses.replace(law.par.parts.load, **gains))
         held = dataclasses.replace(law.memory.parts.load, mass=0.5)
         memory = dataclasses.replace(
             law.memory, started=1.0, parts=dataclasses.replace(law.memory.parts, load=held),
-            observed=dataclasses.replace(law.memory.observed, joints=JOINTS, efforts=seen),
+            observed=dataclasses.replace(law.memory.observed, joints=JOINTS, efforts=seen, joint_rates=turning),
         )  # fmt: skip
-        reading = dataclasses.replace(blank_measurement(ARM.n, len(ARM.rotors)), joints=JOINTS)
+        reading = dataclasses.replace(blank_measurement(ARM.n, len(ARM.rotors)), joints=JOINTS, joint_rates=turning)
         still = (0.0,) * ARM.n
         reference = Reference(joints=JOINTS, joint_rates=still, joint_accelerations=still, load=(1.0,))
         return law.law(memory, reading, reference, 1e-9, par=dataclasses.replace(law.par, parts=parts))[1].efforts[5]
@@ -120,6 +124,8 @@ def test_with_a_load_the_observed_torque_of_the_hands_roll_is_left_and_its_link_
     assert 0.9 < share < 1.0
     # without the part's share -0.05 N m answer what is observed
     assert roll() - roll(light=1e6) == pytest.approx(0.05 * share, rel=0.02)
+    gentle, stiff = (roll(0.1, links=links) - roll(-0.1, links=links) for links in (0.4, 1.0))
+    assert gentle / stiff == pytest.approx(1.0 - 0.6 * share, rel=0.15)  # the joint's own damping is the rest
 
 
 HANGING = {
@@ -161,6 +167,16 @@ def test_a_load_that_is_told_at_that_instant_is_the_same_to_the_bit_and_one_told
     assert np.array_equal(same.efforts, hanging.efforts)
     late = run_in_python(dataclasses.replace(told(0.3, 0.5), duration=0.02))
     assert not late.load_mass_found.any()
+
+
+def test_what_the_reference_says_of_a_load_comes_before_the_report():
+    held, seen = SimpleNamespace(load=(0.0,)), SimpleNamespace(holds=(1.0,))
+    assert Step.holds.fget(SimpleNamespace(reference=held, measurement=seen)) == (0.0,)
+    assert Step.holds.fget(SimpleNamespace(reference=SimpleNamespace(load=()), measurement=seen)) == (1.0,)
+    for load in (0.0, 0.3):  # a law that waits for no report gets none
+        told = {"reference": HANGING["reference"] | {"load": 1.0}} if load else {}
+        scenario = scenario_from(HANGING | {"controller": HANGING["controller"] | {"load": load}} | told)
+        assert Stages(scenario).with_grasp(seen, ()) is seen
 
 
 def test_the_report_is_the_same_in_python_floats(hanging):
