@@ -439,16 +439,6 @@ class WrittenLaw(WrittenParts):
 
     # 9.
 
-    def _arm_turn(self, h: list[Any]) -> list[Any]:
-        dt, size = self.dt, np.hypot(*h[4][:2]) / self.g
-        self.size += (10.0 if size > self.size else 0.5) * dt * (size - self.size)
-        self.mean = self.mean + (h[0] - self.mean) * dt
-        mean = [self.mean]
-        for each in h[:-1]:
-            mean.append(each - mean[-1])
-        left = (1 - self.par.arm_turn / max(self.size, self.par.arm_turn)) * np.array([1.0, 1.0, 0.0])
-        return [a - (a - b) * left for a, b in zip(h, mean, strict=True)]
-
     def _force(
         self, pc: Any, p: Any, v: Any, R: Any, w: Any, d: Any, changes: Any, kp: float, kv: float
     ) -> tuple[Any, Any]:

@@ -102,6 +102,18 @@ class WrittenParts:
         t.B += low(0.7, dt) * (nu(c) * t.rates[2] @ t.rates[2] - t.B)
         return t.rate * nu(t.rate) * np.clip(2 * t.A / (t.B + (0.1 * m) ** 2) - 1, 0.0, 1.0)
 
+    # arm_turn
+
+    def _arm_turn(self, h: list[Any]) -> list[Any]:
+        dt, size = self.dt, np.hypot(*h[4][:2]) / self.g
+        self.size += (10.0 if size > self.size else 0.5) * dt * (size - self.size)
+        self.mean = self.mean + (h[0] - self.mean) * dt
+        mean = [self.mean]
+        for each in h[:-1]:
+            mean.append(each - mean[-1])
+        left = (1 - self.par.arm_turn / max(self.size, self.par.arm_turn)) * np.array([1.0, 1.0, 0.0])
+        return [a - (a - b) * left for a, b in zip(h, mean, strict=True)]
+
     # the shift of the base
 
     def _levers(self, q: Any, psi: float) -> tuple[Any, Any, Any]:
