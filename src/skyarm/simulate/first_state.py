@@ -9,7 +9,9 @@ from typing import Any
 from skyarm.algebra.scalars import data
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import example_state
+from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.estimate.estimator import FULL_STATE
@@ -38,6 +40,9 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
     if draws is None:
         draws = [row.tolist() for row in start_draws(scenario, scenario.seed, scenario.episode)]
     period = 1.0 / scenario.rates.control
+    still = concrete(*state.rotor_speeds) and bool(state.rotor_speeds) and not any(state.rotor_speeds)
+    motion = PointMotion(vehicle, state, gravity=scenario.plant.gravity)
+    begun = (c.start(period, row) for c, row in zip(scenario.components, draws, strict=True))
     return LoopState(
         alive=1.0,
         ticks=0.0,
@@ -47,7 +52,7 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
         queue=(standing,) * commands_waiting(scenario),
         sensors=tuple(_first_reading(scenario, i) for i in range(len(scenario.all_sensors))),
         estimate=scenario.estimator.start(scenario.controller.par.model.vehicle),
-        components=tuple(c.start(period, row) for c, row in zip(scenario.components, draws, strict=True)),
+        components=tuple(c.settle(held, motion, still) for c, held in zip(scenario.components, begun, strict=True)),
         drives=tuple(
             drive.begin(q, u, period)
             for drive, q, u in zip(scenario.all_drives, state.joints, standing.efforts, strict=False)

@@ -140,6 +140,10 @@ class Component:
         """Internal state of the environment model for the control period from ``t`` to ``t + dt`` (s)."""
         return memory
 
+    def settle(self, memory: Any, motion: PointMotion, vehicle: bool) -> Any:
+        """Internal state of the model at the start, where a vehicle (if it does) and objects stand at rest."""
+        return memory
+
     def act(self, memory: Any, t: Scalar, dt: float, motion: PointMotion) -> Any:
         """Internal state of the model after discrete events at the start of a control period, such as a grasp.
 

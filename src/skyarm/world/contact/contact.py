@@ -404,6 +404,12 @@ class Contact(Force):
             pushes.append((force, torque))
         return wrenches_on(self.points, motion, pushes) + self.grasps.on_vehicle(memory, motion)
 
+    def settle(self, memory: ContactMemory, motion: PointMotion, vehicle: bool) -> ContactMemory:
+        """Internal state of the contact model in which friction holds what stands at the start."""
+        from skyarm.world.contact.standing_bristles import with_standing_bristles
+
+        return with_standing_bristles(self, memory, motion, vehicle=vehicle)
+
     def act(self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion) -> ContactMemory:
         """Internal state of the contact model after the grippers close, open or slip at a control instant."""
         return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory

@@ -21,6 +21,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.files import shown
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact import Contact, Meeting
 from skyarm.world.contact.free_object import FreeObject, ObjectMotion
 
@@ -89,12 +90,10 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
         """Residual of vertical force and level moments about the centre of mass (1 m arm), divided by the weight."""
         moved = at(x)
         motion, middle = PointMotion(vehicle, moved), center_of_mass(vehicle, moved)
-        force, moment = Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0)
-        for wrench in contact.wrenches(memory, 0.0, motion, ()):
-            arm = motion.position(wrench.point, wrench.body) - middle
-            force, moment = force + wrench.force_W, moment + arm.cross(wrench.force_W) + wrench.torque_W
-        values: Any = (force.z - weight, moment.x, moment.y)
-        return np.array([float(each) for each in values]) / weight
+        ours = (each for each in contact.meetings(memory, motion) if each.by == NOBODY)
+        pushes = [(each.place - middle, each.touch.axis * each.touch.normal) for each in ours]
+        up_left, moment = balance(pushes, weight)
+        return np.array([up_left, float(moment.x), float(moment.y)]) / weight
 
     if not weight > 0.0:
         raise ValueError("initial.standing = true: must be false where plant.gravity leaves no weight to stand with")
@@ -105,10 +104,31 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
         lowered += STEP
         if lowered > LOWEST:
             raise ValueError(f"initial.standing = true: must be above a surface; {_nothing('it', state.position)}")
+    lowered -= STEP
+    while residual(np.array([-lowered, 0.0, 0.0]))[0] < 0.0:
+        lowered += FINEST
     found = _root(residual, np.array([-lowered, 0.0, 0.0]), 30, 1e-12, solve=np.linalg.solve)
     if found is None:
         raise ValueError("initial.standing = true: must stand on three points around its centre of mass; it tips over")
     return at(found)
+
+
+def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, Vec3]:
+    """Excess of normal forces over the weight (N), and moment (N m), where friction holds what is across them.
+
+    Args:
+        pushes: arm from the centre of mass (m) and force (N) of each.
+        weight: N.
+    """
+    force, moment, middle, sizes = ZERO3, ZERO3, ZERO3, 0.0
+    for arm, push in pushes:
+        size = float(push.dot(push)) ** 0.5
+        force, moment, middle, sizes = force + push, moment + arm.cross(push), middle + arm * size, sizes + size
+    total = float(force.dot(force)) ** 0.5
+    if total == 0.0:
+        return -weight, Vec3(0.0, 0.0, 0.0)
+    across = Vec3(0.0, 0.0, weight) - force
+    return total - weight * float(force.z) / total, moment + (middle * (1.0 / sizes)).cross(across)
 
 
 def _nothing(what: str, position: Vec3) -> str:
@@ -219,12 +239,11 @@ class _Supports:
     def residual(self, x: Array) -> Array:
         """Residual of the vertical force and of the horizontal moments on the object, relative to its weight."""
         moved = self._displace(x)
-        force, moment = 0.0, ZERO3
-        for each, push in self._pushes(moved):
-            force = force + float(push.z)
-            moment = moment + (each.place - moved[self._index].position).cross(push)
+        middle = moved[self._index].position
+        pushes = [(each.place - middle, push) for each, push in self._pushes(moved)]
+        left, moment = balance(pushes, self._weight)
         length = float(max(self._contact.objects[self._index].size))
-        values = force - self._weight, float(moment.x) / length, float(moment.y) / length
+        values = left, float(moment.x) / length, float(moment.y) / length
         return np.array(values) / self._weight
 
     def contact_at(self, x: Array) -> Contact:
