@@ -257,9 +257,10 @@ class WrittenParts:
             bands.append(line[1] - line[2])
         band, z = bands
         past = np.array([band, *a.past[self.stride - 1 :: self.stride]])
-        eta = max((0.35 + 1.15 * self._delay_share()) * dt, 1 / (a.count + 20))
+        paces = (0.35 + 1.15 * self._delay_share(), 0.5)
         scale = a.s[0]
         for k, part in enumerate((slice(0, 2), slice(2, None))):
+            eta = max(paces[k] * dt, 1 / (a.count + 20))
             E = ((z[part] - past[:, part]) ** 2).sum(axis=1)
             M = a.M[k] + eta * (E / (E + 4 * a.s[k] + 0.01) - a.M[k])
             a.M[k] = np.minimum(M, (M + PRICES).min() + 0.05 - PRICES)

@@ -38,9 +38,9 @@ STEP = 0.005
 LOW, HIGH = 20.0, 60.0
 """Edges of the band, rad/s."""
 
-FORGETTING, SLOWLY, FIRST = 1.5, 0.35, 20.0
-"""1/s, rates at which the means follow, of a delay and where accelerations are much smaller than modelled; periods that
-count as seen before the first one."""
+FORGETTING, SLOWLY, OF_JOINTS, FIRST = 1.5, 0.35, 0.5, 20.0
+"""1/s, rates at which the means follow: the rotors' of a delay and where accelerations are much smaller than modelled,
+the joints', which a push from below moves as a lag does; periods that count as seen before the first one."""
 
 ROBUST, FLOOR, GROWTH = 4.0, 0.01, 4.0
 """Of the scale, the residual that counts half; least scale, (rad/s^2)^2; most that one period adds, of the scale."""
@@ -137,10 +137,13 @@ class LagGains(Part):
         learned = mul(running, step.isolated)
         # with a wrong model the phase of its errors wanders: evidence of longer
         rate = SLOWLY + (FORGETTING - SLOWLY) * delay_share(memory)
-        keep = learned * maximum(rate * dt, divide(1.0, memory.count + FIRST))
+        first = divide(1.0, memory.count + FIRST)
         here = _band_pass(measured)
-        groups = ((memory.base, slice(0, TILTS)), (memory.arm, slice(TILTS, None)))
-        base, arm = (_bank(bank, here[p], [each[p] for each in past], keep, running * dt) for bank, p in groups)
+        groups = ((memory.base, slice(0, TILTS), rate), (memory.arm, slice(TILTS, None), OF_JOINTS))
+        base, arm = (
+            _bank(bank, here[p], [each[p] for each in past], learned * maximum(pace * dt, first), running * dt)
+            for bank, p, pace in groups
+        )
         turned, weights = here[:TILTS], weigh(memory.base)
         inverse = divide(1.0, total(weights))
         expected = [
