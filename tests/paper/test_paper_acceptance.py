@@ -217,7 +217,7 @@ def short_markdown(results: dict[str, Any]) -> str:
 
 
 def _rows(written: str) -> list[list[str]]:
-    lines = [line for line in written.splitlines() if line.startswith("|")]
+    lines = [line for line in written.splitlines() if line.startswith("|") and line.strip("|-: ")]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
