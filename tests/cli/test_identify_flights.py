@@ -31,6 +31,7 @@ from skyarm.studies.identify.identified_numbers import IdentifiedNumber
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.open_loop import HORIZONS, HorizonErrors
+from skyarm.studies.identify.stretches import stretches_of_flights
 from skyarm.studies.identify.unknowns import second_moments
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
 from skyarm.vehicle.vehicle_text import vehicle_text
@@ -264,6 +265,20 @@ def found_with(*numbers, settled=True, correlation=None):
 def instead(monkeypatch):
     """Function that puts a result in place of the search's."""
     return lambda found: monkeypatch.setattr(identify_flights, "identify_vehicle", lambda *_, **__: found)
+
+
+def test_a_flight_of_which_nothing_counts_is_named_and_is_no_source(instead, monkeypatch, tmp_path):
+    instead(found_with(number("base.mass", 0.7)))
+    names = ("swings.npz", "aside.npz")
+    parts = stretches_of_flights([library.load_flight(name) for name in names], START)
+    sizes = [max(each.size for each in part) for part in parts]
+    monkeypatch.setattr(identify_flights, "LEAST", sizes[1] + 1)
+    done = skyarm("identify", *names, "--vehicle", "hummingbird", "--out", str(tmp_path / "new"))
+    (line,) = [each for each in done.err.splitlines() if "no part counts" in each]
+    assert line.startswith("skyarm: warning: aside.npz: time: no part counts: ")
+    assert f"must be at least {(sizes[1] + 1) * parts[1][0].period:.3g} s" in line
+    assert "from swings: " in done.out
+    assert "aside" not in (tmp_path / "new" / "vehicle.toml").read_text()
 
 
 def test_the_json_document_holds_numbers_with_intervals_and_no_value_without(instead):

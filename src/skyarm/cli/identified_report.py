@@ -48,7 +48,7 @@ def report_lines(found: Identified, start: Vehicle, flights: Sequence[FlightData
     lines += _apart_lines(found.numbers)
     lines.append(GIVEN)
     if not found.settled:
-        lines.append("the search did not settle: intervals hold its last moves, and may be too narrow")
+        lines.append("the search did not settle: do not rely on these numbers; intervals hold its last moves alone")
     apart = ", ".join(f"{each.name} {each.widened:.2g}" for each in found.numbers if each.widened > WIDENED)
     if apart:
         lines.append(f"flights disagree; intervals are wider than their noise explains, times: {apart}")

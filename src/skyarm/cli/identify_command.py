@@ -215,6 +215,7 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
             progress=lambda words: advance(last=words),
         )
         held_out = found.held_out
+        fitted = [each for each, counts in zip(fitted, found.counted, strict=True) if counts]
         document = document_of(found, start, fitted, work.known, faults, held_out, clocks)
         contents = {VEHICLE: identified_file(found, start, [Path(each.file).name for each in fitted], known).encode()}
         contents[NUMBERS] = json_text(document).encode()

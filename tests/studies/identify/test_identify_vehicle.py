@@ -276,6 +276,19 @@ def test_the_lag_of_an_accelerometer_is_that_of_what_is_quick(late, slow):
     assert accelerometer_lag([stretch], [predicted]) == pytest.approx(0.01 * late, abs=0.004)
 
 
+@pytest.mark.parametrize("row", [200, 839])
+def test_no_difference_to_a_row_that_does_not_count_moves_a_lag(row):
+    """As little as one from it."""
+    rng = np.random.default_rng(4)
+    quick, turning = rng.normal(size=(2, 843, 3))
+    rate = np.concatenate([np.zeros((1, 3)), 0.01 * np.cumsum(turning[3:], axis=0)])
+    used = np.arange(840) != row
+    force = quick[:840] + np.where(used, 0.0, 1e3)[:, None]
+    stretch = SimpleNamespace(specific_force=force, rate=rate, period=0.01, size=840, used=used)
+    predicted = np.concatenate([quick[3:], turning[3:]], axis=1)
+    assert accelerometer_lag([stretch], [predicted]) == pytest.approx(0.03, abs=0.004)
+
+
 def test_inertia_scales_with_the_places_of_the_rotors(found, flight):
     """Which no flight shows: of arms that are believed 10 % longer the inertia about x and y is 10 % more."""
     rotors = tuple(

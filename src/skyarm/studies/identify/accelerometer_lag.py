@@ -46,7 +46,7 @@ def accelerometer_lag(stretches: Sequence[Stretch], predicted: Sequence[Array]) 
 
 
 def _changes(rows: Array) -> Array:
-    """Differences (N, ...) of rows from one to the next; the last one is 0."""
+    """Differences (N, ...) of rows from one to the next; the last one, of which there is no next, is 0."""
     return np.diff(rows, axis=0, append=rows[-1:])
 
 
@@ -67,8 +67,9 @@ def _agreement(measured: Sequence[Array], predicted: Sequence[Array], stretches:
     """Sum of the squares of the correlations of three rows at a lag (periods); of opposite ones nothing."""
     sums = np.zeros((3, 3))
     for rows, foretold, stretch in zip(measured, predicted, stretches, strict=True):
+        both = np.append(stretch.used[:-1] & stretch.used[1:], False)  # rows are differences to the next
         place = np.arange(max(lag, 0), stretch.size + min(lag, 0))
-        place = place[stretch.used[place] & stretch.used[place - lag]]
+        place = place[both[place] & both[place - lag]]
         if len(place) > 1:
             x, y = (each - each.mean(axis=0) for each in (foretold[place - lag], rows[place]))
             sums += np.stack([(x * y).sum(axis=0), (x * x).sum(axis=0), (y * y).sum(axis=0)])

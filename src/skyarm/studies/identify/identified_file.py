@@ -76,7 +76,7 @@ def _head(found: Identified, start: Vehicle, flights: Sequence[str]) -> list[str
         GIVEN,
     ]
     if not found.settled:
-        lines.append("THE SEARCH DID NOT SETTLE: intervals hold its last moves, and may be too narrow.")
+        lines.append("THE SEARCH DID NOT SETTLE: do not rely on these numbers; intervals hold its last moves alone.")
     around = {each.name: each for each in found.numbers if is_around(each.name) and each.is_known}
     if around:
         lines.append("Not part of a vehicle, but of its computer, sensors and battery:")

@@ -10,9 +10,11 @@ from skyarm.flight_data.clocks import align_poses
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import number
+from skyarm.studies.identify.channel_scales import WARNED
 from skyarm.studies.identify.data_faults import Fault, find_faults, require_no_refusal
 from skyarm.studies.identify.held_out import held_out_period, predict_held_out
-from skyarm.studies.identify.identify_vehicle import Identified, identify_vehicle
+from skyarm.studies.identify.identify_vehicle import LEAST, Identified, identify_vehicle
+from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.plausibility import implausible_numbers
 from skyarm.studies.identify.stretches import stretches_of_flights
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -102,9 +104,15 @@ def identify_aligned(
     tell("cut into stretches")
     fitted = stretches_of_flights(flights, start, full_voltage=full_voltage, sections=sections) if flights else []
     every = [each for part in fitted for each in part]
+    counted = tuple(any(each.size >= LEAST for each in part) for part in fitted)
+    if any(counted):
+        report(
+            [_too_short(each, part) for each, part, counts in zip(flights, fitted, counted, strict=True) if not counts]
+        )
     period = held_out_period(every[0].period) if every else 0.0
     unseen = stretches_of_flights(held_out, start, period=period, full_voltage=full_voltage) if held_out else []
     found = identify_vehicle(every, start, curve=curve, drag_height=drag_height, known=known, progress=progress)
+    found = dataclasses.replace(found, counted=counted)
     report(implausible_numbers(found, start, flights[0].file, every))
     if not held_out:
         return found
@@ -113,6 +121,15 @@ def identify_aligned(
     aside, seen = list(zip(held_out, unseen, strict=True)), list(zip(flights, again, strict=True))
     predicted = predict_held_out(found, start, aside, seen=seen, known=known, gravity=gravity)
     return dataclasses.replace(found, held_out=predicted)
+
+
+def _too_short(flight: FlightData, stretches: Sequence[Stretch]) -> Fault:
+    """Warning of a flight of which no stretch counts."""
+    longest = max(stretches, key=lambda each: each.size)
+    finding = f"no part counts: the longest without a gap has {longest.size * longest.period:.3g} s in the air"
+    least = f"must be at least {LEAST * longest.period:.3g} s, {LEAST} periods of {longest.period:.3g} s"
+    remedy = f"{least}: leave it out, fly longer, or start from the rotors' own time constants, which set the period"
+    return Fault(severity=WARNED, file=flight.file, channel="time", finding=finding, remedy=remedy)
 
 
 def weigh_vehicle(vehicle: Vehicle, mass: float, name: str) -> Vehicle:

@@ -64,6 +64,7 @@ class Identified:
         seconds: of flight that counted.
         period: s, over which accelerations were compared.
         held_out: errors of predictions of other flights, if any were asked for.
+        counted: of each flight of :func:`skyarm.identify_flights`, whether any part of it was long enough to count.
     """
 
     numbers: tuple[IdentifiedNumber, ...]
@@ -77,6 +78,7 @@ class Identified:
     searched: Mapping[str, float] = field(default_factory=dict)
     period: float = 0.0
     held_out: HeldOut | None = None
+    counted: tuple[bool, ...] = ()
 
     def __getitem__(self, name: str) -> IdentifiedNumber:
         """Identified number by its name.

@@ -212,8 +212,9 @@ def fit_prediction(
     moved = np.stack([_linear_change(each, found, slopes, values - start, known) for each in others])
     covariance = fit.covariance + moved.T @ moved / len(moved)
     if not settled:
+        # their sum and not their mean: a search that creeps has as far to go as it came, and more
         moved = np.stack(trail[-ALTERNATE:]) - values
-        covariance += moved.T @ moved / len(moved)
+        covariance += moved.T @ moved
     return dataclasses.replace(fit, covariance=covariance)
 
 
