@@ -430,6 +430,10 @@ def test_known_numbers_are_words_of_the_vehicle_file():
         (("swings.npz", "--vehicle", "hummingbird", "--known", "mass=-1"), "--known mass = -1.0: must be above 0"),
         (("swings.npz", "--vehicle", "hummingbird", "--known", "dealy=0"), "known.dealy: did you mean 'delay'?"),
         (
+            ("swings.npz", "--vehicle", "hummingbird", "--known", "foo=1"),
+            ", base.inertia.xx, base.inertia.yy, base.inertia.zz, base.inertia.xy, ",
+        ),
+        (
             ("swings.npz", "--vehicle", "hummingbird", "--known", "rotors.time_constant_up=0"),
             "known.rotors.time_constant_up = 0.0: must be above 0",
         ),

@@ -107,3 +107,12 @@ def test_a_format_is_frozen_and_names_are_checked(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"flight = .*nothing.ulg.*: no such file"):
         load_flight(tmp_path / "nothing.ulg")
     assert FlightFormat(lambda path, columns: FlightData(name="", file="", channels={})).suffixes == ()
+
+
+def test_an_empty_file_is_called_empty_and_a_folder_must_be_a_bag(tmp_path: Path) -> None:
+    (tmp_path / "log07").touch()
+    with pytest.raises(ValueError, match=r"^flight = '.*log07': is empty$"):
+        load_flight(tmp_path / "log07")
+    (tmp_path / "bad").mkdir()
+    with pytest.raises(ValueError, match=r"^flight = '.*bad': folder: must be a bag of ROS 2, with metadata\.yaml$"):
+        load_flight(tmp_path / "bad")

@@ -204,7 +204,7 @@ def format_name(path: PathLike) -> str:
     """Name of a flight's format: by its first bytes, else by its suffix; a user's before the library's.
 
     Raises:
-        ValueError: one line: a format that is not known.
+        ValueError: one line: an empty file, or a format that is not known.
     """
     file, at = Path(path), f"flight = {shown(os.fspath(path))}"
     folder, head = file.is_dir(), b""
@@ -219,6 +219,8 @@ def format_name(path: PathLike) -> str:
     for name, each in formats.items():
         if suffix in each.suffixes:
             return name
+    if not folder and not head:
+        raise ValueError(f"{at}: is empty")
     allowed = ", ".join(f"{name} ({', '.join(formats[name].suffixes) or 'no suffix'})" for name in reversed(formats))
     raise ValueError(f"{at}: format {suffix or 'without suffix'!r} is unknown: must be one of {allowed}")
 

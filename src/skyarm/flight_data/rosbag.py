@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
+METADATA = "metadata.yaml"
+"""File that each folder of a bag of ROS 2 holds."""
+
 LONGEST_LIST = 32
 """Numbers of a list that become columns."""
 
@@ -112,6 +115,8 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     """
     if path.is_file() and is_own_mcap(path):
         return read_own_log(path, columns)
+    if path.is_dir() and not (path / METADATA).is_file():
+        raise ValueError(f"folder: must be a bag of ROS 2, with {METADATA}")
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore

@@ -268,8 +268,8 @@ def search_of(
     positive = {each.name: each.positive for each in every}
     for name, value in fixed.items():
         if name not in positive:
-            searched = [each for each in positive if not each.startswith("base.second_moment.")]
-            every_name = [*searched, "base.inertia.xx", "base.inertia.yy", "base.inertia.zz", "mass", "voltage"]
+            words = {f"base.second_moment.{axis}": f"base.inertia.{axis}{axis}" for axis in "xyz"}
+            every_name = ["mass", "voltage", *(words.get(each, each) for each in positive)]
             raise ValueError(f"known.{name}: {must_be_one_of(every_name, name)}")
         number(value, f"known.{name}", low=0.0 if positive[name] else -math.inf, strict=positive[name])
     unknowns = [each for each in every if each.name not in fixed]
