@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from commanded import refused, skyarm
-from logged_vehicles import CRAZYFLIE_LOG, TREFOIL_LOG, crazyflie
+from logged_vehicles import CRAZYFLIE_LOG, IRIS_LOG, TREFOIL_LOG, crazyflie, iris
 from skyarm.vehicle.vehicle_text import vehicle_text
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
@@ -53,6 +53,13 @@ def test_of_a_flight_with_a_fault_no_excitation_is_shown():
     assert page["faults"][0]["severity"] == "refused"
     assert page["faults"][0]["words"].endswith("joint_positions: are not in this flight; log them: they move its mass")
     assert page["excitation"] == []
+
+
+def test_of_a_log_that_is_too_short_the_channels_are_shown_and_what_is_needed():
+    Path("iris.toml").write_text(vehicle_text(iris()))
+    shown = skyarm("show", str(IRIS_LOG), "--vehicle", "iris.toml", columns=200)
+    refused(shown, "quadrotor_model_from_20_to_23_s", "1.9 s of 2.99 s count", "16 s are needed: fly longer")
+    assert re.search(r"^gyro +rad/s +ang_vel_x, ang_vel_y, ang_vel_z +100 +0 to 2\.99 +none$", shown.out, re.MULTILINE)
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,9 @@ def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
         name: path of the flight.
         columns: path of the mapping of its columns.
         vehicle: file or name of the start vehicle.
+
+    Raises:
+        ValueError: one line, after the channels: of what is too short, or does not fit the vehicle, none is excited.
     """
     start = None if vehicle is None else load_vehicle(vehicle)
     with bar(Path(name).name) as advance:
@@ -36,13 +39,22 @@ def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
         facts = flight_facts(flight)
         faults: tuple[Fault, ...] = ()
         numbers: tuple[ExpectedNumber, ...] = ()
+        none: ValueError | None = None
         if start is not None:
             advance(last="look for faults")
             flight = joints_in_order(flight, start)
             faults = find_faults(flight, start)
             if not any(each.severity == REFUSED for each in faults):
                 advance(last="excitation")
-                numbers = expected_numbers(stretches_of(flight, start), start)
+                try:
+                    numbers = expected_numbers(stretches_of(flight, start), start)
+                except ValueError as error:
+                    none = error
+    if none is not None:
+        if not is_document_wanted():
+            for part in (*_sheet(facts), *map(_fault_line, faults)):
+                tell(part, "")
+        raise none
     give(facts)
     if start is not None:
         give(
@@ -121,10 +133,13 @@ SHOWN = 12
 """Unused columns that are listed."""
 
 
+def _fault_line(fault: Fault) -> str:
+    return printable(f"{fault.severity}: {fault.channel}: {fault.finding}; {fault.remedy}")
+
+
 def _of_vehicle(vehicle: str, faults: Sequence[Fault], numbers: Sequence[ExpectedNumber]) -> Iterator[RenderableType]:
     """Yield the faults of a flight and the table of what it excites."""
-    for each in faults:
-        yield printable(f"{each.severity}: {each.channel}: {each.finding}; {each.remedy}")
+    yield from map(_fault_line, faults)
     if not numbers:
         yield "excitation: is shown of a flight without refused faults"
         return

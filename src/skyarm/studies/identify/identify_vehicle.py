@@ -342,8 +342,11 @@ def long_stretches(stretches: Sequence[Stretch]) -> list[Stretch]:
     found = [each for each in stretches if each.size >= LEAST]
     if stretches and not found:
         longest = max(stretches, key=lambda each: each.size)
-        at = f"{longest.name}, from {longest.start:g} s"
-        raise ValueError(f"{at}: {longest.size} periods: must be at least {LEAST}")
+        at = f"{longest.name}, from {longest.start:g} s: {longest.size} periods: must be at least {LEAST}"
+        of = f" of {longest.logged:.3g} s" if longest.logged else ""
+        counts = f"{longest.size * longest.period:.3g} s{of} count, in the air without a gap"
+        remedy = "fly longer; the start's rotors, or commands below 40 Hz, set the period"
+        raise ValueError(f"{at}: {counts}, and {LEAST * longest.period:.3g} s are needed: {remedy}")
     return found
 
 

@@ -61,6 +61,7 @@ class Stretch:
         rate_noise: (n,) standard deviation of the noise of a joint's mean rate of a period, smoothed; 0 by default.
         differenced: whether the joint rates are differences of positions (see :func:`position_differences`), which
             smooth them.
+        logged: s, of the whole log; 0 where it is not known.
     """
 
     name: str
@@ -85,6 +86,7 @@ class Stretch:
     rate_noise: Array = field(default_factory=lambda: np.zeros(0))
     since: float = 0.0
     differenced: bool = False
+    logged: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.used.size:

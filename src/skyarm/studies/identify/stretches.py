@@ -101,7 +101,8 @@ def stretches_of(
             if last - first >= SHORTEST:
                 stretch = _stretch(flight, start, commands, first, last, step, whole, finer, full_voltage)
                 used = ~_coasting(stretch, start, coasting, RECOVERED * max(lags))
-                found.append(dataclasses.replace(stretch, used=used, since=first - spans[0][0]))
+                since, logged = first - spans[0][0], flight.duration
+                found.append(dataclasses.replace(stretch, used=used, since=since, logged=logged))
     if not found:
         raise ValueError(f"{flight.name}: no stretch of {SHORTEST:g} s in the air without a gap")
     return found
