@@ -162,7 +162,8 @@ def test_both_plants_apply_the_same_force(pressed):
         return (*linear, *(base.angular - free.angular), *(a - b for a, b in zip(joints, own, strict=True)))
 
     program, examples = trace(change, start, told.memories), leaves(told)
-    accelerations = np.stack(evaluate(program, [*numbers.T, *bristles.T], len(numbers)), axis=1)
+    held = leaves(told.memories)[:-18]  # before the bristles
+    accelerations = np.stack(evaluate(program, [*numbers.T, *held, *bristles.T], len(numbers)), axis=1)
     theirs, ours = np.empty((1000, 8)), np.empty((1000, 8))
     for i, row in enumerate(numbers):
         plant._set((*row,), (0.0,) * 6, [*examples[:-19], *bristles[i], examples[-1]])

@@ -280,7 +280,7 @@ def test_a_plate_stands_on_the_corners_of_a_smaller_box():
      ({"mass": float("nan")}, r"world.objects\[0\]"),
      ({"colour": "red"}, r"world.objects\[0\].colour = 'red': unknown field"),
      ({"mass": 1e-12}, "world: the mass of 'box' asks for integration steps of"),
-     ({"mass": 1e3}, r"world.objects\[0\].mass = 1000.0: must be about 47 kg or less"),
+     ({"mass": 1e3}, r"world.objects\[0\].mass = 1000.0: must be about 48 kg or less"),
      ({"name": "table"}, "world.objects: name = 'table': must be of one only"),
      ({"size": 0.06}, r"world.objects\[0\].size = 0.06")],
 )  # fmt: skip

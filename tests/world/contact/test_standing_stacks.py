@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from skyarm.algebra import Vec3
@@ -27,12 +29,15 @@ def settled(*objects):
 
 @pytest.mark.thorough
 def test_a_stack_that_falls_stays_as_its_objects_were_set_down():
-    """Each stands for itself; the lower one does not with the upper one at its edge."""
+    """Each stands for itself; the lower one does not with the upper one at its edge, which leans as the lever says."""
     narrow = FreeObject(name="narrow", size=(0.02, 0.02, 0.1), mass=0.01, position=Vec3(0.0, 0.0, 0.051), standing=True)
     heavy = box("heavy", 0.2, 3.0, 0.009, 0.13, com=Vec3(-0.0, 0.0, 0.0))
     contact = settled(narrow, heavy)
     assert [each.name for each in contact.objects] == ["narrow", "heavy"]
     assert all(abs(float(each.angles.x)) < 0.1 for each in contact.objects)
+    # four corners of 5000 N/m, 0.01 m from the middle, and friction across them
+    leaning = 0.009 * 3.0 * G / (4.0 * 5000.0 * 0.01**2)
+    assert math.tan(float(contact.objects[1].angles.y)) == pytest.approx(leaning, rel=1e-4)
 
 
 @pytest.mark.parametrize("gap", [-1e-3, 0.0, 1e-3])

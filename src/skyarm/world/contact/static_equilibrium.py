@@ -3,11 +3,12 @@
 A flight that begins so does not jump. A vehicle is set down from 5 cm above its position: level until the surfaces
 carry its weight, then tilted until they carry its moment, too. Each object that is said to be standing is set down in
 turn, the lowest first, as if those that are higher were not there yet: from its position, or from just above it where
-that is inside of something. Objects that then stand on each other settle together.
+that is inside of something.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Any
@@ -37,6 +38,9 @@ LIFT, FINEST = 0.002, 1e-4
 
 DEEPER = 0.1
 """Share of its depth by which an object is pressed deeper at a time, once that is more than ``FINEST``."""
+
+OTHER = 0.2
+"""m or rad from where an object touches first, beyond which an equilibrium is another one, after it tipped over."""
 
 NEAR = 1e-7
 """Difference by which the stiffness is found, m and rad."""
@@ -124,7 +128,7 @@ def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, 
     for arm, push in pushes:
         size = float(push.dot(push)) ** 0.5
         force, moment, middle, sizes = force + push, moment + arm.cross(push), middle + arm * size, sizes + size
-    total = float(force.dot(force)) ** 0.5
+    total = math.copysign(float(force.dot(force)) ** 0.5, float(force.z))  # below 0: out of the lower side of a plate
     if total == 0.0:
         return -weight, Vec3(0.0, 0.0, 0.0)
     across = Vec3(0.0, 0.0, weight) - force
@@ -185,7 +189,7 @@ def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int])
             below = _nothing(f"object {body.name!r}", body.position)
             raise ValueError(f"{where}: must be above a surface; {below}")
     found = _root(supports.residual, x, 20, 1e-9)
-    if found is None or not np.abs(found - x).max() < 0.1:
+    if found is None or not np.abs(found - x).max() < OTHER:
         raise ValueError(
             f"{where}: object {body.name!r} must lie with its centre of mass above what carries it; it tips over"
         )
