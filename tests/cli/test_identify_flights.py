@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import math
 import re
 import tomllib
 from pathlib import Path
@@ -28,12 +29,14 @@ from skyarm.studies.identify import identify_flights
 from skyarm.studies.identify.held_out import CURVE, HOLD, IDENTIFIED, HeldOut, OneStep
 from skyarm.studies.identify.identified_file import identified_file
 from skyarm.studies.identify.identified_numbers import IdentifiedNumber
+from skyarm.studies.identify.identify_flights import known_of_search
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.open_loop import HORIZONS, HorizonErrors
 from skyarm.studies.identify.stretches import stretches_of_flights
 from skyarm.studies.identify.unknowns import second_moments
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
+from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.vehicle.vehicle_text import vehicle_text
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
@@ -510,3 +513,50 @@ def test_an_inertia_that_no_body_has_is_refused():
     words = [f"base.inertia.{axis}={value}" for axis, value in (("xx", 0.01), ("yy", 0.01), ("zz", 0.03))]
     with pytest.raises(ValueError, match=r"^--known base\.inertia\.zz = 0\.03: must be below .* 0\.02$"):
         known_numbers(START, words)
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("delay=5", "--known delay = 5: must be at most 1 s in size"),
+        ("rotors.time_constant_up=3", "--known rotors.time_constant_up = 3: must be at most 1 s"),
+        ("base.com.x=-10", "--known base.com.x = -10: must be at most 0.184 m in size, 4 times the vehicle's size"),
+        ("base.inertia.xx=5", "--known base.inertia.xx = 5: must be at most 0.00025 kg m^2 in size"),
+        ("base.inertia.xy=5", "--known base.inertia.xy = 5: must be at most 0.00025 kg m^2 in size"),
+        ("links.rod.mass=0.03", "--known links.rod.mass = 0.03: must be at most 0.0295 kg in size, the total mass"),
+    ],
+)
+def test_a_known_number_that_no_such_vehicle_has_is_refused_before_a_log_is_read(word, message):
+    done = skyarm("identify", "swings.npz", "--vehicle", "crazyflie_arm1", "--known", word)
+    refused(done, message)
+
+
+FLYING = [name for name in list_vehicles() if library.load_vehicle(name).rotors]
+
+
+@pytest.mark.parametrize("name", FLYING)
+def test_a_vehicle_s_own_numbers_are_possible(name):
+    """All of them, twice the time constants and the base's moments, any place on the rotors' circle, and delays."""
+    vehicle = library.load_vehicle(name)
+    base, rotor = vehicle.base, vehicle.rotors[0]
+    far = max(math.hypot(*map(float, each.position)) for each in vehicle.rotors)
+    body = np.array([[-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, -1.0]])
+    for times in (1.0, 2.0):
+        known = {f"base.com.{axis}": float(getattr(base.com, axis)) for axis in "xyz"}
+        known |= {f"base.inertia.{each}": times * float(getattr(base.inertia, each)) for each in ("xx", "yy", "zz")}
+        known |= {f"base.inertia.{each}": float(getattr(base.inertia, each)) for each in ("xy", "xz", "yz")}
+        known |= {f"place.{axis}": times * sign * far for axis, sign in zip("xyz", (1, -1, 1), strict=True)}
+        known |= {f"rotors.{each}": times * float(getattr(rotor, each)) for each in ("time_constant_up", "inertia")}
+        known |= {"delay": 0.4 * times, "joint_delay": -0.02, "accelerometer_delay": 0.06}
+        known |= {f"links.{each.name}.mass": float(each.body.mass) for each in vehicle.links}
+        same, given = known_of_search(vehicle, known, "known.")
+        assert same == vehicle
+        moments = [known.pop(f"base.inertia.{each}") for each in ("xx", "yy", "zz")]
+        second = [given.pop(f"base.second_moment.{axis}") for axis in "xyz"]
+        np.testing.assert_allclose(second, 0.5 * body @ moments, atol=2e-6 * sum(moments))
+        assert given == known
+
+
+def test_known_moments_of_inertia_are_taken_by_the_function_too():
+    with pytest.raises(ValueError, match=r"^known\.base\.inertia\.yy: is missing"):
+        library.identify_flights([], START, known={"base.inertia.xx": 0.01})

@@ -44,13 +44,9 @@ from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError
 from skyarm.studies.identify.data_faults import Fault, require_no_refusal
 from skyarm.studies.identify.identified_file import IDENTIFIED_BY, VOLTAGE, identified_file
-from skyarm.studies.identify.identify_flights import TOTAL, identify_aligned, weigh_vehicle
-from skyarm.studies.identify.unknowns import second_moments_of
+from skyarm.studies.identify.identify_flights import identify_aligned, known_of_search
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
-
-MOMENTS = ("base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
-"""Known numbers that must be given together, as the search is for sums of them."""
 
 
 def identify(
@@ -366,20 +362,6 @@ def known_numbers(start: Vehicle, words: Sequence[str]) -> tuple[Vehicle, dict[s
         except ValueError:
             raise ValueError(f"--known {name} = {shown(text)}: must be a number") from None
         given[name] = number(value, f"--known {name}")
-    total = given.pop(TOTAL, None)
-    if total is not None:
-        start = weigh_vehicle(start, total, f"--known {TOTAL}")
     if VOLTAGE in given:
         number(given[VOLTAGE], f"--known {VOLTAGE}", low=0.0, strict=True)
-    stated = [name for name in MOMENTS if name in given]
-    if stated:
-        missing = [name for name in MOMENTS if name not in given]
-        if missing:
-            raise ValueError(f"--known {missing[0]}: is missing: {', '.join(MOMENTS)} must be given together")
-        moments = [number(given.pop(name), f"--known {name}", low=0.0, strict=True) for name in MOMENTS]
-        for name, axis, moment, second in zip(MOMENTS, "xyz", moments, second_moments_of(*moments), strict=True):
-            if not second > 0.0:
-                others = sum(moments) - moment
-                raise ValueError(f"--known {name} = {moment:g}: must be below the sum of the other two, {others:g}")
-            given[f"base.second_moment.{axis}"] = second
-    return start, given
+    return known_of_search(start, given, "--known ")

@@ -15,12 +15,19 @@ from skyarm.studies.identify.data_faults import Fault, find_faults, require_no_r
 from skyarm.studies.identify.held_out import held_out_period, predict_held_out
 from skyarm.studies.identify.identify_vehicle import LEAST, Identified, identify_vehicle
 from skyarm.studies.identify.motion_model import Stretch
-from skyarm.studies.identify.plausibility import implausible_numbers
+from skyarm.studies.identify.plausibility import implausible_numbers, require_possible_numbers
 from skyarm.studies.identify.stretches import stretches_of_flights
+from skyarm.studies.identify.unknowns import second_moments_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
 TOTAL = "mass"
 """Known number that is none of the search: kg, of the whole vehicle."""
+
+MOMENTS = ("base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
+"""Known numbers that must be given together, as the search is for sums of them."""
+
+FLAT = 1e-6
+"""Of the sum of the moments, least second moment of mass: that of a flat plate, which is 0, has no logarithm."""
 
 
 def identify_flights(
@@ -60,9 +67,7 @@ def identify_flights(
     Raises:
         ValueError: one line: a fault of a flight, one that does not fit the vehicle, or SciPy is missing.
     """
-    given = dict(known or {})
-    if TOTAL in given:
-        start = weigh_vehicle(start, given.pop(TOTAL), f"known.{TOTAL}")
+    start, given = known_of_search(start, known or {}, "known.")
     return identify_aligned(
         [align_poses(each)[0] for each in flights],
         start,
@@ -130,6 +135,37 @@ def _too_short(flight: FlightData, stretches: Sequence[Stretch]) -> Fault:
     least = f"must be at least {LEAST * longest.period:.3g} s, {LEAST} periods of {longest.period:.3g} s"
     remedy = f"{least}: leave it out, fly longer, or start from the rotors' own time constants, which set the period"
     return Fault(severity=WARNED, file=flight.file, channel="time", finding=finding, remedy=remedy)
+
+
+def known_of_search(start: Vehicle, known: Mapping[str, float], prefix: str) -> tuple[Vehicle, dict[str, float]]:
+    """Start vehicle of a known total mass, and the other known numbers as the search has them.
+
+    The three moments of inertia of the base become the second moments of mass that are searched.
+
+    Args:
+        start: vehicle.
+        known: numbers by name.
+        prefix: of a number's name in an error.
+
+    Raises:
+        ValueError: one line: a number that no such vehicle has.
+    """
+    given = dict(known)
+    if TOTAL in given:
+        start = weigh_vehicle(start, given.pop(TOTAL), f"{prefix}{TOTAL}")
+    require_possible_numbers(start, given, prefix)
+    if not any(name in given for name in MOMENTS):
+        return start, given
+    for name in MOMENTS:
+        if name not in given:
+            raise ValueError(f"{prefix}{name}: is missing: {', '.join(MOMENTS)} must be given together")
+    moments = [number(given.pop(name), f"{prefix}{name}", low=0.0, strict=True) for name in MOMENTS]
+    for name, axis, moment, second in zip(MOMENTS, "xyz", moments, second_moments_of(*moments), strict=True):
+        if second < -FLAT * sum(moments):
+            others = sum(moments) - moment
+            raise ValueError(f"{prefix}{name} = {moment:g}: must be below the sum of the other two, {others:g}")
+        given[f"base.second_moment.{axis}"] = max(second, FLAT * sum(moments))
+    return start, given
 
 
 def weigh_vehicle(vehicle: Vehicle, mass: float, name: str) -> Vehicle:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from skyarm.studies.identify.channel_scales import REFUSED, WARNED, Found
 from skyarm.studies.identify.data_faults import Fault
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Stretch
+from skyarm.studies.identify.stretches import SHORTEST
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FAR, IMPOSSIBLE = 4.0, 8.0
@@ -40,6 +41,47 @@ ASIDE = 0.5
 
 FULL, HIGHEST = "rotors.thrust_at_100_percent", 0.95
 """Thrust at full signal, and share of the full speed that some commands must reach for it to be more than a guess."""
+
+
+LENGTHS = ("base.com.", "place.", "rotors.drag_height")
+"""Begins of the names of lengths from the base or from a hub."""
+
+TIMES = (*DEAD_TIMES, "accelerometer_delay", "rotors.time_constant_up", "rotors.time_constant_down")
+"""Numbers that a stretch must be longer than, beside the latencies of servos."""
+
+
+def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix: str) -> None:
+    """Check that known numbers are ones that a vehicle of this mass and size may have.
+
+    The size is the largest of the rotors' distance, the radius of gyration and the distance of the centre of mass, so
+    that a start's own numbers are always possible.
+
+    Args:
+        start: vehicle with its total mass.
+        known: by name.
+        prefix: of a number's name in the error.
+
+    Raises:
+        ValueError: one line: the number, its value and what is allowed.
+    """
+    base, mass = start.base, float(start.mass)
+    moments = [float(getattr(base.inertia, axis)) for axis in ("xx", "yy", "zz")]
+    places = [base.com, *(each.position for each in start.rotors)]
+    size = max(math.sqrt(max(moments) / mass), *(math.hypot(*map(float, each)) for each in places))
+    lags = [float(lag) for each in start.rotors for lag in (each.time_constant_up, each.time_constant_down)]
+    for name, value in known.items():
+        if name.startswith("base.inertia."):
+            most, unit, why = FAR * mass * size**2, "kg m^2", f"{FAR:g} times the mass times the square of {size:.3g} m"
+        elif name.startswith(LENGTHS):
+            most, unit, why = FAR * size, "m", f"{FAR:g} times the vehicle's size, {size:.3g} m"
+        elif name in TIMES or name.endswith(".latency"):
+            most, unit, why = max(SHORTEST, *lags), "s", "the shortest flight that counts"
+        elif name.startswith("links.") and name.endswith(".mass"):
+            most, unit, why = mass, "kg", "the total mass"
+        else:
+            continue
+        if abs(value) > most:
+            raise ValueError(f"{prefix}{name} = {value:g}: must be at most {most:.3g} {unit} in size, {why}")
 
 
 def implausible_numbers(
