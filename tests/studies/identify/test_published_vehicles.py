@@ -81,7 +81,7 @@ def test_gazebo_s_iris_is_found_from_its_flight(tmp_path):
     assert found["rotors.drag_coefficient"].value == pytest.approx(1.75e-4, rel=0.03)
     assert found["rotors.moment_coefficient"].value == pytest.approx(0.06, rel=0.03)
     # lags of a quarter of the logged commands' period
-    for name in ("rotors.time_constant_up", "rotors.time_constant_down"):
+    for name in ("delay", "rotors.time_constant_up", "rotors.time_constant_down"):
         assert not found[name].is_known
 
 

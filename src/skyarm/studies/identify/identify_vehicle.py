@@ -42,6 +42,9 @@ BLOCK = 2.0
 RATES = (3, 4, 5)
 """Rows of the base's rates: trim torques differ from flight to flight, by the battery's place and by propellers."""
 
+LAGS = ("delay", "rotors.time_constant_up", "rotors.time_constant_down")
+"""Numbers of the rotors' commands that samples below 40 Hz do not show."""
+
 UNEVEN = 0.01
 """Of a period: what the periods of flights may be off each other; clocks of files differ."""
 
@@ -150,9 +153,13 @@ def identify_vehicle(
     groups = [[i for i, each in enumerate(of_vehicle) if each is first] for first in (True, False)]
     # what physics excludes is not in the data either, whatever its share
     blurred = unresolved_friction({each.name: each for each in numbers}, search.start.links, _rate_noise(stretches))
+    unseen = set(LAGS) if any(each.slow for each in stretches) else set[str]()
+    blurred |= unseen
     numbers = [replace(each, reason=NOT_SHOWN) if each.name in blurred else each for each in numbers]
     excluded = [a.is_known and not b.is_known for a, b in zip(free, numbers, strict=True)]
     shares = np.array([0.0 if out else each.data_share for out, each in zip(excluded, numbers, strict=True)])
+    # time constants go back even where they show beside others; the dead time then stands for all that is late
+    shares[[each.name in unseen - {"delay"} for each in numbers]] = -math.inf
     told = condition_on_start(found.values, found.curvature, scale.rows, scale.off, scale.before, shares, groups)
     driven = search.driven
     rows = ["specific_force.x", "specific_force.y", "specific_force.z", "rate.x", "rate.y", "rate.z"]

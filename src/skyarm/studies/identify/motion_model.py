@@ -62,6 +62,7 @@ class Stretch:
         differenced: whether the joint rates are differences of positions (see :func:`position_differences`), which
             smooth them.
         logged: s, of the whole log; 0 where it is not known.
+        slow: whether the commands are on straight lines between samples that set the period, and show no lags.
     """
 
     name: str
@@ -87,6 +88,7 @@ class Stretch:
     since: float = 0.0
     differenced: bool = False
     logged: float = 0.0
+    slow: bool = False
 
     def __post_init__(self) -> None:
         if not self.used.size:

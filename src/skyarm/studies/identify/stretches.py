@@ -377,4 +377,5 @@ def _stretch(
         sampled_joints=joints,
         rate_noise=noise,
         differenced=differenced,
+        slow=sampling_period(commands) > 0.0,
     )
