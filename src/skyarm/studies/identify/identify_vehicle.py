@@ -153,7 +153,7 @@ def identify_vehicle(
     groups = [[i for i, each in enumerate(of_vehicle) if each is first] for first in (True, False)]
     # what physics excludes is not in the data either, whatever its share
     blurred = unresolved_friction({each.name: each for each in numbers}, search.start.links, _rate_noise(stretches))
-    unseen = set(LAGS) if any(each.slow for each in stretches) else set[str]()
+    unseen = unseen_lags(stretches)
     blurred |= unseen
     numbers = [replace(each, reason=NOT_SHOWN) if each.name in blurred else each for each in numbers]
     excluded = [a.is_known and not b.is_known for a, b in zip(free, numbers, strict=True)]
@@ -178,6 +178,11 @@ def identify_vehicle(
         searched=plain,
         period=stretches[0].period,
     )
+
+
+def unseen_lags(stretches: Sequence[Stretch]) -> set[str]:
+    """Names of the numbers that stretches whose commands were logged seldom do not show."""
+    return set(LAGS) if any(each.slow for each in stretches) else set()
 
 
 def _rate_noise(stretches: Sequence[Stretch]) -> list[float]:

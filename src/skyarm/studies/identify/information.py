@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from skyarm.studies.identify.identified_numbers import SHOWN
-from skyarm.studies.identify.identify_vehicle import RATES, intervals_at, search_of
+from skyarm.studies.identify.identify_vehicle import RATES, intervals_at, search_of, unseen_lags
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.prediction_error import expected_fit
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -112,7 +112,7 @@ def expected_numbers(
     fit = expected_fit(search.errors, search.begin, search.prior, search.steps, search.block, search.used, RATES)
     logarithmic = {each.name for each in search.unknowns if each.positive}
     positive = {each.name for each in search.reported if logarithmic.intersection(each.parts)}
-    found = []
+    found, unseen = [], unseen_lags(stretches)
     for each in intervals_at(fit, search, stretches[0]):
         share = 0.5 * math.log(each.high / each.low) if each.name in positive else 0.0
         found.append(
@@ -122,7 +122,7 @@ def expected_numbers(
                 start=each.start,
                 half_width=share * each.start if share else 0.5 * (each.high - each.low),
                 relative=share,
-                data_share=each.data_share,
+                data_share=0.0 if each.name in unseen else each.data_share,
             )
         )
     return tuple(found)
