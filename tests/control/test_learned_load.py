@@ -123,11 +123,11 @@ def test_the_mass_comes_within_a_tenth_of_a_second_and_its_place_in_a_second():
     assert first.mass == pytest.approx(0.3 * (1.0 - np.exp(-1.5 * 27.0 * STEP)), rel=1e-2)
     assert 0.28 < soon.mass < 0.3
     assert learned((0.3, place), 4.0).mass == pytest.approx(0.3, rel=1e-3)
-    late = learned((0.3, place), 4.0)
+    late = learned((0.3, place), 6.0)
     down = np.array([*hang(ARM, TILTED, JOINTS, G).tip.apply_T(Vec3(0.0, 0.0, 1.0))])
     off = np.array([*late.place]) - place
     assert off - down * (off @ down) == pytest.approx(np.zeros(3), abs=1e-4)  # along the weight it cannot be known
-    turned = learned((0.3, place), 4.0, memory=late, R=TURNED)
+    turned = learned((0.3, place), 6.0, memory=late, R=TURNED)
     assert [*turned.place] == pytest.approx(place, abs=1e-3)
 
 

@@ -5,9 +5,9 @@ Python handles signals between slices, and machine code lets other threads run.
 
 from __future__ import annotations
 
+import _thread
 import ctypes
 import weakref
-from _thread import start_new_thread
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -76,7 +76,7 @@ class Workers:
         """
         while self.count < threads:
             try:
-                start_new_thread(_work, (self._jobs, self._end))
+                _thread.start_new_thread(_work, (self._jobs, self._end))
             except RuntimeError:  # fewer do it as well
                 if not self.count:
                     raise
