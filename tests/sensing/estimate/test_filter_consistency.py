@@ -124,7 +124,14 @@ def test_the_tip_of_case_3_on_estimates(force, slow, gains, bound):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("force", "gains"), [("measured", {}), ("modelled", {}), ("modelled", CHOSEN)])
+@pytest.mark.parametrize(
+    ("force", "gains"),
+    [
+        ("measured", {}),
+        pytest.param("modelled", {}, marks=pytest.mark.xfail(reason="one is lost in upward wind, as joints are braced")),
+        ("modelled", CHOSEN),
+    ],
+)
 def test_no_vehicle_of_a_thousand_wrong_ones_is_lost(force, gains):
     """Masses, centres of mass, inertias, thrust, friction, payload, wind and delay that nobody knows of."""
     scenario = with_gains(gains, estimator__force=force)
