@@ -128,7 +128,7 @@ def test_the_tip_of_case_3_on_estimates(force, slow, gains, bound):
     ("force", "gains"),
     [
         ("measured", {}),
-        pytest.param("modelled", {}, marks=pytest.mark.xfail(reason="one is lost in upward wind, as joints are braced")),
+        pytest.param("modelled", {}, marks=pytest.mark.xfail(reason="one lost in upward wind: braced joints")),
         ("modelled", CHOSEN),
     ],
 )
