@@ -93,7 +93,7 @@ class Surroundings:
         return found
 
     def hurry(self, motion: PointMotion, seconds: Scalar) -> tuple[Memories, Any]:
-        """Internal states of the contact models, and steps in the place of one for the next ``seconds``."""
+        """Internal states of the contact models, and number of integration substeps for the next ``seconds``."""
         found = [self.components[i].hurry(self.memories[i], motion, seconds) for i in self.coupled]
         finer: Any = 1.0
         for _, steps in found:

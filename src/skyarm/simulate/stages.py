@@ -190,7 +190,7 @@ class Stages:
         return Readings(sensors=tuple(going), estimate=memory, readings=kept, measurement=measurement)
 
     def with_grasp(self, read: Readings, memories: Sequence[Any]) -> Readings:
-        """Readings with the report of the grippers at the tip, for a law whose load no reference announces."""
+        """Sensor readings with the grasp signal of the grippers at the tip, for a law that estimates its load."""
         if not self._awaits_load:
             return read
         tip, each_memory = self.scenario.plant.vehicle.end_effector, zip(self.components, memories, strict=True)

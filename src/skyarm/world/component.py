@@ -156,7 +156,7 @@ class Component:
         return memory
 
     def holds(self, memory: Any, frame: str) -> tuple[Scalar, ...]:
-        """Reports of the grippers at a frame of the vehicle, 1 while one holds a body and 0 else; () without any."""
+        """Grasp signals of the grippers at a frame of the vehicle: 1 while one holds a body, else 0; () without any."""
         return ()
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
@@ -225,7 +225,7 @@ class Component:
     """Most steps in the place of one that ``hurry`` may ask for. A property will do."""
 
     def hurry(self, memory: Any, motion: PointMotion, seconds: Any) -> tuple[Any, Any]:
-        """Internal state of the model, and steps in the place of one for the next ``seconds``: more during a hit."""
+        """Internal state of the model, and number of integration substeps for the next ``seconds``: more during a hit."""
         return memory, 1.0
 
     def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> Any:

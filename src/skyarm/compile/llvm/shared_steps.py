@@ -69,7 +69,7 @@ class Workers:
         self.count = 0
 
     def start(self, threads: int) -> None:
-        """Have so many threads at least.
+        """Start worker threads until there are at least ``threads`` of them.
 
         Raises:
             RuntimeError: the system gives none.
@@ -84,12 +84,12 @@ class Workers:
             self.count += 1
 
     def put(self, job: Callable[[], None]) -> None:
-        """Have a job done by the next thread that is free."""
+        """Queue a job for the next free worker thread."""
         self._jobs.put(job)
 
 
 def _work(jobs: SimpleQueue[Any], end: object) -> None:
-    """Do one job after another until the end, which is passed on to the next thread."""
+    """Worker thread: run queued jobs until the end marker, which is passed on to the next thread."""
     while (job := jobs.get()) is not end:
         job()
         del job  # what it holds is not kept while this waits
@@ -112,7 +112,7 @@ class SharedSteps:
         self._arrays, self._fixed = arrays, (*map(_address, arrays), 0, 0, 0, 0, 0, lanes, every)
 
     def run(self, start: int, workers: Workers | None = None, *, whole: bool = False) -> None:
-        """Step all blocks of lanes through all input rows, on the threads given.
+        """Step all blocks of lanes through all input rows, on the given worker threads.
 
         What is raised meanwhile comes through within milliseconds, or, where the arrays are to be a ``whole``, once
         every lane has made its steps.

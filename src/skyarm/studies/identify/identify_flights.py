@@ -129,7 +129,7 @@ def identify_aligned(
 
 
 def _too_short(flight: FlightData, stretches: Sequence[Stretch]) -> Fault:
-    """Warning of a flight of which no stretch counts."""
+    """Warning of a flight without a stretch that is long enough for identification."""
     longest = max(stretches, key=lambda each: each.size)
     finding = f"no part counts: the longest without a gap has {longest.size * longest.period:.3g} s in the air"
     least = f"must be at least {LEAST * longest.period:.3g} s, {LEAST} periods of {longest.period:.3g} s"

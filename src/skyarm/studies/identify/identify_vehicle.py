@@ -181,7 +181,7 @@ def identify_vehicle(
 
 
 def unseen_lags(stretches: Sequence[Stretch]) -> set[str]:
-    """Names of the numbers that stretches whose commands were logged seldom do not show."""
+    """Names of lags and delays that commands logged at a low rate cannot show."""
     return set(LAGS) if any(each.slow for each in stretches) else set()
 
 

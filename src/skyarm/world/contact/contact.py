@@ -415,7 +415,7 @@ class Contact(Force):
         return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
     def holds(self, memory: ContactMemory, frame: str) -> tuple[Scalar, ...]:
-        """Reports of the grippers at a frame of the vehicle, as their fingers or magnets sense it: 1 with a body."""
+        """Grasp signals of the grippers at a frame of the vehicle, as fingers or magnets sense it: 1 with a body."""
         grips = zip(self.grippers, memory.grips, strict=True)
         return tuple(where(grip.taken > 0.5, 1.0, 0.0) for own, grip in grips if own.frame in ("", frame))
 
@@ -434,11 +434,11 @@ class Contact(Force):
 
     @property
     def most_hit_steps(self) -> int:  # type: ignore[override]
-        """Most steps in the place of one."""
+        """Largest number of integration substeps during a hit."""
         return self.hit_steps
 
     def hurry(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> tuple[ContactMemory, Any]:
-        """Steps in the place of one: as many as ``hit_steps`` at a hit of ``HIT`` and faster, 1 where all is slow.
+        """Number of integration substeps: as many as ``hit_steps`` at a hit of ``HIT`` and faster, 1 where all is slow.
 
         They stay nearly as fine through a hit, or the change of the step itself would be felt as energy.
         """

@@ -58,7 +58,7 @@ class NoiseGains(Part):
         return sqrt(sqrt(divide(square, maximum(memory.variance * dt, square))))
 
     def learn(self, memory: NoiseMemory, step: Step) -> NoiseMemory:
-        """Noise estimate one period later."""
+        """Update the estimate of the velocity noise by one control period."""
         dt = step.dt
         fast, _ = double_pole(step.par.observer.force, dt)
         residual = step.measurement.velocity - step.observed.velocity

@@ -77,7 +77,7 @@ class Step:
 
     @property
     def holds(self) -> tuple[Scalar, ...]:
-        """Above 0.5 while the tip holds a load: the reference's command, else the gripper's report; () for neither."""
+        """Grasp flag, above 0.5 while the tip holds a load: the reference's command, else the gripper's report; () for neither."""
         return self.reference.load or self.measurement.holds
 
     def isolate(self, share: Scalar) -> None:
