@@ -225,7 +225,7 @@ class Component:
     """Most steps in the place of one that ``hurry`` may ask for. A property will do."""
 
     def hurry(self, memory: Any, motion: PointMotion, seconds: Any) -> tuple[Any, Any]:
-        """Internal state of the model, and number of integration substeps for the next ``seconds``: more during a hit."""
+        """Internal state of the model, and number of substeps for the next ``seconds``: more during a hit."""
         return memory, 1.0
 
     def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> Any:

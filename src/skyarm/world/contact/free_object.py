@@ -139,7 +139,7 @@ class FreeObject(Carrier):
 
     @property
     def has_edges(self) -> bool:
-        """Whether the object is a box, whose edges may touch those of other boxes."""
+        """True if the object is a box, whose edges may touch those of other boxes."""
         return self.shape == "box"
 
     @property

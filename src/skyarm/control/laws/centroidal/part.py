@@ -77,7 +77,7 @@ class Step:
 
     @property
     def holds(self) -> tuple[Scalar, ...]:
-        """Grasp flag, above 0.5 while the tip holds a load: the reference's command, else the gripper's report; () for neither."""
+        """Grasp flag, above 0.5 while the tip holds a load: by the reference, else by the gripper; () for neither."""
         return self.reference.load or self.measurement.holds
 
     def isolate(self, share: Scalar) -> None:
