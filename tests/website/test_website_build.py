@@ -12,7 +12,7 @@ import pytest
 import yaml
 from build_site import PAGES, SITE, build, lay_out, menu_of
 from site_links import broken, is_address, read_page
-from site_maths import formulas, mathml, with_mathml
+from site_maths import formulas, mathml, rows_of, with_mathml
 from site_recordings import RECORDINGS, asked_for, make_recordings
 from site_reference import ROOMS, homes, reference_pages
 from staged_pages import DOCS, ROOT, relink, site_name, staged, with_drawings, with_recordings
@@ -126,9 +126,23 @@ def test_every_formula_is_understood() -> None:
     pytest.importorskip("latex2mathml", reason="of the extra docs")
     assert len(FORMULAS) > 60
     for formula in FORMULAS:
-        assert mathml(formula, "inline").startswith("<math")
+        assert all(mathml(each, "inline").startswith("<math") for row in rows_of(formula) for each in row)
     with pytest.raises(ValueError, match="formula not understood"):
         mathml(r"\nosuchcommand x", "inline")
+    with pytest.raises(ValueError, match="formula not understood"):
+        mathml(r"a &= b", "block")
+
+
+def test_equations_of_a_block_are_elements_that_a_line_breaks_between() -> None:
+    pytest.importorskip("latex2mathml", reason="of the extra docs")
+    stacked = "\\begin{aligned}\n& a \\leftarrow 1, \\quad b \\\\\n& e = \\frac{x \\quad y}{2}\n\\end{aligned}"
+    assert rows_of(stacked) == [[r"a \leftarrow 1,", "b"], [r"e = \frac{x \quad y}{2}"]]
+    assert rows_of(r"a = \left( b \quad c \right)") == [[r"a = \left( b \quad c \right)"]]
+    shown = with_mathml(f"```math\n{stacked}\n```\n")
+    assert (shown.count("<div>"), shown.count("<math")) == (2, 3)
+    # all primes of a letter with an index stand high
+    high = 3 * "<mi>&#x02032;</mi>"
+    assert f"<msubsup><mi>p</mi><mi>d</mi><mrow>{high}</mrow></msubsup>" in mathml("p_d" + 3 * "'", "inline")
 
 
 def test_formulas_are_drawn_by_the_browser() -> None:
@@ -136,6 +150,7 @@ def test_formulas_are_drawn_by_the_browser() -> None:
     shown = with_mathml("In a line $`a_1`$.\n\n```math\n\\frac{1}{2}\n```\n")
     assert shown.count("<math") == 2
     assert "<mfrac><mrow><mn>1</mn></mrow><mrow><mn>2</mn></mrow></mfrac>" in shown
+    assert with_mathml("$`a_1`$ begins").startswith("<span><math ")
     assert with_mathml("costs $5 and $6") == "costs $5 and $6"
 
 
