@@ -19,11 +19,11 @@ MAGENTA = (255, 0, 255)
 DRAWN = np.full((360, 640, 3), MAGENTA, np.uint8)
 
 
-def made(**changed: object) -> tuple[Captions, FrameLayout]:
+def made(title: str = "A title", **changed: object) -> tuple[Captions, FrameLayout]:
     first, second = film_flights([flight(), flight("centroidal_tip")], TIMES)
     flights: list[FilmedFlight] = [dataclasses.replace(first, **changed), second]  # type: ignore[arg-type]
     layout = frame_layout(640, 360, 2, "side", plot=True)
-    return Captions(flights, TIMES, layout, "A title"), layout
+    return Captions(flights, TIMES, layout, title), layout
 
 
 def inside(picture: np.ndarray, box: Box) -> np.ndarray:
@@ -66,6 +66,16 @@ def test_names_are_in_the_flights_colours_and_numbers_change() -> None:
         assert np.any(inside(first, head) != inside(later, head))
         assert count(inside(later, head), LOST) == 0
     assert np.any(inside(first, layout.title) != inside(later, layout.title)), "the clock"
+
+
+def test_a_long_title_is_written_smaller_beside_the_clock() -> None:
+    words = "A magnet picks a box of 100 g from a table, and another sets it down 0.4 m furthe"
+    seen = [
+        inside(captions.frame(DRAWN, 0), layout.title) for captions, layout in (made(words + "r"), made(words + "t"))
+    ]
+    different = np.nonzero(np.any(seen[0] != seen[1], axis=(0, 2)))[0]
+    assert different.size >= 2, "the last letter is seen"
+    assert different.max() < seen[0].shape[1] - 150, "the clock's place at 360 lines"
 
 
 def test_a_lost_flight_is_called_so_from_its_end_on() -> None:

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -124,6 +125,21 @@ def test_without_a_driver_the_package_is_named(tmp_path: Path) -> None:
 def test_pictures_that_do_not_fit_into_memory_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"600 frames of 1280x720 are more than 1.5 GB; take .mp4"):
         video_files.write_webp(tmp_path / "a.webp", iter(()), (1280, 720), 30, 600)
+
+
+def test_a_slow_change_of_a_shade_is_seen_in_a_webp(tmp_path: Path) -> None:
+    # grain as of a photograph, so that the frames are compressed with loss; a corner blinks, so that none is left out
+    grain = np.random.default_rng(0).normal(60.0, 6.0, (96, 128, 1))
+    frames = [np.repeat(np.clip(grain + 1.5 * k, 0, 255).astype(np.uint8), 3, axis=2) for k in range(40)]
+    for k, frame in enumerate(frames):
+        frame[:16, :16] = 255 * (k % 2)
+    file = video_files.write_webp(tmp_path / "a.webp", iter(frames), (128, 96), 15, 40)
+    with Image.open(file) as film:
+        assert film.n_frames == 40
+        for k, frame in enumerate(frames):
+            film.seek(k)
+            blocks = (np.asarray(film.convert("RGB"), float) - frame).reshape(12, 8, 16, 8, 3).mean(axis=(1, 3))
+            assert np.abs(blocks[2:, 2:]).max() < 10.0  # of 58 that the shade changes; 20 without whole frames
 
 
 def test_every_flight_of_the_paper_fits_into_an_animated_picture_of_the_usual_size(tmp_path: Path) -> None:

@@ -31,6 +31,9 @@ DESIGNED = 720.0
 TITLE, HEAD, PLOT, GAP = 46.0, 40.0, 178.0, 4.0
 """Pixels of that height: bands of title and names, plot, space between panels."""
 
+CLOCK = 300.0
+"""Pixels of that height: what clock and wind take of the title's band."""
+
 LEAST_HEIGHT_OF_PLOT = 240
 """Pixels: a lower frame has no room for a plot."""
 
@@ -82,7 +85,10 @@ class Captions:
     def __init__(self, flights: Sequence[FilmedFlight], times: Array, layout: FrameLayout, title: str) -> None:
         self._flights, self._times, self._layout = flights, times, layout
         self._blank = np.full((layout.height, layout.width, 3), 255, np.uint8)
-        self._write(self._blank, layout.title, title, bold=True)
+        name, self._clock = layout.title.split(
+            layout.title.width - round(min(CLOCK * layout.scale, 0.5 * layout.title.width))
+        )
+        self._write(self._blank, name, title, bold=True)
         for box, flight in zip(layout.heads, flights, strict=True):
             color = [round(255.0 * part) for part in flight.color]
             bar, name = box.split(max(2, round(6.0 * layout.scale)))
@@ -95,10 +101,9 @@ class Captions:
         found, layout, time = self._blank.copy(), self._layout, float(self._times[k])
         for box in layout.panels:
             found[box.inside] = drawn[box.inside]
-        clock = layout.title.split(layout.title.width - round(min(300.0 * layout.scale, 0.5 * layout.title.width)))[1]
         winds = {wind_words(flight, k) for flight in self._flights}
         wind = winds.pop() if len(winds) == 1 else ""  # of all flights
-        self._write(found, clock, f"{wind}    {time:.1f} s".lstrip(), align="right")
+        self._write(found, self._clock, f"{wind}    {time:.1f} s".lstrip(), align="right")
         for box, flight in zip(layout.heads, self._flights, strict=True):
             ink = LOST if flight.lost and time >= flight.end else INK
             number = box.split(self._name_width(flight, box))[1]

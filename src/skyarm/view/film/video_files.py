@@ -24,6 +24,10 @@ QUALITY = "20"
 WEBP_QUALITY = 80
 """From 0 to 100; below 75 what moves leaves specks behind it."""
 
+WEBP_KEY = 5
+"""Frames between two whole ones: libwebp leaves blocks as they are that differ little from the frame before, so that a
+slow change of a shade is lost until a frame is written whole."""
+
 MOST_IN_MEMORY = 1.5e9
 """Bytes of pictures that an animated WebP may take: their frames are held until the last is drawn."""
 
@@ -69,7 +73,13 @@ def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, coun
     # whole milliseconds that add up to the film's length
     edges = [round(1e3 * k / fps) for k in range(len(rest) + 2)]
     durations = [after - before for before, after in itertools.pairwise(edges)]
-    options: dict[str, Any] = {"quality": WEBP_QUALITY, "method": 4, "allow_mixed": True, "kmax": 60}
+    options: dict[str, Any] = {
+        "quality": WEBP_QUALITY,
+        "method": 4,
+        "allow_mixed": True,
+        "kmin": WEBP_KEY - 2,
+        "kmax": WEBP_KEY,
+    }
     buffer = io.BytesIO()
     first.save(buffer, "WEBP", save_all=True, append_images=rest, duration=durations, loop=0, **options)
     return write_atomically(path, buffer.getvalue())
