@@ -118,7 +118,7 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     about, full = Surroundings(delay=float(flown.facts.get("command_delay", 0.0))), 0.0
     beside = Path(vehicle).parent / NUMBERS
     if Path(vehicle).is_file() and beside.is_file():
-        of, about_it, volts = read_surroundings(beside)
+        of, about_it, volts = read_surroundings(beside, flown.name)
         if of == model.name:
             about, full = about_it, volts
             tell(f"delays and offsets: {beside}")

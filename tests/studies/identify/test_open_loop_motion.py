@@ -104,6 +104,11 @@ def test_surroundings_of_an_identification_are_read_back(tmp_path):
     file = tmp_path / "identified.json"
     file.write_text(json.dumps({"start": "x", "surroundings": dataclasses.asdict(given), "known": {"voltage": 4.2}}))
     assert read_surroundings(file) == ("x_identified", given, 4.2)
+    # the second flight of an identification without the battery's voltage has a thrust of its own
+    numbers = [{"name": "thrust.second", "value": 0.91}, {"name": "thrust.third", "value": None}]
+    file.write_text(json.dumps({"start": "x", "surroundings": {"delay": 0.012}, "known": {}, "numbers": numbers}))
+    for flight, thrust in (("first", 1.0), ("second", 0.91), ("third", 1.0)):
+        assert read_surroundings(file, flight)[1] == Surroundings(delay=0.012, thrust=thrust)
     for text, words in (
         ("{", "must be a JSON file"),
         ("[]", "must hold 'surroundings' and 'known'"),

@@ -12,6 +12,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import skyarm
@@ -88,6 +89,19 @@ def test_surroundings_of_another_vehicle_are_not_used(tmp_path: Path, capsys: py
         assert (
             "is not used: it is of 'hummingbird_identified', and the vehicle is 'kite_identified'" in said.err
         ) != used
+
+
+def test_a_replayed_flight_has_the_thrust_that_was_identified_of_it(tmp_path: Path) -> None:
+    trefoil = next((FLIGHTS / "nanobench").glob("*.csv"))
+    file, beside = tmp_path / "vehicle.toml", tmp_path / "identified.json"
+    file.write_text(vehicle_text(dataclasses.replace(skyarm.load_vehicle("hummingbird"), name="kite_identified")))
+    climb = []
+    for name in (trefoil.stem, "another"):
+        numbers = [{"name": f"thrust.{name}", "value": 1.2}]
+        beside.write_text(json.dumps({"start": "kite", "surroundings": {}, "known": {}, "numbers": numbers}))
+        model = _replay(str(trefoil), str(file), 0.5, None, None).model
+        climb.append(np.nanmean(model.position[:, 2]))
+    assert climb[0] > climb[1] + 1e-3
 
 
 @pytest.mark.parametrize(

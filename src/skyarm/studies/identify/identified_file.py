@@ -12,7 +12,7 @@ from skyarm.records.files import number, one_line, shown
 from skyarm.studies.identify.identified_numbers import GIVEN, IdentifiedNumber
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Surroundings
-from skyarm.studies.identify.unknowns import DRAG_HEIGHT
+from skyarm.studies.identify.unknowns import DRAG_HEIGHT, THRUST
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_text import vehicle_text
 
@@ -86,8 +86,12 @@ def _head(found: Identified, start: Vehicle, flights: Sequence[str]) -> list[str
     return lines
 
 
-def read_surroundings(file: Path) -> tuple[str, Surroundings, float]:
+def read_surroundings(file: Path, flight: str = "") -> tuple[str, Surroundings, float]:
     """Surroundings of an identification from the file of all its numbers, of which vehicle, and its rotors' voltage.
+
+    Args:
+        file: of all numbers.
+        flight: name of one that was identified, whose thrust over that of the first one is in the surroundings, too.
 
     Returns:
         Name of the identified vehicle, surroundings, and V; 0 V for an identification without the battery's voltage.
@@ -112,6 +116,9 @@ def read_surroundings(file: Path) -> tuple[str, Surroundings, float]:
             found[each.name] = tuple(number(entry, name) for entry in value)
         else:
             raise ValueError(f"{name} = {shown(value)}: must be {len(each.default)} numbers")
+    own = [each for each in document.get("numbers", []) if each.get("name") == f"{THRUST}{flight}"]
+    if own and own[0].get("value") is not None:
+        found["thrust"] = number(own[0]["value"], f"{file}: {THRUST}{flight}", low=0.0, strict=True)
     named = identified_name(str(document.get("start", "")))
     return named, Surroundings(**found), number(known.get(VOLTAGE, 0.0), f"{file}: known.{VOLTAGE}", low=0.0)
 
