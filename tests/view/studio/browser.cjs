@@ -49,6 +49,8 @@ async function main() {
   seen.gust = await until(page, 'paper_ct', 4 * seen.calm, 1e6);
   seen.after = await until(page, 'paper_ct', 0, 1.5 * seen.calm);
   await page.screenshot({ path: `${folder}/desktop.png` });
+  const paper = () => getComputedStyle(document.querySelector('.mantine-Paper-root')).backgroundColor.match(/\d+/g).map(Number);
+  seen.light_paper = await page.evaluate(paper);
   // a slider: the wind along x, typed into its field and confirmed
   await page.getByText('world', { exact: true }).click();
   await page.getByText('wind force x (N)', { exact: true }).waitFor();
@@ -76,6 +78,11 @@ async function main() {
   const sideways = () => [...document.querySelectorAll('*')].filter((e) => e.scrollWidth > e.clientWidth + 1 &&
     ['auto', 'scroll'].includes(getComputedStyle(e).overflowX)).map((e) => e.className);
   seen.sideways = await page.evaluate(sideways);
+  const night = await browser.newPage({ colorScheme: 'dark' });
+  await night.goto(address);
+  await night.waitForFunction(shows, 'paper_ct: tip error', { timeout: 150000 });
+  seen.dark_paper = await night.evaluate(paper);
+  await night.close();
   seen.hostile = await hostile(browser, new URL(address).port);
   seen.errors = errors;
   console.log(JSON.stringify(seen));

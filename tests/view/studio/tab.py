@@ -31,11 +31,12 @@ class Tab:
     Args:
         port: of the page. token: in the cookie; None sends none.
         origin: of the page that opens the websocket; None sends none.
+        more: further cookies of the browser.
     """
 
-    def __init__(self, port: int, token: str | None, origin: str | None = "own") -> None:
+    def __init__(self, port: int, token: str | None, origin: str | None = "own", more: str = "") -> None:
         own = f"http://127.0.0.1:{port}"
-        headers = {} if token is None else {"Cookie": f"skyarm_studio_{port}={token}"}
+        headers = {} if token is None else {"Cookie": f"skyarm_studio_{port}={token}{more}"}
         self.socket: ClientConnection = connect(
             f"ws://127.0.0.1:{port}/",
             origin=own if origin == "own" else origin,  # type: ignore[arg-type]
@@ -48,6 +49,7 @@ class Tab:
         self.props: dict[str, dict[str, Any]] = {}
         self.kinds: dict[str, str] = {}
         self.nodes: dict[str, dict[str, Any]] = {}
+        self.dark: bool | None = None
         self.send(CAMERA)
 
     def send(self, message: dict[str, Any]) -> None:
@@ -85,6 +87,8 @@ class Tab:
             self.props[message["uuid"]] = {**message["props"], "value": message.get("value")}
         elif kind == "GuiRemoveMessage":
             self.props.pop(message["uuid"], None)
+        elif kind == "ThemeConfigurationMessage":
+            self.dark = message["dark_mode"]
         elif kind in ("SetPositionMessage", "SetOrientationMessage"):
             self.nodes.setdefault(message["name"], {})[kind] = message.get("position", message.get("wxyz"))
 

@@ -58,6 +58,11 @@ def test_a_gust_raises_the_tip_error_that_the_page_shows_and_it_recovers(seen: d
     assert seen["after"] <= 1.5 * seen["calm"]
 
 
+def test_the_page_is_dark_where_the_browser_prefers_so(seen: dict[str, Any]) -> None:
+    assert min(seen["light_paper"][:3]) > 200
+    assert max(seen["dark_paper"][:3]) < 80
+
+
 def test_a_slider_of_wind_moves_the_vehicle(seen: dict[str, Any]) -> None:
     assert seen["slider"] >= 4 * seen["calm"]
 

@@ -119,6 +119,17 @@ def test_the_page_is_for_who_bears_the_token(shown: Open) -> None:
         assert TOKEN.encode() not in content
 
 
+def test_a_page_is_dark_where_its_browser_prefers_so(shown: Open) -> None:
+    _, content, _ = shown.get(f"/?token={TOKEN}", **{"Accept-Encoding": "gzip"})
+    name = f"skyarm_studio_{shown.port}_dark"
+    assert content.count(f'<head><script>document.cookie = "{name}=" + matchMedia('.encode()) == 1
+    assert content.rstrip().endswith(b"</html>")  # of its whole length
+    for more, dark in ((f"; {name}=true", True), (f"; {name}=false", False), ("; other=true", False)):
+        tab = Tab(shown.port, TOKEN, more=more)
+        tab.listen(lambda t, dark=dark: t.dark is dark, 20.0)
+        tab.close()
+
+
 WEBSOCKET = (
     "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",

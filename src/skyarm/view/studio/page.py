@@ -33,7 +33,6 @@ class Page(PageLoop):
         self._making = 0
         self._turn = 0
         self._picture = Picture(server)
-        server.gui.configure_theme(show_logo=False, show_share_button=False)
         own = self.fleet.scenario.controller.name
         self._controls = Controls(server.gui, self, [law or own for law in laws])
         self._shown: list[Any] = []

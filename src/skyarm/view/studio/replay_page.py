@@ -77,7 +77,6 @@ class ReplayPage(PageLoop):
     def __init__(self, server: Any, replay: Replay) -> None:
         super().__init__(server)
         self.replay = replay
-        server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._picture = ReplayPicture(server, replay)
         self._worker, self._predicting = ThreadPoolExecutor(max_workers=1, thread_name_prefix="prediction"), False
         gui = server.gui

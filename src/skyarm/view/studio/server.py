@@ -78,7 +78,13 @@ def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
     with _serving(module, listening, guard, inputs), _silent():
         server = viser.ViserServer(host=LOOPBACK[0], port=guard.port, label=title, verbose=False)
     inputs["gui"] = server.gui
+    configure_theme(server.gui, dark=False)
     return server
+
+
+def configure_theme(gui: Any, *, dark: bool) -> None:
+    """Set the look of the page of all tabs: light or dark, without viser's logo and its tunnel's button."""
+    gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
 
 
 def close_server(server: Any) -> None:
@@ -96,6 +102,8 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
         page = options.pop("process_request")
 
         async def handle(connection: Any) -> None:
+            # there is one reader, so that all tabs look as the last one that was opened
+            configure_theme(inputs["gui"], dark=guard.wants_dark(connection.request.headers.get("Cookie", "")))
             await handler(Sieve(connection, inputs))
 
         def answer(connection: Any, request: Any) -> Any:
@@ -112,8 +120,14 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
             if refusal is not None:
                 return connection.respond(http.HTTPStatus.FORBIDDEN, f"403: {refusal}\n")
             request.headers.get("Sec-WebSocket-Key", "").encode("ascii")
+            if "Accept-Encoding" in request.headers:
+                del request.headers["Accept-Encoding"]
             response = page(connection, request)
             if response is not None:
+                if b"<head>" in response.body:
+                    response.body = response.body.replace(b"<head>", b"<head>" + guard.script().encode(), 1)
+                    del response.headers["Content-Length"]
+                    response.headers["Content-Length"] = str(len(response.body))
                 response.headers["Set-Cookie"] = guard.remember()
                 response.headers["Referrer-Policy"] = "no-referrer"
                 response.headers["X-Frame-Options"] = "DENY"
@@ -262,18 +276,31 @@ class Guard:
     def _has_token(self, path: str, headers: Mapping[str, str]) -> bool:
         """True if a request has the secret token in its address or cookie."""
         given = parse_qs(urlsplit(path).query).get("token", [])
-        try:
-            kept = SimpleCookie(headers.get("Cookie", "")).get(self.cookie)
-        except CookieError:
-            kept = None
-        if kept is not None:
-            given = [*given, kept.value]
+        given = [*given, *_cookie(headers.get("Cookie", ""), self.cookie)]
         return any(hmac.compare_digest(each.encode(), self.token.encode()) for each in given)
 
     def remember(self) -> str:
         """Header that stores the secret token as a cookie in the browser."""
         return f"{self.cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
 
+    def script(self) -> str:
+        """Script of the page that tells by a cookie whether its browser prefers dark pages."""
+        dark = 'matchMedia("(prefers-color-scheme: dark)").matches'
+        return f'<script>document.cookie = "{self.cookie}_dark=" + {dark} + "; Path=/; SameSite=Strict"</script>'
+
+    def wants_dark(self, cookies: str) -> bool:
+        """True for cookies of a browser that prefers dark pages."""
+        return _cookie(cookies, f"{self.cookie}_dark") == ["true"]
+
     def address(self) -> str:
         """Web address with the secret token, for the user's browser."""
         return f"http://{LOOPBACK[0]}:{self.port}/?token={self.token}"
+
+
+def _cookie(cookies: str, name: str) -> list[str]:
+    """Value of a cookie in a header; empty without it."""
+    try:
+        kept = SimpleCookie(cookies).get(name)
+    except CookieError:
+        kept = None
+    return [] if kept is None else [kept.value]
