@@ -161,15 +161,24 @@ def test_joints_are_braced_by_the_upward_force_over_the_weight(up, share):
     """Stiffness as the square of the bandwidth; the base's gains and, without an accelerometer, the observer stay."""
     par = make_centroidal(Model(vehicle=with_limits(-np.inf, np.inf)), mode="tip", preset="adaptive").par
     weight = par.model.vehicle.mass * par.model.gravity
-    found = brace_joints(par, Vec3(40.0, -7.0, up * weight))
+    found = brace_joints(par, Vec3(40.0, -7.0, up * weight), 0.0)
     gains = (found.tip.position, found.tip.velocity, *found.joint_gains.stiffness, *found.joint_gains.damping)
     own = (par.tip.position, par.tip.velocity, *par.joint_gains.stiffness, *par.joint_gains.damping)
     assert gains == pytest.approx([a * b for a, b in zip(own, (share**2, share) * 2, strict=True)])
     assert (found.base, found.observer) == (par.base, par.observer)
     gusts = make_centroidal(par.model, mode="tip", preset="gusts").par
-    wider = brace_joints(gusts, Vec3(0.0, 0.0, up * weight)).observer
+    wider = brace_joints(gusts, Vec3(0.0, 0.0, up * weight), 0.0).observer
     assert wider.joints == pytest.approx(np.clip(1.0 + 3.0 * (up - 0.05), 1.0, 2.0) * gusts.observer.joints)
     assert dataclasses.replace(wider, joints=gusts.observer.joints) == gusts.observer
+
+
+@pytest.mark.parametrize(("late", "share"), [(0.005, 1.75), (0.02, 1.0), (0.04, 1.0)])
+def test_late_commands_leave_less_room_to_brace_joints(late, share):
+    par = make_centroidal(Model(vehicle=with_limits(-np.inf, np.inf)), mode="tip", preset="adaptive").par
+    weight = par.model.vehicle.mass * par.model.gravity
+    assert brace_joints(par, Vec3(0.0, 0.0, 0.25 * weight), late).tip.velocity == pytest.approx(
+        share * par.tip.velocity
+    )
 
 
 def test_a_push_from_below_folds_the_arm_by_less_than_half_a_turn():

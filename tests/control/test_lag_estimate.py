@@ -223,6 +223,11 @@ def test_a_delay_takes_no_bandwidth(weaker):
     assert GAINS.shares(GAINS.start(2), DT) == (1.0, 1.0)
 
 
+def test_commands_that_have_not_acted_yet_are_no_slow_actuator():
+    """A motion that begins at once: for 30 ms nothing answers, and what was asked for is large beside that."""
+    assert delay_share(flown(6, seconds=0.4, active=30.0)) == 1.0
+
+
 def test_a_slow_actuator_takes_the_bandwidth_that_halves_at_its_lag():
     """Poles at 20 rad/s leave 0.5 of what 35 rad/s ask for: more than 1.35 times less, and no delay."""
     # of what it knew at first it would keep a third for 7 s

@@ -83,8 +83,8 @@ class WrittenLaw(WrittenParts):
             past=[np.zeros(k)] * (8 * self.stride),
             M=np.zeros((2, 9)),
             s=np.zeros(2),
-            A=0.5,
-            B=0.5,
+            A=0.25,
+            B=0.25,
         )
         self.noise = SimpleNamespace(o=np.zeros(3), c=np.zeros(3), V=0.0)
         self.learned = SimpleNamespace(
@@ -131,7 +131,8 @@ class WrittenLaw(WrittenParts):
         r = par.lag[0] / (par.lag[0] + max(L[0] * (1 - self._delay_share()) - 0.002, 0.0))
         j = par.lag[1] / (par.lag[1] + max(L[1] - L[0] - 0.002, 0.0))
         # joint_limits: all joints without limits
-        braced = j * (1.0 + np.clip(5 * (self.d[0][2] / (m * g) - 0.05), 0.0, 1.5))
+        room = max(1 - L[0] / 0.02, 0.0)
+        braced = j * (1.0 + room * np.clip(5 * (self.d[0][2] / (m * g) - 0.05), 0.0, 1.5))
         kp, kv = par.base[0] * r * r, par.base[1] * r
         KR = np.array([par.base[2], par.base[2], par.yaw[0]]) * r * r
         Kw = np.array([par.base[3], par.base[3], par.yaw[1]]) * r

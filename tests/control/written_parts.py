@@ -266,9 +266,9 @@ class WrittenParts:
             a.M[k] = np.minimum(M, (M + PRICES).min() + 0.05 - PRICES)
             a.s[k] += dt * (min(E.mean(), 4 * (a.s[k] + 0.01)) - a.s[k])
         expected = weights[0] @ past[:, :2] / weights[0].sum()
-        size = z[:2] @ z[:2] + 4 * scale + 0.01
-        a.A += 0.15 * dt * (expected @ z[:2] / size - a.A)
-        a.B += 0.15 * dt * (expected @ expected / size - a.B)
+        size = z[:2] @ z[:2] + expected @ expected + 4 * scale + 0.01
+        a.A += 0.3 * dt * (expected @ z[:2] / size - a.A)
+        a.B += 0.3 * dt * (expected @ expected / size - a.B)
         a.own = a.own + told.corrections * [free[0], free[0], *free[1:]]
         a.rates, a.past, a.count = rates, [band, *a.past[:-1]], a.count + 1
 

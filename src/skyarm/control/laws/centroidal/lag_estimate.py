@@ -54,7 +54,7 @@ LEAD = 0.05
 PRICES = tuple(min(PRIOR * j, LEAD) for j in range(CANDIDATES))
 """Of each lag of the bank."""
 
-LEARNING, KNOWN = 0.15, 0.5
+LEARNING, KNOWN = 0.3, 0.25
 """1/s, rate at which the size of the accelerations is learned; agreement and size, before the first measurement."""
 
 SMALLER, SLOW = 1.15, 1.35
@@ -150,7 +150,9 @@ class LagGains(Part):
             inner_product(weights, axis) * inverse for axis in zip(*(each[:TILTS] for each in past), strict=True)
         ]
         share = learned * (LEARNING * dt)
-        gain = divide(share, inner_product(turned, turned) + ROBUST * memory.base.scale + FLOOR)
+        # of both: of what was measured alone, a command that has not acted yet would count without bound
+        square = inner_product(expected, expected)
+        gain = divide(share, inner_product(turned, turned) + square + ROBUST * memory.base.scale + FLOOR)
         return LagMemory(
             count=memory.count + running,
             rates=tuple(data(each) for each in rates),
@@ -163,7 +165,7 @@ class LagGains(Part):
             base=base,
             arm=arm,
             agreement=memory.agreement * (1.0 - share) + gain * inner_product(expected, turned),
-            size=memory.size * (1.0 - share) + gain * inner_product(expected, expected),
+            size=memory.size * (1.0 - share) + gain * square,
             found=self.lags(memory, dt),
         )
 

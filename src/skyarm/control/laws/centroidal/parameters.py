@@ -28,6 +28,9 @@ SHARES = (0.125, 0.25, 0.4375, 0.6875, 1.0)
 PRESSED = 0.05
 """Upward force over the weight from which joints are braced."""
 
+LATEST = 0.02
+"""Delay of the commands from which they are not, s."""
+
 BRACES, BRACES_AND_OBSERVER = (5.0, 2.5), (3.0, 2.0)
 """Growth of the joints' bandwidth with what exceeds it, and the most; where that of their observer grows, too."""
 
@@ -173,7 +176,7 @@ def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> Cent
     )
 
 
-def brace_joints(par: CentroidalParameters, force: Vec3) -> CentroidalParameters:
+def brace_joints(par: CentroidalParameters, force: Vec3, late: Scalar) -> CentroidalParameters:
     """Constants of the law with wider bandwidths of the joints under an observed upward force (N, world axes).
 
     A force ``F`` that pushes a hanging arm of length ``l`` from below takes the stiffness ``F l`` from its joints, and
@@ -184,7 +187,8 @@ def brace_joints(par: CentroidalParameters, force: Vec3) -> CentroidalParameters
     share = divide(force.z, par.model.vehicle.mass * par.model.gravity)
     alone = par.observer.accelerometer is None
     growth, most = BRACES if alone else BRACES_AND_OBSERVER
-    joints = 1.0 + minimum(maximum((share - PRESSED) * growth, 0.0), most - 1.0)
+    room = maximum(1.0 - late * (1.0 / LATEST), 0.0)
+    joints = 1.0 + room * minimum(maximum((share - PRESSED) * growth, 0.0), most - 1.0)
     twice = joints * joints
     observer = par.observer if alone else _times(par.observer, joints=joints)
     return dataclasses.replace(
