@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 
+import skyarm
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.leaves import parts
 from skyarm.reference import Constant
+from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.tune import candidate_flights, tuning
 from skyarm.studies.tune.candidate_flights import OWN, CandidateFlights, Flown, of_drawn, shorten, with_own
@@ -49,6 +52,21 @@ def test_a_search_flies_the_own_motion_until_enough_of_it_was_looked_at(duration
     found = shorten(dataclasses.replace(case, duration=duration, windows=windows))
     assert (found.duration, found.windows.steady) == (flown, Window(*window))
     assert found.reference == case.reference
+
+
+def test_saturation_is_the_share_of_periods_with_a_rotor_at_its_limit():
+    vehicle = load_vehicle("hummingbird")
+    hover = math.sqrt(float(vehicle.mass) * 9.81 / sum(float(r.thrust_coefficient) for r in vehicle.rotors))
+    weak = tuple(dataclasses.replace(r, max_speed=1.05 * hover) for r in vehicle.rotors)
+    flight = tuning_flight(of_vehicle(dataclasses.replace(vehicle, rotors=weak), "decoupled_pd"))
+    flight = dataclasses.replace(flight, duration=1.0, windows=Windows(steady=Window(0.2, 1.0)))
+    plants = draw_plants(flight, 3, seed=1)
+    found = CandidateFlights(flight, (), plants, saturation=True).fly(np.zeros((1, 0))).saturated[0]
+    for i, share in enumerate(found):
+        log = skyarm.run(with_numbers(flight, {path: column[i] for path, column in plants.values.items()}))
+        limited = (log.rotor_commands <= 0.0) | (log.rotor_commands >= (1.0 - 1e-6) * 1.05 * hover)
+        assert share == pytest.approx(limited[log.time >= 0.2].any(axis=1).mean(), abs=0.02)  # of single precision
+    assert 0.02 < found.mean() < 0.98
 
 
 def test_every_fourth_plant_flies_the_own_motion_and_the_other_kinds_stay_balanced(short):

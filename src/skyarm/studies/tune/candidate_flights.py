@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.log.batch_log import BatchLog
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
@@ -27,11 +26,8 @@ LARGEST_TILT = math.radians(80.0)
 LOST = 100.0
 """m: error that a lost flight is charged."""
 
-SAMPLED = 5
-"""Control periods between two samples of the commands, where saturation is counted."""
-
-NEAR_LIMIT = 0.999
-"""Share of its largest speed from which on a rotor counts as saturated."""
+LIMITED = "rotor_saturation"
+"""Metric of control periods with a rotor at its limit, as other tables show it."""
 
 OWN = len(KINDS)
 """Number of the kind of motion that is the scenario's own."""
@@ -55,7 +51,7 @@ class Flown:
             where there is none.
         jitter: rad/s, RMS change of a rotor command per period. effort: N m or N, RMS of all joint efforts.
         lost: ended early, or tilted by more than 80 degrees.
-        saturated: share of rotor commands at their largest speed; NaN where it was not counted.
+        saturated: share of periods with a rotor at its limit, as the metric ``rotor_saturation``; NaN if not measured.
         kinds: (plants,) kind of motion of each.
     """
 
@@ -101,7 +97,7 @@ class CandidateFlights:
         threads: results do not depend on it.
         seed: of the noise; each plant has its own, which all candidates share.
         gust: the flight has a window of a gust.
-        saturation: count it, which keeps a log of the commands.
+        saturation: measure it.
     """
 
     def __init__(
@@ -129,8 +125,8 @@ class CandidateFlights:
         self._windows = ("", "gust_") if gust else ("",)
         self._errors = ("position", "joint", "ee") if self._has_tip else ("position", "joint")
         metrics = [_error(window, each) for window in self._windows for each in self._errors]
+        metrics += [LIMITED] if saturation else []
         places = [f"controller.{'.'.join(place)}" for knob in self.knobs for place, _ in knob.numbers]
-        self._most = np.array([float(rotor.max_speed) for rotor in scenario.controller.par.model.vehicle.rotors])
         damping = {path: float(column.max()) for path, column in plants.values.items() if path.endswith(".damping")}
         self._batch = Batch(
             scenario,
@@ -138,7 +134,6 @@ class CandidateFlights:
             stiffest=with_numbers(scenario, damping),
             metrics=(*metrics, "rotor_jitter", "tilt_max", *self._efforts),
             single=True,
-            log_every=SAMPLED if saturation else 0,
         )
 
     def fly(self, logs: Array, plants: int | None = None, others: Plants | None = None) -> Flown:
@@ -178,6 +173,8 @@ class CandidateFlights:
             product = product * self._tracking_error(part)
         base = parts[0]["position"]
         squares = [table(name) ** 2 for name in self._efforts]
+        known = LIMITED in found.metrics
+        limited = np.nan_to_num(table(LIMITED), nan=1.0) if known else np.full((count, each), np.nan)
         return Flown(
             error=_penalize(product ** (1.0 / len(parts)), lost),
             tip=_penalize(parts[0].get("ee", base), lost),
@@ -185,7 +182,7 @@ class CandidateFlights:
             jitter=np.nan_to_num(table("rotor_jitter"), nan=LOST, posinf=LOST),
             effort=np.nan_to_num(np.sqrt(sum(squares)), nan=LOST) if squares else np.zeros((count, each)),
             lost=lost,
-            saturated=self._saturation(found.log, count, each),
+            saturated=limited,
             kinds=plants.kinds,
         )
 
@@ -195,13 +192,6 @@ class CandidateFlights:
         if self._keeps_tip:
             return errors["ee"]
         return 0.5 * (errors["ee"] + posture) if self._has_tip else posture
-
-    def _saturation(self, log: BatchLog | None, count: int, each: int) -> Array:
-        if log is None:
-            return np.full((count, each), np.nan)
-        speeds = np.stack([np.asarray(w, dtype=float) for w in log.command.rotor_speeds])
-        full = speeds >= NEAR_LIMIT * self._most[:, None, None]
-        return np.asarray(full.mean(axis=(0, 2))).reshape(count, each)
 
 
 def of_drawn(flown: Flown) -> Flown:

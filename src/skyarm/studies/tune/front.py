@@ -18,7 +18,7 @@ WORTH = 1.05
 """The pick is the calmest point whose error is within this factor of the least one that meets the constraints."""
 
 SATURATED = 0.05
-"""Largest share of rotor commands at their limit, median over the plants."""
+"""Largest share of control periods with a rotor at its limit, median over the plants."""
 
 RULE = (
     "the calmest point that loses no plant, keeps its rotors below saturation, meets the margins, and whose error is "

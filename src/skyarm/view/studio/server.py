@@ -284,7 +284,7 @@ class Guard:
         return f"{self.cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
 
     def script(self) -> str:
-        """Script of the page that tells by a cookie whether its browser prefers dark pages."""
+        """Script of the page that stores in a cookie whether its browser prefers dark pages."""
         dark = 'matchMedia("(prefers-color-scheme: dark)").matches'
         return f'<script>document.cookie = "{self.cookie}_dark=" + {dark} + "; Path=/; SameSite=Strict"</script>'
 
