@@ -1,9 +1,11 @@
 """Measure how well the hexarotor places boxes that it grips beside their middle: the sentence of docs/carrying.md.
 
-    python tests/control/measure_boxes.py [SEEDS [SEED [KINDS [PRESET]]]]
+    python tests/control/measure_boxes.py [SEEDS [SEED [KINDS [PRESET [FRICTION [DWELL]]]]]]
 
 Of each kind of gripper, mass and size: boxes that were picked, carried and stand within 10 mm, and how far they stand
 from where they were to be (mean and largest, mm).
+
+FRICTION: of a ball of 5 mm in its socket, under 60 N. DWELL: s, of the place.
 """
 
 import sys
@@ -26,19 +28,19 @@ OFF = (
 BOX = "world.objects.box."
 
 
-def scene(kind, preset, size, mass):
+def scene(kind, preset, size, mass, friction=0.5, dwell=1.0):
     """A pick and a place of a box on a table."""
     (x, y), (dx, dy) = START, WAY
     phase = {"gripper": "hand", "approach": [0.0, 0.0, 0.15], "dwell": 1.0}
     phases = [
         {"kind": "hold", "duration": 1.0},
         phase | {"kind": "pick", "position": [x, y, FACE - 0.001]},
-        phase | {"kind": "place", "position": [x + dx, y + dy, FACE - 0.001]},
+        phase | {"kind": "place", "dwell": dwell, "position": [x + dx, y + dy, FACE - 0.001]},
         {"kind": "hold", "duration": 1.0},
     ]
     path = {"kind": "phases", "position": [0.2, 0.0, FACE + 0.2], "speed": 0.5, "acceleration": 0.5, "phases": phases}
     return scenario_from({
-        "schema": 1, "name": "boxes", "duration": 13.0, "plant": {"vehicle": "hexarotor_arm6"},
+        "schema": 1, "name": "boxes", "duration": 12.0 + dwell, "plant": {"vehicle": "hexarotor_arm6"},
         "controller": {"law": "centroidal", "mode": "tip", "preset": preset, "load": 0.8},
         "sensors": NOISE, "delays": {"measurement": 0.005},
         "reference": {"tip": {"posture": [0.0, 0.6, -1.0, 0.0, 0.5, 0.0], "path": path}},
@@ -47,7 +49,7 @@ def scene(kind, preset, size, mass):
                           "position": [0.6, 0.1, FACE - size - 0.025]}],
             "objects": [{"name": "box", "size": [size] * 3, "mass": mass, "standing": True,
                          "position": [x, y, FACE - 0.5 * size + 0.001]}],
-            "grippers": [{"name": "hand", "kind": kind, "force": 60.0, "torque": 2.0}],
+            "grippers": [{"name": "hand", "kind": kind, "force": 60.0, "torque": 2.0, "friction": friction}],
         },
     })  # fmt: skip
 
@@ -61,7 +63,7 @@ class Boxes(Batch):
         return carry, log
 
 
-def measure(kind, seeds, seed, preset):
+def measure(kind, seeds, seed, *told):
     """All boxes of one gripper in one batch."""
     rows = list(product((0.3, 0.5), (0.04, 0.1), OFF, range(seeds)))
     mass, size = np.transpose([row[:2] for row in rows])
@@ -70,7 +72,8 @@ def measure(kind, seeds, seed, preset):
         BOX + "mass": mass, BOX + "position.0": START[0] + x, BOX + "position.1": START[1] + y,
         BOX + "position.2": FACE - 0.5 * size, "world.surfaces.table.position.2": FACE - size - 0.025,
     } | {f"{BOX}size.{axis}": size for axis in range(3)}  # fmt: skip
-    batch = Boxes(scene(kind, preset, 0.1, 0.5), tuple(values), stiffest=scene(kind, preset, 0.04, 0.3))
+    large, small = (scene(kind, told[0], *box, *told[1:]) for box in ((0.1, 0.5), (0.04, 0.3)))
+    batch = Boxes(large, tuple(values), stiffest=small)
     flown = batch.fly(values, seed=seed, episodes=np.array([row[3] for row in rows]))
     world = next(memory for memory in batch.last.components if hasattr(memory, "grips"))
     body, grip = world.carried[0], world.grips[0]
@@ -85,6 +88,6 @@ def measure(kind, seeds, seed, preset):
 
 
 if __name__ == "__main__":
-    words = [*sys.argv[1:], *("2", "211", "magnet,jaw,ball", "adaptive")[len(sys.argv) - 1 :]]
+    words = [*sys.argv[1:], *("2", "211", "magnet,jaw,ball", "adaptive", "0.5", "1")[len(sys.argv) - 1 :]]
     for each in words[2].split(","):
-        measure(each, int(words[0]), int(words[1]), words[3])
+        measure(each, int(words[0]), int(words[1]), words[3], float(words[4]), float(words[5]))

@@ -95,7 +95,7 @@ def test_a_body_that_was_moved_away_is_pulled_back_by_the_stiffness_of_the_grasp
 @pytest.mark.parametrize(("kind", "holds"), [("magnet", True), ("suction", True), ("jaw", True), ("ball", False)])
 def test_a_body_that_was_turned_is_turned_back_but_by_a_ball_grip(kind, holds):
     """By k rho^2 sin(angle), with rho^2 = a^2 / 6 of a cube: its angular acceleration is k / m of the angle."""
-    contact = gripping(kind)
+    contact = gripping(kind, radius=0.0)
     memory = taken(contact)
     # about the place where it is held: the place itself stays
     turn = np.array([0.0, 1e-3, 0.0])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -489,12 +490,15 @@ class Contact(Force):
         return contact_scene(self, seen)
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
-        """Warning if contact needs much shorter integration steps than the vehicle alone."""
+        """Warnings about steps much shorter than the vehicle's alone, and about balls that hold objects tilted."""
+        pairs = product(self.grippers, self.objects)
+        tilted = [line for hand, it in pairs for line in hand.tilt_warning(it.name, it.mass, it.half_width)]
         what, bound = min(self.steps, key=lambda each: float(each[1]))
         least = float(bound)
         if not MUCH_SHORTER * least < step:
-            return ()
+            return tilted
         return (
+            *tilted,
             f"{what} asks for integration steps of {1e3 * least:.2g} ms in contact; they are taken by themselves, "
             f"about {step / least:.0f} in place of each of rates.physics, and cost that much more",
         )

@@ -143,6 +143,11 @@ class FreeObject(Carrier):
         return self.shape == "box"
 
     @property
+    def half_width(self) -> float:
+        """Half of its largest width, m: how far beside its middle it may be gripped."""
+        return max(float(each) for each in self.size) * (0.5 if self.shape == "box" else 1.0)
+
+    @property
     def gyration(self) -> Scalar:
         """Smallest squared radius of gyration, m^2."""
         moments = self.moments

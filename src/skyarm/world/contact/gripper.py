@@ -7,7 +7,8 @@ hold and where they give way:
 * ``magnet`` and ``suction`` hold the whole pose. They give way to a pull beyond their force along the outward normal of
   the skin at which they took hold, to more shear than friction holds under what is left of that force, and to a torque;
 * ``jaw``, two fingers that close on a body, holds the whole pose, up to a force in any direction and a torque;
-* ``ball`` holds a place, the body turns freely about it: a handle, a lever;
+* ``ball``, which a magnet or a spring draws into a socket, holds a place: the body turns about it against dry friction
+  in the socket, freely without;
 * ``hook`` takes hold when it rises past a body within its reach, carries it from below, and lets go when it is lowered
   out of it. It has no command.
 
@@ -22,8 +23,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, logical_and, logical_or, maximum, minimum, sqrt, where
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, divide, logical_and, logical_or, maximum, minimum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
@@ -39,6 +40,9 @@ KINDS = ("magnet", "suction", "jaw", "ball", "hook")
 
 POSE = ("magnet", "suction", "jaw")
 """Kinds that hold the attitude, too."""
+
+EARTH = 9.81
+"""m/s^2: of what a grasp bears on Earth."""
 
 ADHESIVE = ("magnet", "suction")
 """Kinds that are pulled off along the normal."""
@@ -88,11 +92,14 @@ class Hold:
 
     Attributes:
         force: N, at ``place`` (m). torque: N m, beside that of the force.
+        twist: rad, world axes, from the body's attitude to that of the grasp, as much of it as friction in the socket
+            of a ball bears; None of what has no friction.
     """
 
     force: Vec3
     torque: Vec3
     place: Vec3
+    twist: Vec3 | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -111,12 +118,14 @@ class Gripper:
     reach: Annotated[Scalar, Unit("m", "from its frame to the skin of a body", low=0.0, strict=True)] = 0.01
     force: Annotated[Scalar, Unit("N", "at which it gives way", low=0.0, strict=True)] = 10.0
     torque: Annotated[Scalar, Unit("N m", "at which it gives way", low=0.0, strict=True)] = 0.5
-    friction: Annotated[Scalar, Unit("", "of a magnet or a suction cup, against shear", low=0.0)] = 0.5
+    friction: Annotated[Scalar, Unit("", "of a magnet or cup against shear, of a ball in its socket", low=0.0)] = 0.5
+    radius: Annotated[Scalar, Unit("m", "of a ball in its socket; 0: turns freely", low=0.0)] = 0.005
     stiffness: Annotated[Scalar, Unit("N/m", "of the grasp", low=0.0, strict=True)] = 5000.0
     damping_ratio: Annotated[Scalar, Unit("", "of the grasp", low=0.0, high=2.0)] = 0.5
 
     def __post_init__(self) -> None:
         accept_fields(self, "gripper")
+        coerce.fold_zeros(self, "radius")
         if self.kind == "hook" and self.closed != Command():
             raise RecordError("gripper.closed: must be left out of a hook, which has no command")
 
@@ -151,6 +160,32 @@ class Gripper:
         """Damping coefficient (N s/m) of a grasp that moves a mass (kg)."""
         return 2.0 * self.damping_ratio * sqrt(self.stiffness * mass)
 
+    @property
+    def holds_attitude(self) -> bool:
+        """True if something resists a rotation of what is held."""
+        free = type(self.radius) is int and self.radius == 0
+        return self.kind in POSE or (self.kind == "ball" and not free)
+
+    @property
+    def socket_torque(self) -> Scalar:
+        """Friction torque (N m) of a ball in its socket, preloaded by the force at which the ball leaves it.
+
+        M = mu F r: the frictional moment of a spherical plain bearing under a load F (SKF, Spherical plain bearings and
+        rod ends, catalogue 4407: M = 0.5 mu P d). mu: 0.5 dry, 0.1 to 0.2 greased steel.
+        """
+        return self.friction * self.force * self.radius
+
+    def tilt_warning(self, name: str, mass: Scalar, half_width: Scalar) -> Iterator[str]:
+        """Warning about a ball whose friction does not bear an object (kg) that it holds near its rim (m)."""
+        level = self.socket_torque / (mass * EARTH)
+        if self.kind == "ball" and level < half_width:
+            torque, off = float(self.socket_torque), 1e3 * float(level)
+            yield (
+                f"grippers.{self.name}.radius = {float(self.radius):g}: this ball bears {torque:.2g} N m and holds "
+                f"{name!r} level up to {off:.2g} mm beside its centre of mass; further off it hangs tilted and lands "
+                "on an edge"
+            )
+
     def start(self) -> Grip:
         """Initial state of the gripper: open and ready to grasp."""
         return replace(UNCHANGED, ready=1.0)
@@ -171,21 +206,25 @@ class Gripper:
         force = stretch * self.stiffness + speed * damping
         if self.kind == "hook":  # it carries, and does not press down
             force = Vec3(force.x, force.y, maximum(force.z, 0.0))
-        torque = ZERO3
-        if self.kind in POSE and not (type(gyration) is int and gyration == 0):
+        torque, twist = ZERO3, None
+        if self.holds_attitude and not (type(gyration) is int and gyration == 0):
             wanted, has = frame.rotation @ grip.turn, body.rotation
             error = ZERO3
             for i in range(3):
                 error = error + has.column(i).cross(wanted.column(i)) * 0.5
             torque = (error * self.stiffness + (frame.turning - body.turning) * damping) * gyration
-        return Hold(force=force, torque=torque, place=place)
+            if self.kind == "ball":
+                most = self.socket_torque
+                torque = _within_length(torque, most)
+                twist = _within_length(error, divide(most, self.stiffness * gyration))
+        return Hold(force=force, torque=torque, place=place, twist=twist)
 
     def is_overloaded(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Any:
         """True if the load of a grasp exceeds the gripper's limits."""
         force, torque = hold.force, hold.torque
-        twisted = torque.dot(torque) > self.torque * self.torque
+        twisted = False if self.kind == "ball" else torque.dot(torque) > self.torque * self.torque
         if self.kind not in ADHESIVE:
-            return logical_or(force.dot(force) > self.force * self.force, twisted)
+            return _any(force.dot(force) > self.force * self.force, twisted)
         normal = body.rotation.apply(grip.normal)
         pull = force.dot(normal)
         shear = force - normal * pull
@@ -215,7 +254,7 @@ class Gripper:
         keeps = _both(held, _both(closed, _both(_not(broken), _not(out))))
         free = _both(_both(closed, grip.ready > 0.5), _not(held))
         taken, place, normal, turn = where(keeps, grip.taken, 0.0), grip.place, grip.normal, grip.turn
-        for i, (body, distance, outward, _) in enumerate(bodies):
+        for i, (body, distance, outward, hold) in enumerate(bodies):
             takes = _both(_both(free, distance <= self.reach), taken < 0.5)
             if self.kind == "hook":
                 rising = frame.velocity.z - body.velocity_at(frame.position).z
@@ -224,7 +263,10 @@ class Gripper:
             place = _select(takes, body.rotation.apply_T(frame.position - body.position), place)
             normal = _select(takes, body.rotation.apply_T(outward), normal)
             now = frame.rotation.T @ body.rotation
-            turn = Mat3(*(_select(takes, new, old) for new, old in zip(now.rows, turn.rows, strict=True)))
+            if hold.twist is not None:  # the ball has turned in its socket by what friction did not bear
+                slipped = frame.rotation.T @ Quaternion.of_small_rotation(hold.twist).rotation() @ body.rotation
+                turn = _select_rows(is_taken(grip.taken, i + 1.0), slipped, turn)
+            turn = _select_rows(takes, now, turn)
         opened = _not(near) if self.kind == "hook" else _not(closed)
         used = _any(held, taken > 0.5)
         return Grip(
@@ -257,6 +299,18 @@ def _any(a: Scalar, b: Scalar) -> Any:
 def _select(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
     return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
 
+
+def _select_rows(condition: Scalar, a: Mat3, b: Mat3) -> Mat3:
+    return Mat3(*(_select(condition, x, y) for x, y in zip(a.rows, b.rows, strict=True)))
+
+
+def _within_length(vector: Vec3, most: Scalar) -> Vec3:
+    """Vector shortened to a length; zero where that is zero."""
+    return vector * divide(most, maximum(sqrt(vector.dot(vector) + TINY), most))
+
+
+TINY = 1e-24
+"""Square of a length that no vector is shorter than, in a quotient."""
 
 _NOTHING = Vec3(0.0, 0.0, 0.0)
 

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.algebra.scalars import Scalar, clip, divide, logical_or, maximum, minimum, mul, where
+from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
+from skyarm.algebra.scalars import Scalar, clip, divide, logical_or, maximum, minimum, mul, neg, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.force_control import contact_cleared
@@ -29,7 +29,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.files import shown
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import Body
+from skyarm.vehicle.linkage import BASE, Body
 from skyarm.vehicle.vehicle_records import Vehicle
 
 UP = Vec3(0, 0, 1)
@@ -52,6 +52,16 @@ class Hang:
     turning: tuple[Vec3, Vec3, Vec3]
     efforts: tuple[tuple[Scalar, Scalar, Scalar], ...]
     tip: Mat3
+
+    def weight(self, mass: Scalar, place: Vec3 = ZERO3) -> Disturbance:
+        """Weight of a mass (kg) at a place (m from the tip, axes of the tip)."""
+        lever = self.tip.apply(place) * mul(mass, self.lift)
+        parts = mass, lever.y, neg(lever.x)
+        torque = ZERO3
+        for each, part in zip(self.turning, parts, strict=True):
+            torque = torque + each * part
+        efforts = tuple(mul(a, mass) + mul(b, lever.y) + mul(c, neg(lever.x)) for a, b, c in self.efforts)
+        return Disturbance(force=Vec3(0, 0, mul(mass, self.lift)), torque=torque, efforts=efforts)
 
 
 def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar], gravity: Scalar) -> Hang:
@@ -105,7 +115,8 @@ def learn_load(
     limits of actuators; ``bandwidth`` of the observer, rad/s.
     """
     at = hang(model.vehicle, R, joints, model.gravity)
-    mass, about_x, about_y = missing(model.vehicle, gains, at, observed - memory.bias)
+    beyond = observed - memory.bias - at.weight(mul(1.0 - gains.inertia_share, memory.mass), memory.place)
+    mass, about_x, about_y = missing(model.vehicle, gains, at, beyond)
     least = gains.light * gains.limit
     small = gains.noise_share * (memory.mass + least)
     large = divide(mass * mass, mass * mass + small * small)  # 0 where the mass is settled
@@ -123,11 +134,7 @@ def learn_load(
         bias=memory.bias.blend_towards(observed, share, share),
     )
     rests = maximum(-(memory.mass + mass), 0.0) * where(holds, learns, 0.0)
-    return after, Disturbance(
-        force=Vec3(0, 0, rests * at.lift),
-        torque=at.turning[0] * rests,
-        efforts=tuple(row[0] * rests for row in at.efforts),
-    )
+    return after, at.weight(rests)
 
 
 def _step(pace: Scalar, bandwidth: Scalar, holds: Scalar, learns: Scalar, dt: Scalar) -> Scalar:
@@ -140,7 +147,9 @@ class LoadGains(Part):
     """Constants of the load estimate.
 
     Mass and observer find the same weight at once: from a ``pace`` of 2 on they would swing. ``size`` is small: a
-    load with less inertia than modelled makes its joints too stiff, and one with ten times as much does not.
+    load with less inertia than modelled makes its joints too stiff, and one with ten times as much does not. So does a
+    load that turns in its grasp, which follows fast motions with m k^2 / (k^2 + l^2) of its mass m (radius of gyration
+    k about its centre of mass, l away: 0.4 m of a cube held by a face), whence ``inertia_share``.
     """
 
     limit: Annotated[Scalar, Unit("kg", "largest mass that is learned")]
@@ -155,6 +164,7 @@ class LoadGains(Part):
     size: Annotated[Scalar, Unit("m", "radius of gyration about the centre of mass, of any axis")] = 0.01
     bulk: Annotated[Scalar, Unit("m", "lever of the tip about a joint, below which its inertia is the load's")] = 0.03
     links: Annotated[Scalar, Unit("", "of the bandwidth of links about axes near the tip, left with a load")] = 0.4
+    inertia_share: Annotated[Scalar, Unit("", "of the mass in the model; the observer bears the rest")] = 0.8
     bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed without a load")] = 0.5
 
     def start(self, joints: int) -> LoadMemory:
@@ -166,7 +176,7 @@ class LoadGains(Part):
         vehicle, about = par.model.vehicle, memory.mass * (self.size * self.size)
         tip = vehicle.frame()
         com = tip.position + tip.rotation.apply(memory.place)
-        load = Body(mass=memory.mass, com=com, inertia=Sym3(about, about, about))
+        load = Body(mass=mul(self.inertia_share, memory.mass), com=com, inertia=Sym3(about, about, about))
         return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle.with_body(tip.link, load)))
 
     def adjust_reference(self, memory: LoadMemory, step: Step) -> LoadMemory:
@@ -230,4 +240,15 @@ def load_gains(limit: float, vehicle: Vehicle) -> LoadGains:
         raise ControllerError(
             f"controller.load = {shown(limit)}: must be 0: {vehicle.name!r} has no joints that move an end_effector"
         )
-    return LoadGains(limit=limit)
+    gains, lever = LoadGains(limit=limit), _last_lever(vehicle)
+    wrist = lever.dot(lever) < gains.bulk * gains.bulk
+    return dataclasses.replace(gains, inertia_share=where(wrist, gains.inertia_share, 1.0))
+
+
+def _last_lever(vehicle: Vehicle) -> Vec3:
+    """Lever (m) of the tip about the last axis that turns it; a metre without one."""
+    free = vehicle.with_free_followers
+    index = free.frame().link
+    while index != BASE and not free.links[index].joint.turns:
+        index = free.links[index].parent
+    return UP if index == BASE else jacobian_columns(free, free.frame(), (0.0,) * free.n)[index].linear
