@@ -132,12 +132,12 @@ class WrittenLaw(WrittenParts):
         j = par.lag[1] / (par.lag[1] + max(L[1] - L[0] - 0.002, 0.0))
         # joint_limits: all joints without limits
         room = max(1 - L[0] / 0.02, 0.0)
-        braced = j * (1.0 + room * np.clip(5 * (self.d[0][2] / (m * g) - 0.05), 0.0, 1.5))
+        braced = 1.0 + room * np.clip(9 * (self.d[0][2] / (m * g) - 0.05), 0.0, 2.2)
         kp, kv = par.base[0] * r * r, par.base[1] * r
         KR = np.array([par.base[2], par.base[2], par.yaw[0]]) * r * r
         Kw = np.array([par.base[3], par.base[3], par.yaw[1]]) * r
-        arm = par.arm[0] * braced**2, par.arm[1] * braced
-        tip = par.tip[0] * braced**2, par.tip[1] * braced
+        arm = par.arm[0] * j**2 * braced**1.5, par.arm[1] * j * braced
+        tip = par.tip[0] * j**2 * braced**1.5, par.tip[1] * j * braced
         N2 = par.velocity_noise**2
         quiet = (N2 / max(self.noise.V * dt, N2)) ** 0.25
         observer = par.observer[0] * r * quiet, par.observer[1] * r, par.observer[2] * j
