@@ -120,6 +120,12 @@ def test_constants_are_computed_while_tracing():
     assert graph.call("not", True).value is False
 
 
+def test_a_choice_between_two_equals_is_none():
+    program = trace(lambda x, y: (scalars.where(x > y, x * y, y * x), scalars.where(x > y, x, y)), 1.0, 1.0)
+    assert program.operations() == {"mul": 1, "lt": 1, "where": 1}
+    assert [program(2.0, y) for y in (3.0, 1.0)] == [(6.0, 3.0), (2.0, 2.0)]
+
+
 def test_data_zeros_and_ones_are_not_folded():
     program = trace(lambda x: (x * 0.0, x * 1.0, x + 0.0), 1.0)
     assert program.operations() == {"mul": 2, "add": 1}

@@ -78,7 +78,7 @@ def act(
 def make_period(stages: Any, plant: PlantSteps) -> Period:
     """Make the function that advances the closed loop by one control period.
 
-    An episode that has ended keeps the state it ended in.
+    An episode that has ended keeps the state it ended in; only the law's memory, which nobody reads then, goes on.
 
     Args:
         stages: :class:`skyarm.simulate.stages.Stages`.
@@ -103,6 +103,7 @@ def make_period(stages: Any, plant: PlantSteps) -> Period:
             found=numbers_found(memory),
             led=stages.waits.log_values(now.clock, now.ticks),
         )
-        return blend(following.alive > 0.5, following, replace(before, alive=0.0)), sample
+        ended = replace(before, alive=0.0, memory=memory)
+        return blend(following.alive > 0.5, following, ended), sample
 
     return period

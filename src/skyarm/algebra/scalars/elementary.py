@@ -93,7 +93,7 @@ def _even_polynomial(z: Scalar, c: Sequence[float]) -> Scalar:
 
 
 def _quarter_turns(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Sine and cosine of x modulo pi/2, with flags for an odd number of quarter turns and of half turns."""
+    """Sine and cosine of x modulo pi/2, a flag for an odd number of quarter turns, -1 for one of half turns, else 1."""
     turns = f.floor(x * TWO_OVER_PI + 0.5)
     r = x
     for part in HALF_PI_PARTS:
@@ -102,8 +102,9 @@ def _quarter_turns(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     # the sign of a zero is the remainder's
     sine = f.copysign(r + (r * z) * _even_polynomial(z, SIN), r)
     cosine = 1.0 - (0.5 * z - (z * z) * _even_polynomial(z, COS))
-    halves = f.floor(0.5 * turns)
-    return sine, cosine, turns - 2.0 * halves > 0.5, halves - 2.0 * f.floor(0.5 * halves) > 0.5
+    quarters = turns - 4.0 * f.floor(0.25 * turns)
+    turned = quarters > 1.5
+    return sine, cosine, f.where(turned, quarters - 2.0, quarters) > 0.5, f.where(turned, -1.0, 1.0)
 
 
 def _odd_function(x: Scalar, value: Scalar) -> Scalar:
@@ -113,16 +114,14 @@ def _odd_function(x: Scalar, value: Scalar) -> Scalar:
 
 def sin(x: Scalar) -> Scalar:
     """Sine of x."""
-    sine, cosine, odd, turned = _quarter_turns(x)
-    value = f.where(odd, cosine, sine)
-    return f.where(turned, -value, value)
+    sine, cosine, odd, side = _quarter_turns(x)
+    return f.where(odd, cosine, sine) * side
 
 
 def cos(x: Scalar) -> Scalar:
     """Cosine of x."""
-    sine, cosine, odd, turned = _quarter_turns(x)
-    value = f.where(odd, -sine, cosine)
-    return f.where(turned, -value, value)
+    sine, cosine, odd, side = _quarter_turns(x)
+    return f.where(odd, -sine, cosine) * side
 
 
 def tan(x: Scalar) -> Scalar:

@@ -190,8 +190,8 @@ class Graph:
         args = [self.lift(value) for value in values]
         if len(args) == 2:
             return self._pair(op, *args)
-        if op == "where" and args[0].op == "const":
-            return args[1] if args[0].value else args[2]
+        if op == "where" and (args[1] is args[2] or args[0].op == "const"):
+            return args[1] if args[1] is args[2] or args[0].value else args[2]
         if args[0].op == "const" and all(arg.op == "const" for arg in args):
             return self.constant(FOLD[op](*[arg.value for arg in args]))
         return self._make(op, tuple(args), None, (op, *[arg.index for arg in args]))
