@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, cos, divide, sin, sqrt
+from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, neg, sin, sqrt, sub, where
 from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.geometric import attitude_error
 from skyarm.dynamics.kinematics import Pose, link_poses
@@ -120,28 +120,39 @@ def upright(force: Vec3, weight: Scalar, start: Any, along: Vec3 | None = None) 
 
 
 def attitude(force: Vec3, yaw: Taylor) -> Attitude:
-    """Attitude with body z along a force and body x nearest to the heading, with body rate and angular acceleration."""
-    c, s = cos(yaw), sin(yaw)
-    b3 = _unit(force)
-    # b3 x heading, heading = [c, s, 0]
-    b2 = _unit(Vec3(-(b3.z * s), b3.z * c, b3.x * s - b3.y * c))
-    b1 = b2.cross(b3)
-    axes = (b1, b2, b3)
-    R = Mat3.columns(*(derivative(b, 0) for b in axes))
-    first, second = ([derivative(b, k) for b in axes] for k in (1, 2))
-    # R' = R S(w): w = vee(R^T R'); R'' = R (S(w') + S(w)^2), whose symmetric part drops out of vee
-    return Attitude(R, _vee(R, first), _vee(R, second))
+    """Attitude with body z along a force and body x nearest to the heading, with body rate and angular acceleration.
+
+    With w the body rate, R' = R S(w): derivatives of f = F b3 in the axes R give F'/F and w', w across b3; the heading
+    H = R^T [cos yaw, sin yaw, 0] has no component along b2, nor have its derivatives, which gives w about b3.
+    """
+    c, s = cos(yaw.derivative(0)), sin(yaw.derivative(0))
+    turn, turning = yaw.derivative(1), yaw.derivative(2)
+    f, fd, fdd = (derivative(force, k) for k in range(3))
+    per_force = _inverse_length(f)
+    b3 = f * per_force
+    # b3 x heading, heading = [c, s, 0]; its length is H_x
+    across = Vec3(-(b3.z * s), b3.z * c, b3.x * s - b3.y * c)
+    per = _inverse_length(across)
+    b2 = across * per
+    R = Mat3.columns(b2.cross(b3), b2, b3)
+    first, second = R.apply_T(fd) * per_force, R.apply_T(fdd) * per_force
+    x, y = neg(first.y), first.x
+    heading, twice = Vec3(divide(1.0, per), 0, b3.x * c + b3.y * s), mul(2.0, first.z)
+    # the horizontal normal of the heading in the axes R
+    normal = Vec3(across.z * heading.z * per, b3.z * per, neg(across.z))
+    z = mul(add(mul(turn, normal.y), mul(x, heading.z)), per)
+    x_turning = sub(mul(y, z), add(second.y, mul(twice, x)))
+    y_turning = sub(second.x, add(mul(twice, y), mul(x, z)))
+    # 2 R^T heading' - w x H
+    moved = normal * mul(2.0, turn) - Vec3(mul(y, heading.z), 0, neg(mul(y, heading.x)))
+    slower = sub(mul(z, moved.x), mul(x, moved.z))
+    z_turning = mul(sub(add(mul(turning, normal.y), mul(x_turning, heading.z)), slower), per)
+    return Attitude(R, Vec3(x, y, z), Vec3(x_turning, y_turning, z_turning))
 
 
-def _unit(v: Vec3) -> Vec3:
-    square = v.x * v.x + v.y * v.y + v.z * v.z
-    inverse = 1.0 / sqrt(choose(square > TINY, square, 1.0))
-    return Vec3(v.x * inverse, v.y * inverse, v.z * inverse)
-
-
-def _vee(R: Mat3, columns: list[Vec3]) -> Vec3:
-    """Axial vector of the skew part of R^T A, with A given by its columns."""
-    return (R.T @ Mat3.columns(*columns)).vee_antisymmetric()
+def _inverse_length(v: Vec3) -> Scalar:
+    square = v.dot(v)
+    return divide(1.0, sqrt(where(square > TINY, square, 1.0)))
 
 
 def angular_acceleration(gains: BaseGains, desired: Attitude, R: Mat3, w: Vec3) -> Vec3:
