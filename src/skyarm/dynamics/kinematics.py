@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, axis_rotation
-from skyarm.algebra.scalars import Scalar, add, mul
+from skyarm.algebra.scalars import Scalar, add, mul, same
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE, Joint
@@ -44,14 +44,38 @@ def placements(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[Pose]:
     return [joint_placement(link.joint, q) for link, q in zip(vehicle.links, joints, strict=True)]
 
 
-def link_poses(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[Pose]:
-    """Poses of all links in the base frame; those of coupled joints come last."""
+def link_poses(vehicle: Vehicle, joints: Sequence[Scalar], *, summed: bool = False) -> list[Pose]:
+    """Poses of all links in the base frame; those of coupled joints come last.
+
+    ``summed`` turns a hinge that is parallel to its parent's by the sum of their angles: fewer operations, but other
+    roundings.
+    """
     if vehicle.followers:
-        return link_poses(vehicle.with_free_followers, every_joint(vehicle, joints))
+        return link_poses(vehicle.with_free_followers, every_joint(vehicle, joints), summed=summed)
     poses: list[Pose] = []
-    for link, placement in zip(vehicle.links, placements(vehicle, joints), strict=True):
-        poses.append(placement if link.parent == BASE else poses[link.parent] @ placement)
+    angles: list[Scalar] = []
+    straight: list[Mat3] = []  # of each chain of parallel hinges before it turns
+    for link, q in zip(vehicle.links, joints, strict=True):
+        joint, parent = link.joint, link.parent
+        if summed and parent != BASE and parallel(vehicle.links[parent].joint, joint):
+            angle, before = add(angles[parent], q), straight[parent]
+            pose = Pose(before @ axis_rotation(joint.axis, angle), poses[parent].apply(joint.position))
+        else:
+            angle, before, pose = q, joint.rotation, joint_placement(joint, q)
+            if parent != BASE:
+                before, pose = poses[parent].R @ before if summed else before, poses[parent] @ pose
+        poses.append(pose)
+        angles.append(angle)
+        straight.append(before)
     return poses
+
+
+def parallel(parent: Joint, child: Joint) -> bool:
+    """True if two joints in succession are hinges with parallel axes."""
+    entries = [entry for row in child.rotation.rows for entry in row]
+    straight = all(type(entry) is int for entry in entries) and entries == [1, 0, 0, 0, 1, 0, 0, 0, 1]
+    hinges = parent.turns and child.turns
+    return hinges and straight and all(map(same, parent.axis, child.axis))
 
 
 def frame_pose(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -> Pose:
@@ -60,17 +84,16 @@ def frame_pose(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -> Pose
     return local if frame.link == BASE else link_poses(vehicle, joints)[frame.link] @ local
 
 
-def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -> list[Motion]:
+def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar], *, summed: bool = False) -> list[Motion]:
     """Jacobian of a frame by the joint rates, one column per joint: angular and linear velocity, base axes.
 
-    A joint that does not carry the frame gives a structural zero.
+    A joint that does not carry the frame gives a structural zero. ``summed`` as of :func:`link_poses`.
     """
     if vehicle.followers:
-        return columns_of_leaders(
-            vehicle, jacobian_columns(vehicle.with_free_followers, frame, every_joint(vehicle, joints))
-        )
-    poses = link_poses(vehicle, joints)
-    tip = frame_pose(vehicle, frame, joints).p
+        free, all_joints = vehicle.with_free_followers, every_joint(vehicle, joints)
+        return columns_of_leaders(vehicle, jacobian_columns(free, frame, all_joints, summed=summed))
+    poses = link_poses(vehicle, joints, summed=summed)
+    tip = frame.position if frame.link == BASE else poses[frame.link].apply(frame.position)
     columns = [Motion(ZERO3, ZERO3) for _ in vehicle.links]
     index = frame.link
     while index != BASE:

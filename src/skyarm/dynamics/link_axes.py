@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skyarm.algebra import Mat3, SpatialInertia, axis_rotation
-from skyarm.algebra.scalars import Scalar, add, same
-from skyarm.dynamics.kinematics import Pose
+from skyarm.algebra.scalars import Scalar, add
+from skyarm.dynamics.kinematics import Pose, parallel
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.linkage import BASE, Body, Joint
+from skyarm.vehicle.linkage import BASE, Body
 from skyarm.vehicle.vehicle_records import Vehicle
 
 _SAME = Mat3.identity()
@@ -44,7 +44,7 @@ def spatial_inertia(body: Body) -> SpatialInertia:
 def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
     """Pose and inertia of all links, in coordinate axes chosen to save rotations (working axes)."""
     links = vehicle.links
-    follows = [link.parent != BASE and _parallel(links[link.parent].joint, link.joint) for link in links]
+    follows = [link.parent != BASE and parallel(links[link.parent].joint, link.joint) for link in links]
     leads = {link.parent for link, follower in zip(links, follows, strict=True) if follower}
     inner = {link.parent for link in links}
     found: list[LinkInAxes] = []
@@ -67,11 +67,3 @@ def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
         angles.append(angle)
         turns.append(turn)
     return found
-
-
-def _parallel(parent: Joint, child: Joint) -> bool:
-    """True if two joints are hinges with parallel axes."""
-    entries = [entry for row in child.rotation.rows for entry in row]
-    straight = all(type(entry) is int for entry in entries) and entries == [1, 0, 0, 0, 1, 0, 0, 0, 1]
-    hinges = parent.turns and child.turns
-    return hinges and straight and all(map(same, parent.axis, child.axis))

@@ -42,7 +42,7 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
     """Centre of mass, tip and link poses as Taylor series, for joint trajectories given as Taylor series."""
     # every number a series: an engine's scalar on the left of a product would not know what a series is
     lifted = rebuild(vehicle, iter([Taylor.constant(number, order) for number in leaves(vehicle)]))
-    poses = tuple(link_poses(lifted, [q.truncate(order) for q in joints]))
+    poses = tuple(link_poses(lifted, [q.truncate(order) for q in joints], summed=True))
     total = lifted.base.com * lifted.base.mass
     for link, pose in zip(lifted.moving, poses, strict=True):
         total = total + pose.apply(link.body.com) * link.body.mass

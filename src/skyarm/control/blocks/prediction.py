@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Mat3, Quaternion, Vec3, inner_product
+from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Force, Mat3, Quaternion, Vec3, inner_product
 from skyarm.algebra.scalars import Scalar, add, sub
 from skyarm.compile.tracing.lower import repeat
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.dynamics.actuators import Command, friction, limited_effort, rotor_force, speeds_after
+from skyarm.dynamics.actuators import Command, friction, limited_effort, rotor_force, rotor_forces, speeds_after
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.immutable import immutable
@@ -70,55 +70,44 @@ def rotor_wrench(model: Model, squares: Sequence[Scalar], sideways: bool = False
 
 def side_wrench(model: Model, speeds: Sequence[Scalar], velocity_B: Vec3, rate: Vec3, sideways: bool = False) -> Force:
     """Rotor force and torque that the mixer omits: hub drag in still air, rolling moment, thrust across body z."""
-    total = Force(ZERO3, ZERO3)
-    for rotor, speed in zip(model.vehicle.rotors, speeds, strict=True):
-        total = total + rotor_force(rotor, speed, velocity_B + rate.cross(rotor.position))
+    return drag_wrench(model.vehicle, speeds, velocity_B, rate) + omitted_thrust(model, speeds, sideways)
+
+
+def drag_wrench(vehicle: Vehicle, speeds: Sequence[Scalar], velocity_B: Vec3, rate: Vec3) -> Force:
+    """Rotors' hub drag and rolling moment in still air: force and torque at the base origin, base axes."""
+    return rotor_forces(vehicle.rotors, speeds, velocity_B, rate, (0,) * len(speeds))
+
+
+def omitted_thrust(model: Model, speeds: Sequence[Scalar], sideways: bool) -> Force:
+    """Force and torque by which the rotors' thrust differs from the mixer's model; nothing of plain upright rotors."""
+    total, rotors = Force(ZERO3, ZERO3), model.vehicle.rotors
+    if all(rotor.table is None and rotor.axis.coordinate_axis() == 2 for rotor in rotors):
+        return total
+    for rotor, speed in zip(rotors, speeds, strict=True):
+        total = total + rotor_force(rotor, speed, ZERO3)
     return total - rotor_wrench(model, [speed * speed for speed in speeds], sideways)
-
-
-def pushes_across(vehicle: Vehicle) -> bool:
-    """Return True if some rotor's axis differs from body z."""
-    return any(float(each) != 0.0 for rotor in vehicle.rotors for each in (rotor.axis.x, rotor.axis.y))
 
 
 def hub_drag(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Scalar:
     """Hub drag of a level vehicle's rotors per horizontal velocity, N s/m."""
-    total: Scalar = 0.0
-    for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
-        total = total + rotor.drag_coefficient * speed
-    return total
+    return inner_product([rotor.drag_coefficient for rotor in vehicle.rotors], speeds)
 
 
-def reference_drag(
-    model: Model,
-    state: State,
-    base: Sequence[Vec3],
-    *,
-    sideways: bool,
-    moving: bool,
-    across: bool,
-) -> list[Vec3]:
+def reference_drag(model: Model, state: State, base: Sequence[Vec3], *, sideways: bool, moving: bool) -> list[Vec3]:
     """Rotor force other than thrust along body z, for the reference's motion, with two derivatives, N, world axes.
 
     The present motion would feed noise and errors into the posture. Hub drag is linear in the velocity; the push of
     tilted rotors across body z is constant, and the derivatives leave it out.
 
-    ``sideways``: the law itself commands thrust across body z; ``moving``: False takes the derivatives as zero;
-    ``across``: rotors push across body z without such a command.
+    ``sideways``: the law itself commands thrust across body z; ``moving``: False takes the derivatives as zero.
     """
-    R = state.quaternion.rotation()
-
-    def side(motion: Vec3) -> Vec3:
-        return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, sideways).force)
-
-    value = side(base[1])
+    R, speeds = state.quaternion.rotation(), state.rotor_speeds
+    drag = Mat3.columns(*(drag_wrench(model.vehicle, speeds, axis, ZERO3).force for axis in (E_X, E_Y, E_Z)))
+    still = omitted_thrust(model, speeds, sideways).force
+    value = R.apply(drag.apply(R.apply_T(base[1])) + still)
     if not moving:
         return [value, ZERO3, ZERO3]
-    changes = [side(base[2]), side(base[3])]
-    if across:
-        still = side(ZERO3)
-        changes = [each - still for each in changes]
-    return [value, *changes]
+    return [value, *(R.apply(drag.apply(R.apply_T(each))) for each in base[2:4])]
 
 
 def with_side(

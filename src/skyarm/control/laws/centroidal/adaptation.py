@@ -227,7 +227,7 @@ def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:
     r, rd, rdd = (derivative(tip, k) for k in range(3))
     w = planned.rate
     pull = -(planned.proper + planned.alpha.cross(r) + w.cross(w.cross(r)) + w.cross(rd) * 2.0 + rdd)
-    columns = jacobian_columns(vehicle, vehicle.frame(), [q.derivative(0) for q in planned.joints])
+    columns = jacobian_columns(vehicle, vehicle.frame(), [q.derivative(0) for q in planned.joints], summed=True)
     return Disturbance(
         force=planned.R.apply(pull),
         torque=r.cross(pull),

@@ -189,14 +189,7 @@ def _course(step: Step) -> Course:
         moved, drifting, shift = bounded_shift(par, before.shift, base, heading, level, acting, step.ahead, dt)
         after = dataclasses.replace(before, shift=shift)
         answered = [base[0], *(p + u for p, u in zip(base[1:], moved, strict=True))]
-    drag = reference_drag(
-        model,
-        step.state,
-        answered[:4],
-        sideways=sideways,
-        moving=moves is not None,
-        across=par.rotors.pushes_across,
-    )
+    drag = reference_drag(model, step.state, answered[:4], sideways=sideways, moving=moves is not None)
     changes = (drag[1] + force_rate, drag[2])
     force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], changes)
     changes = changes if moved else (force_rate, ZERO3)

@@ -15,7 +15,6 @@ from skyarm.control.blocks.disturbance_observer import AccelerometerGains, Obser
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.force_control import SENSING, require_thresholds
 from skyarm.control.blocks.late_actuators import first_past
-from skyarm.control.blocks.prediction import pushes_across
 from skyarm.control.blocks.torque_scale import Tolerances
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal import presets
@@ -169,7 +168,6 @@ def make_centroidal(
             RotorGains,
             gains,
             leads_thrust=gains["thrust_lead"],
-            pushes_across=pushes_across(vehicle) and not sideways,
         ),
         delay_periods=periods,
         lead_periods=ahead,

@@ -61,13 +61,11 @@ class RotorGains:
 
     Attributes:
         leads_thrust: commands the planned force ahead by the motors' lag.
-        pushes_across: rotors push across body z without a command.
     """
 
     lag_inversion: Annotated[Scalar, Unit("", "0 to 1, share of the motor lag that commands invert")]
     trim_rate: Annotated[Scalar, Unit("1/s", "correction of the rotors' mean squared speeds")]
     leads_thrust: bool
-    pushes_across: bool
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

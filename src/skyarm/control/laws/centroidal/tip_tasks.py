@@ -130,7 +130,7 @@ def chain(vehicle: Vehicle, index: int) -> list[int]:
 
 
 def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
-    """Rotation error from R to R_d: rotation axis times the sine of the angle, world axes."""
+    """Rotation error from R to R_d: rotation axis times the sine of the angle, in the axes that both turn into."""
     total = ZERO3
     for k in range(3):
         total = total + R.column(k).cross(R_d.column(k))
@@ -171,7 +171,7 @@ def link_turning(
 def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses: Sequence[Pose]) -> tuple[Scalar, ...]:
     """Joint correction, by one Newton step, that orients the links of a tilted base as those of a level base."""
     pairs = zip(poses[: vehicle.n], wanted.links, strict=True)
-    errors = [R.apply_T(orientation_error(R @ pose.R, link)) for pose, link in pairs]
+    errors = [orientation_error(pose.R, R.T @ link) for pose, link in pairs]
     return joints_of_turns(vehicle, gains, axes(vehicle, poses), errors, (0.0,) * vehicle.n)
 
 
@@ -211,7 +211,7 @@ def turned_joints(
         return tuple(q + c for q, c in zip(joints, change, strict=True))
     values = tuple(add(q.derivative(0), c) for q, c in zip(joints, change, strict=True))
     told = [[q.derivative(k) for q in joints] for k in (1, 2)]
-    motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, values), told)
+    motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, values, summed=True), told)
     rows = zip(joints, values, *motion, strict=True)
     return tuple(Taylor((value, rate, mul(0.5, turning), *q.c[3:])) for q, value, rate, turning in rows)
 
@@ -243,13 +243,13 @@ def joint_accelerations(
 ) -> tuple[Scalar, ...]:
     """Joint accelerations for the tip and link tasks, regularised to those of the joint references."""
     R, w = now.R, now.rate
-    poses = link_poses(vehicle, now.joints)
+    poses = link_poses(vehicle, now.joints, summed=True)
     problem = LeastSquares(vehicle.n)
     pull = (wanted.tip[1] - now.tip_velocity) * gains.velocity + (wanted.tip[0] - now.tip) * gains.position
     arm = now.posture.tip - now.posture.com
     rho, rho_d, rho_dd = (derivative(arm, k) for k in range(3))
     carried = now.alpha.cross(rho) + w.cross(w.cross(rho)) + w.cross(rho_d) * 2.0 + rho_dd
-    columns = jacobian_columns(vehicle, vehicle.frame(), now.joints)
+    columns = jacobian_columns(vehicle, vehicle.frame(), now.joints, summed=True)
     share = divide(1.0, vehicle.mass)
     against = [a.linear - b * share for a, b in zip(columns, com_columns(vehicle, poses), strict=True)]
     asked = R.apply_T(wanted.tip[2] + pull - now.com_acceleration) - carried
@@ -260,11 +260,11 @@ def joint_accelerations(
     problem.require(against, asked, 1)
     directions = axes(vehicle, poses)
     for i, (rate, bias) in enumerate(link_turning(vehicle, directions, now.joint_rates, w, now.alpha)):
-        error = orientation_error(R @ poses[i].R, wanted.links[i])
+        error = orientation_error(poses[i].R, R.T @ wanted.links[i])
         calm = gains.links[i] if gains.links else 1
         velocity, position = mul(gains.velocity, calm), mul(gains.position, mul(calm, calm))
-        turn = wanted.accelerations[i] + wanted.rates[i] * velocity + error * position
-        needed = R.apply_T(turn) - rate * velocity - bias
+        turn = R.apply_T(wanted.accelerations[i] + wanted.rates[i] * velocity) + error * position
+        needed = turn - rate * velocity - bias
         problem.require(orientation_rows(vehicle, directions, i), needed, gains.damping * gains.damping)
     problem.prefer(preferred, gains.posture * gains.posture)
     slides = divide(gains.damping, gains.reach)
