@@ -19,7 +19,7 @@ def step_of(par: Any, state: Any, signals: Any = (), dt: float = 0.005, **known:
     memory = SimpleNamespace(**{name: known.pop(name, value) for name, value in kept.items()})
     blank: dict[str, Any] = dict.fromkeys(("measurement", "reference", "observed", "told", "alone", "unknown", "force"))
     step = Step(par=par, memory=memory, dt=dt, signals=signals, free=(), **blank)
-    step.state = state
+    step.state, step.told = state, SimpleNamespace(amid=state)
     for name, value in known.items():
         setattr(step, name, value)
     return step

@@ -58,7 +58,7 @@ def test_the_sweep_finds_the_bounded_solution_of_an_equation_whose_terms_change(
     lever = lambda t: 0.28 + 0.05 * np.cos(9.0 * t)  # noqa: E731
     asked = lambda t: 3.0 * np.sin(4.0 * t + 0.3) - 1.5  # noqa: E731
     times = np.linspace(0.0, 2.0, 201)
-    rows = [Instant(t, (asked(t), 0.0, 0.0), (0.0, 0.0), lever(t)) for t in times]
+    rows = [Instant(t, 0.0, (-asked(t), 0.0), lever(t)) for t in times]
     means = [thrust(0.5 * (a + b)) for a, b in pairwise(times)]
     line = bounded_sweep(rows, [(1.0, 1.0)] * len(rows), [*means, thrust(times[-1])])
     span = np.linspace(0.0, 4.0, 400)
@@ -208,15 +208,22 @@ def test_the_levers_left_are_those_of_joints_that_turn_the_links_back(name):
 
 
 def test_levers_to_come_are_those_of_the_postures_to_come(model):
-    joints = [(0.1 * i, -0.05 * i) for i in range(5)]
-    rows = [[*[(0.0, 0.0, 0.0)] * 4, *((q, 0.0, 0.0) for q in each)] for each in joints]
-    found = coming_levers(model.vehicle, rows)
-    exact = []
-    for each in joints:
-        at = posture(model.vehicle, [Taylor((q, 0.0)) for q in each], 1)
-        exact.append(float(at.com.z.c[0] - at.tip.z.c[0]))
-    assert [float(found[i]) for i in (0, 1, 3)] == pytest.approx([exact[i] for i in (0, 1, 3)])
-    assert float(found[2]) == pytest.approx(exact[2], rel=0.01)
+    times = (0.06, 0.14, 0.26, 0.42, 0.6)
+
+    def moved(time):
+        at = posture(model.vehicle, [Taylor((0.3 + rate * time, rate)) for rate in (1.0, -0.5)], 1)
+        return at.com.z - at.tip.z
+
+    ahead = [
+        (time, [*[(0.0, 0.0, 0.0)] * 4, *((0.3 + rate * time, rate, 0.0) for rate in (1.0, -0.5))]) for time in times
+    ]
+    found = coming_levers(model.vehicle, moved(0.0), ahead)
+    exact = [float(moved(time).c[0]) for time in times]
+    assert [float(found[i]) for i in (1, 3)] == pytest.approx([exact[i] for i in (1, 3)], rel=1e-12)
+    # of a parabola and of a line, a sample in between
+    assert float(found[0]) == pytest.approx(exact[0], abs=2e-5)
+    assert abs(exact[0] - 0.5 * (float(moved(0.0).c[0]) + exact[1])) > 1e-4
+    assert float(found[2]) == pytest.approx(exact[2], rel=0.02)
     assert found[4] == found[3]
 
 

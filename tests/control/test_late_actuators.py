@@ -97,7 +97,7 @@ def test_one_step_across_a_lag_is_the_flight_under_the_late_commands(periods):
         before, exact = exact, predict(MODEL, exact, command, none, DT)
         jolts.append(np.abs(np.subtract(exact.joint_rates, before.joint_rates)).max() / DT)
     span = periods * DT
-    found = predict_across(MODEL, begun, behind.since(float(periods)), none, span, False)
+    found = predict_across(MODEL, begun, behind.since(float(periods)), none, span, False, begun.joints)
     moved = np.array([*exact.velocity]) - np.array([*begun.velocity])
     turned = np.array([*exact.rate]) - np.array([*begun.rate])
     # a tenth of what changed: without the prediction all of it is missing
@@ -112,7 +112,7 @@ def test_one_step_across_a_lag_is_the_flight_under_the_late_commands(periods):
 
 def test_across_no_time_nothing_changes():
     begun = dataclasses.replace(turning(), rotor_speeds=past().speeds[-1])
-    found = predict_across(MODEL, begun, past().since(0.0), no_disturbance(2), 0.0, False)
+    found = predict_across(MODEL, begun, past().since(0.0), no_disturbance(2), 0.0, False, begun.joints)
     for name in ("position", "velocity", "rate", "joints", "joint_rates", "rotor_speeds"):
         assert [*getattr(found, name)] == pytest.approx([*getattr(begun, name)], rel=1e-12), name
 

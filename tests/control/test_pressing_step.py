@@ -50,7 +50,7 @@ def press(gains, par, memory, push, signals, observed, sent, state, unknown, tip
         dt=dt,
         signals=signals,
         observed=observed,
-        told=None,
+        told=SimpleNamespace(amid=state),
         alone=None,
         unknown=unknown,
         force=observed.force,

@@ -10,8 +10,10 @@ import pytest
 from skyarm import dynamics
 from skyarm.algebra import Mat3, Quaternion, Vec3, axis_rotation
 from skyarm.dynamics import State
+from skyarm.dynamics.kinematics import jacobian_columns, link_poses
 from skyarm.dynamics.link_axes import members
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.vehicle.vehicle_records import Frame
 
 ARM = load_vehicle("hexarotor_arm6")
 X, Y, Z = Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)
@@ -66,3 +68,16 @@ def test_parallel_hinges_share_their_axes():
     assert all(place.R == STRAIGHT for place in places)
     turned = members(TREES["turned between"], (0.1, 0.2, 0.3))
     assert turned[1].place.R != STRAIGHT
+
+
+@pytest.mark.parametrize("name", TREES)
+def test_parallel_hinges_may_be_turned_by_the_sums_of_their_angles(name):
+    vehicle = TREES[name]
+    frame = Frame(name="end", link=vehicle.n - 1, position=Vec3(0.1, -0.2, 0.3))
+    for q in np.random.default_rng(3).normal(size=(3, vehicle.n)).tolist():
+        for one, other in zip(link_poses(vehicle, q), link_poses(vehicle, q, summed=True), strict=True):
+            np.testing.assert_allclose(np.array(other.R, dtype=float), np.array(one.R, dtype=float), atol=1e-15)
+            np.testing.assert_allclose(np.array(other.p), np.array(one.p), atol=1e-15)
+        columns = zip(*(jacobian_columns(vehicle, frame, q, summed=s) for s in (False, True)), strict=True)
+        for one, other in columns:
+            np.testing.assert_allclose(np.array(other.linear), np.array(one.linear), atol=2e-15)

@@ -78,10 +78,10 @@ def parallel(parent: Joint, child: Joint) -> bool:
     return hinges and straight and all(map(same, parent.axis, child.axis))
 
 
-def frame_pose(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar]) -> Pose:
-    """Pose of a frame in the base frame."""
+def frame_pose(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar], *, summed: bool = False) -> Pose:
+    """Pose of a frame in the base frame; ``summed`` as of :func:`link_poses`."""
     local = Pose(frame.rotation, frame.position)
-    return local if frame.link == BASE else link_poses(vehicle, joints)[frame.link] @ local
+    return local if frame.link == BASE else link_poses(vehicle, joints, summed=summed)[frame.link] @ local
 
 
 def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar], *, summed: bool = False) -> list[Motion]:

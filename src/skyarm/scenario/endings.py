@@ -232,14 +232,14 @@ def body_depths(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:
 def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
     """World height of the vehicle's lowest point: base origin, rotor hubs, joints and named frames."""
     R = state.quaternion.rotation()
-    poses = link_poses(vehicle, state.joints)
+    poses = link_poses(vehicle, state.joints, summed=True)
     points: list[Vec3] = [rotor.position for rotor in vehicle.rotors]
     points += [pose.p for pose in poses]
     points += [f.position if f.link == BASE else poses[f.link].apply(f.position) for f in vehicle.frames]
-    lowest: Scalar = state.position.z
+    lowest: Scalar = 0.0
     for point in points:
-        lowest = minimum(lowest, state.position.z + R.r2.dot(point))
-    return lowest
+        lowest = minimum(lowest, R.r2.dot(point))
+    return state.position.z + lowest
 
 
 def state_words(vehicle: Vehicle) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skyarm.algebra.scalars import cos, divide, sin, sqrt
-from skyarm.algebra.scalars.taylor import Taylor, choose
+from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
 
 mpmath = pytest.importorskip("mpmath")
 
@@ -28,6 +28,8 @@ FUNCTIONS = {
     "sine": (lambda a, b: sin(a), lambda a, b: mpmath.sin(a)),
     "cosine": (lambda a, b: cos(a), lambda a, b: mpmath.cos(a)),
     "root": (lambda a, b: sqrt(b), lambda a, b: mpmath.sqrt(b)),
+    "inverse root": (lambda a, b: inverse_root(b), lambda a, b: 1 / mpmath.sqrt(b)),
+    "inverse eighth root": (lambda a, b: inverse_root(b, 3), lambda a, b: b ** mpmath.mpf("-0.125")),
     "difference": (lambda a, b: 1.0 - a - (b - 2.0), lambda a, b: 1 - a - (b - 2)),
     "all": (
         lambda a, b: sin(a * b) / sqrt(b) - cos(a) * 3.0,

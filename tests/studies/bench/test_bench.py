@@ -18,7 +18,10 @@ from bench_timing import Contender, contest
 
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.lower import operations
+from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_file import load_scenario
+from skyarm.simulate.engine import EpisodeCode
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 
@@ -85,6 +88,14 @@ def test_operations_of_the_truth_vehicle_do_not_creep_up():
     assert found["inverse dynamics"] <= 223
     assert found["euler step"] <= 689
     assert found["rk4 step"] <= 2556
+
+
+def test_operations_of_the_flagship_do_not_creep_up():
+    """A period of the loop, plant and sensors included: raise it only with a reason."""
+    scenario = load_scenario("case3_wind")
+    flagship = scenario.with_words(controller=controller_by_name(scenario, "centroidal_tip"))
+    program = EpisodeCode(flagship, commands=False, effort=0).loop.program
+    assert operations(program.nodes) <= 11248
 
 
 def test_growth_measures_arms_of_any_length():

@@ -78,7 +78,7 @@ TANH_P = (-1.61468768441708447952e3, -9.92877231001918586564e1, -9.6439917942505
 TANH_Q = (4.84406305325125486048e3, 2.23548839060100448583e3, 1.12811678491632931402e2, 1.0)
 
 
-def _polynomial(z: Scalar, coefficients: Sequence[float]) -> Any:
+def horner(z: Scalar, coefficients: Sequence[float]) -> Any:
     """Polynomial c0 + c1 z + c2 z^2 + ... by Horner's rule."""
     total: Any = coefficients[-1]
     for c in reversed(coefficients[:-1]):
@@ -135,7 +135,7 @@ def exp(x: Scalar) -> Scalar:
     high, low = x - k * LN2_HIGH, k * LN2_LOW
     r = high - low
     z = r * r
-    c = r - z * _polynomial(z, EXP)
+    c = r - z * horner(z, EXP)
     y = 1.0 - ((low - f.divide(r * c, 2.0 - c)) - high)
     # two factors, because 2**k alone leaves the range of normal numbers at both ends
     first = f.floor(0.5 * k)
@@ -150,7 +150,7 @@ def log(x: Scalar) -> Any:
     m = f.mantissa(x) * f.where(big, 0.5, 1.0) - 1.0
     s = f.divide(m, 2.0 + m)
     z = s * s
-    R = z * _polynomial(z, LOG)
+    R = z * horner(z, LOG)
     half = 0.5 * m * m
     value = k * LN2_HIGH - ((half - (s * (half + R) + k * LN2_LOW)) - m)
     inside = f.where(x < float("inf"), value, x)
@@ -162,7 +162,7 @@ def _atan01(t: Scalar) -> Scalar:
     far = t > 0.66
     r = f.where(far, f.divide(t - 1.0, t + 1.0), t)
     z = r * r
-    value = r + r * f.divide(z * _polynomial(z, ATAN_P), _polynomial(z, ATAN_Q))
+    value = r + r * f.divide(z * horner(z, ATAN_P), horner(z, ATAN_Q))
     return f.where(far, (value + 0.5 * HALF_PI_LOW) + QUARTER_PI, value)
 
 
@@ -193,7 +193,7 @@ def acos(x: Scalar) -> Scalar:
 def tanh(x: Scalar) -> Scalar:
     """Hyperbolic tangent of x."""
     z = x * x
-    small = _odd_function(x, x + x * f.divide(z * _polynomial(z, TANH_P), _polynomial(z, TANH_Q)))
+    small = _odd_function(x, x + x * f.divide(z * horner(z, TANH_P), horner(z, TANH_Q)))
     size = f.absolute(x)
     large = 1.0 - f.divide(2.0, exp(2.0 * size) + 1.0)
     return f.where(size < 0.625, small, f.copysign(large, x))

@@ -164,6 +164,25 @@ class _TaylorFunctions:
         return choose(condition, a, b)
 
 
+def inverse_root(x: Any, halvings: int = 1) -> Any:
+    """Power x^(-1/2), with two ``halvings`` x^(-1/4), and so on, of a positive scalar or Taylor series.
+
+    The series of p = x^a follows from x p' = a x' p.
+    """
+    value = x.c[0] if isinstance(x, Taylor) else x
+    for _ in range(halvings):
+        value = functions.sqrt(value)
+    value = functions.divide(1.0, value)
+    if not isinstance(x, Taylor):
+        return value
+    exponent, found = -(0.5**halvings), [value]
+    inverse = mul(value, value) if halvings == 1 else functions.divide(1.0, x.c[0])
+    steps = [mul(c, inverse) for c in x.c]
+    for k in range(1, len(x.c)):
+        found.append(total(mul(mul(steps[j], found[k - j]), ((exponent + 1.0) * j - k) / k) for j in range(1, k + 1)))
+    return Taylor(found)
+
+
 def choose(condition: Any, a: Any, b: Any) -> Taylor:
     """Select one of two Taylor series by a condition on values."""
     order = len((a if isinstance(a, Taylor) else b).c) - 1

@@ -14,13 +14,14 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, neg, sin, sqrt, sub, where
+from skyarm.algebra.scalars.near_angle import NearAngle
 from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.geometric import attitude_error
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
-from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.linkage import BASE, Body
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -43,15 +44,32 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
     # every number a series: an engine's scalar on the left of a product would not know what a series is
     lifted = rebuild(vehicle, iter([Taylor.constant(number, order) for number in leaves(vehicle)]))
     poses = tuple(link_poses(lifted, [q.truncate(order) for q in joints], summed=True))
-    total = lifted.base.com * lifted.base.mass
-    for link, pose in zip(lifted.moving, poses, strict=True):
-        total = total + pose.apply(link.body.com) * link.body.mass
-    com = total * Taylor.constant(divide(1.0, vehicle.mass), order)
+
+    def share(body: Body) -> Taylor:
+        return Taylor.constant(divide(body.mass, vehicle.mass), order)
+
+    com = lifted.base.com * share(vehicle.base)
+    for link, own, pose in zip(vehicle.moving, lifted.moving, poses, strict=True):
+        com = com + pose.p * share(link.body) + pose.R.apply(own.body.com * share(link.body))
     tip = ZERO3
     if vehicle.end_effector:
         frame = lifted.frame()
         tip = frame.position if frame.link == BASE else poses[frame.link].apply(frame.position)
     return Posture(com, tip, poses[: vehicle.n])
+
+
+def near_angles(vehicle: Vehicle, known: Sequence[Scalar], joints: Sequence[Scalar]) -> tuple[Any, ...]:
+    """Joint positions whose angles are told as ``known`` ones and a rest, for rotations."""
+    if vehicle.followers:
+        return tuple(joints)
+    rows = zip(vehicle.links, known, joints, strict=True)
+    return tuple(NearAngle(a, q - a) if link.joint.turns else q for link, a, q in rows)
+
+
+def near_series(vehicle: Vehicle, known: Sequence[Taylor], joints: Sequence[Taylor]) -> tuple[Taylor, ...]:
+    """Joint trajectories (Taylor series) as :func:`near_angles` tells their values."""
+    angles = near_angles(vehicle, [q.c[0] for q in known], [q.c[0] for q in joints])
+    return tuple(Taylor((angle, *q.c[1:])) for angle, q in zip(angles, joints, strict=True))
 
 
 def derivative(v: Vec3, k: int) -> Vec3:
@@ -111,12 +129,23 @@ def upright(force: Vec3, weight: Scalar, start: Any, along: Vec3 | None = None) 
     deep = t < 1.0
     t = choose(deep, t, 1.0)
     z = choose(deep, force.z, (start - width) * weight)
-    more = (t * t * t - t * t * t * t * 0.5) * (width * weight)
+    more = _quartic(t) * (width * weight)
     raised = z + more
     if along is None:
         return Vec3(force.x, force.y, raised)
     share = (raised - force.z) / along.z
     return Vec3(force.x + along.x * share, force.y + along.y * share, raised)
+
+
+def _quartic(t: Taylor) -> Taylor:
+    """Series of g(t) = t^3 - t^4 / 2, by the derivatives of g."""
+    x, v, *rest = t.c
+    square = x * x
+    slope = square * (3.0 - 2.0 * x)
+    found = [square * x * (1.0 - 0.5 * x), mul(slope, v)]
+    if rest:
+        found.append(add(mul(slope, rest[0]), mul(3.0 * (x - square), mul(v, v))))
+    return Taylor(found)
 
 
 def attitude(force: Vec3, yaw: Taylor) -> Attitude:

@@ -183,7 +183,7 @@ def observe(
     """
     place = filter_pose(gains.pose, memory, measurement, started, dt)
     half, speeds, squares = acted.amid, acted.speeds, acted.squares
-    R = memory.quaternion.plus(place.quaternion, 1.0).normalized().rotation()
+    R = memory.quaternion.plus(place.quaternion, 1).normalized().rotation()
     joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, place.joints, strict=True))
     pushing = with_side(model, unknown, R, half, memory.velocity, memory.rate)
     amid = Amid(R=R, rate=memory.rate, joints=joints, joint_rates=memory.joint_rates, unknown=pushing)

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra.scalars import Scalar, absolute, add, divide, logical_or, minimum, where
+from skyarm.algebra.scalars import Scalar, absolute, add, divide, logical_or, minimum, total, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.select import data
 from skyarm.records.immutable import immutable
@@ -47,10 +47,12 @@ def extrapolate(
         ahead: samples of one and two periods later; empty without a preview.
         late: s, from the present to the instant of the signals.
     """
-    new: Any = started < 0.5
-    for channel, sample in zip(channels, held, strict=True):
-        for old, value in zip((channel.value, channel.rate, channel.acceleration), sample, strict=True):
-            new = logical_or(new, absolute(data(value) - old) > 0.0)
+    changed = total(
+        absolute(data(value) - old)
+        for channel, sample in zip(channels, held, strict=True)
+        for old, value in zip((channel.value, channel.rate, channel.acceleration), sample, strict=True)
+    )
+    new = logical_or(started < 0.5, changed > 0.0)
     due = age + dt > period * (1.0 - 1e-6)
     age = where(new, 0.0, minimum(age + dt, period))
     if ahead:
@@ -92,7 +94,7 @@ def _is_jump(before: tuple[Scalar, Scalar], after: tuple[Scalar, Scalar], period
     (v0, a0), (v1, a1) = before, after
     missed = absolute(v1 - v0 - (0.5 * period) * (a1 + a0))
     size = absolute(a1) + absolute(a0)
-    return missed > period * (JUMP * absolute(a1 - a0) + ROUGH * size) + 1e-9
+    return missed > (JUMP * period) * absolute(a1 - a0) + (ROUGH * period) * size + 1e-9
 
 
 def _interpolate(held: Sample, following: Sample, later: Sample, age: Scalar, period: Scalar) -> Taylor:

@@ -9,6 +9,7 @@ from skyarm import dynamics
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Force, Mat3, Quaternion, Vec3, inner_product
 from skyarm.algebra.scalars import Scalar, add, sub
 from skyarm.compile.tracing.lower import repeat
+from skyarm.control.blocks.attitude import near_angles
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -195,11 +196,23 @@ def actuation(model: Model, speeds: Sequence[Scalar], command: Command, dt: Scal
     return Actuation(squares=squares, amid=half, speeds=after, efforts=command.efforts)
 
 
-def predict_across(model: Model, x: State, done: Actuation, unknown: Disturbance, h: Scalar, sideways: bool) -> State:
-    """Vehicle state ``h`` seconds later, which may vary, in one step: accelerations are those amid the step."""
+def predict_across(
+    model: Model,
+    x: State,
+    done: Actuation,
+    unknown: Disturbance,
+    h: Scalar,
+    sideways: bool,
+    known: Sequence[Scalar],
+) -> State:
+    """Vehicle state ``h`` seconds later, which may vary, in one step: accelerations are those amid the step.
+
+    ``known`` are joint positions nearby whose sines and cosines are needed otherwise.
+    """
     drift = 0.5 * h
     R = (x.quaternion * Quaternion.of_small_rotation(x.rate * drift)).rotation()
-    joints = tuple(q + v * drift for q, v in zip(x.joints, x.joint_rates, strict=True))
+    amid = tuple(q + v * drift for q, v in zip(x.joints, x.joint_rates, strict=True))
+    joints = near_angles(model.vehicle, known, amid)
     applied = rotor_wrench(model, done.squares, sideways)
     moved = acceleration(model, R, x.rate, joints, x.joint_rates, applied, done.efforts, unknown)
     return _integrate(x, moved, done.speeds, h)

@@ -72,8 +72,8 @@ class TipLevers:
 def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar]) -> TipLevers:
     """Tip position and Jacobian at an attitude and joint positions."""
     frame = vehicle.frame()
-    columns = tuple(column.linear for column in jacobian_columns(vehicle, frame, joints))
-    return TipLevers(vehicle, R, frame_pose(vehicle, frame, joints).p, columns)
+    columns = tuple(column.linear for column in jacobian_columns(vehicle, frame, joints, summed=True))
+    return TipLevers(vehicle, R, frame_pose(vehicle, frame, joints, summed=True).p, columns)
 
 
 def tip_force(errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:

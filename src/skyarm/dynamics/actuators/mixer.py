@@ -66,7 +66,8 @@ def yaw_bounds(
     for value, slope, turning, top in zip(taken, per_newton, per_turn, highest, strict=True):
         by = where(absolute(turning) > least, turning, least)
         a, b = divide(0.0 - value, by), divide(top - value, by)
-        found.append(Bound(minimum(a, b), maximum(a, b), 0.0 - divide(slope, by)))
+        rising: Any = by > 0.0
+        found.append(Bound(where(rising, a, b), where(rising, b, a), 0.0 - divide(slope, by)))
     return found
 
 
@@ -266,16 +267,17 @@ def _tilt_share(tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: S
     """Largest share of the roll and pitch torque that some thrust keeps within all rotors' limits, 0 to 1.
 
     Rotor i requires thrust >= -s d_i and rotor j for thrust <= e_j - s d_j, with d = tilt / per_newton and
-    e = highest / per_newton: every pair must agree (Fourier-Motzkin elimination of the thrust).
+    e = highest / per_newton: every j must agree with the least d_i (Fourier-Motzkin elimination of the thrust).
     """
     d = [divide(value, slope) for value, slope in zip(tilt, per_newton, strict=True)]
     e = [divide(top, slope) for top, slope in zip(highest, per_newton, strict=True)]
     share: Scalar = 1.0
-    for j, d_j in enumerate(d):
-        for i, d_i in enumerate(d):
-            if i != j:
-                spread = sub(d_j, d_i)
-                share = minimum(share, where(spread > 0.0, divide(e[j], spread), share))
+    least = d[0]
+    for each in d[1:]:
+        least = minimum(least, each)
+    for each, top in zip(d, e, strict=True):
+        spread = sub(each, least)
+        share = minimum(share, where(spread > 0.0, divide(top, spread), share))
     return share
 
 

@@ -26,8 +26,8 @@ from itertools import pairwise
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, cos, divide, maximum, minimum, sin, sqrt, where
-from skyarm.algebra.scalars.taylor import Taylor, choose
+from skyarm.algebra.scalars import Scalar, absolute, cos, divide, maximum, minimum, sin, sqrt, total, where
+from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
 from skyarm.control.blocks.attitude import Posture, derivative, posture
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.laws.centroidal.parameters import SHARES, CentroidalParameters
@@ -97,16 +97,16 @@ class Acting:
 
 @immutable(kw_only=False)
 class Instant:
-    """Reference at one instant of the preview, its horizontal parts along both directions.
+    """Reference at one instant of the preview.
 
     Attributes:
-        time: from now, s. acceleration: m/s^2, its third number upwards. push: d, m/s^2.
+        time: from now, s. rise: vertical acceleration, m/s^2. asked: d - a along both directions, m/s^2.
         lever: height of the centre of mass above the tip, m.
     """
 
     time: Scalar
-    acceleration: tuple[Scalar, ...]
-    push: Pair
+    rise: Scalar
+    asked: Pair
     lever: Scalar
 
 
@@ -211,12 +211,15 @@ def lever_of(vehicle: Vehicle, joints: Sequence[Scalar]) -> Scalar:
     return derivative(at.com, 0).z - derivative(at.tip, 0).z
 
 
-def coming_levers(vehicle: Vehicle, samples: Sequence[Sequence[Sample]]) -> list[Scalar]:
-    """Levers (m) at the samples to come: of the third the mean of its neighbours', of the last that of the one before.
+def coming_levers(vehicle: Vehicle, now: Taylor, ahead: Sequence[tuple[Scalar, Sequence[Sample]]]) -> list[Scalar]:
+    """Levers (m) at the samples to come, two of them by postures, which cost as much as the rest for a sample.
 
-    A posture costs as much as the rest of the work for a sample, and those two count less than the others.
+    The first is on the parabola of the second and of the present one with its rate, the third the mean of its
+    neighbours', the last that of the one before.
     """
-    one, two, four = (lever_of(vehicle, [q for q, _, _ in samples[i][4:]]) for i in (0, 1, 3))
+    two, four = (lever_of(vehicle, [q for q, _, _ in ahead[i][1][4:]]) for i in (1, 3))
+    share, here = divide(ahead[0][0], ahead[1][0]), now.derivative(0)
+    one = here + now.derivative(1) * ahead[0][0] * (1.0 - share) + share * share * (two - here)
     return [one, two, 0.5 * (two + four), four, four]
 
 
@@ -246,10 +249,7 @@ def bounded_sweep(rows: Sequence[Instant], gains: Sequence[Pair], thrusts: Seque
         thrusts: mean specific thrust from each instant to the next, and at the last one, m/s^2.
     """
     sizes = [_size(row.lever) for row in rows]
-    force = [
-        [g * (d - a) for g, d, a in zip(gain, row.push, row.acceleration, strict=False)]
-        for gain, row in zip(gains, rows, strict=True)
-    ]
+    force = [[g * each for g, each in zip(gain, row.asked, strict=True)] for gain, row in zip(gains, rows, strict=True)]
     b = sqrt(divide(thrusts[-1], sizes[-1]))
     per = divide(-1.0, b)
     v = [per * each for each in force[-1]]
@@ -302,7 +302,7 @@ def coming_thrusts(rows: Sequence[Instant], line: Sequence[Stretch], y: Pair) ->
 def _secant(places: Sequence[Any], per: Any) -> Any:
     """Ratio 1 / cos of the tilt of a lever whose end is displaced horizontally, as a share ``per`` of its length."""
     a, b = (place * per for place in places)
-    return 1.0 / sqrt(1.0 - _at_most(a * a + b * b))
+    return inverse_root(1.0 - _at_most(a * a + b * b))
 
 
 def _at_most(square: Any) -> Any:
@@ -341,25 +341,21 @@ def bounded_shift(
     vehicle, gravity = par.model.vehicle, par.model.gravity
     at, per_mass = directions(vehicle, level, yaw), divide(1.0, vehicle.mass)
     push, rate, drift = (each * per_mass for each in (acting.force, acting.rate, acting.drift))
-    pushes, rates, slow = at.pair(push), at.pair(rate), acting.drag * per_mass
+    slow = acting.drag * per_mass
     lever = Taylor.of_derivatives([derivative(level.com, k).z - derivative(level.tip, k).z for k in range(3)])
 
     def instant(time: Scalar, velocity: Vec3, acceleration: Vec3, height: Scalar) -> Instant:
-        v = at.pair(velocity)
-        d = pushes[0] + rates[0] * time - slow * v[0], pushes[1] + rates[1] * time - slow * v[1]
-        return Instant(time, (*at.pair(acceleration), acceleration.z), d, height)
+        return Instant(time, acceleration.z, at.pair(push + rate * time - velocity * slow - acceleration), height)
 
     height = lever.derivative(0)
-    rows = [instant(0.0, base[1], base[2], height)]
-    levers = coming_levers(vehicle, [sample for _, sample in ahead]) if ahead else []
+    rows = [instant(0, base[1], base[2], height)]
+    levers = coming_levers(vehicle, lever, ahead) if ahead else []
     for (time, sample), other in zip(ahead, levers, strict=True):
         velocity, acceleration = (Vec3(*(each[k] for each in sample[:3])) for k in (1, 2))
         rows.append(instant(time, velocity, acceleration, other))
     now, still = at.pair(shift.place), gravity - push.z
-    off = [
-        Taylor((d - slow * v - a, r - slow * a - j, -0.5 * (slow * j + s)))
-        for d, r, v, a, j, s in zip(pushes, rates, *(at.pair(base[k]) for k in (1, 2, 3, 4)), strict=True)
-    ]
+    asked_next, asked_after = at.pair(rate - base[2] * slow - base[3]), at.pair((base[3] * slow + base[4]) * -0.5)
+    off = [Taylor(each) for each in zip(rows[0].asked, asked_next, asked_after, strict=True)]
     floor = WEAK * gravity
     sinks = shift.sinking
     up = Taylor((base[2].z + still + sinks[0], base[3].z - rate.z + sinks[1], 0.5 * (base[4].z + sinks[2])))
@@ -415,11 +411,8 @@ def _towards_next(values: Sequence[Scalar], shares: Sequence[Scalar]) -> list[Sc
 
 def _halved_square(*rows: Sequence[Scalar]) -> list[Scalar]:
     """First to fourth derivative of half the square of a vector whose rows are value to fourth derivative."""
-    found: list[Scalar] = [0.0] * 4
-    for y, v, a, j, s in rows:
-        more = (y * v, v * v + y * a, 3.0 * v * a + y * j, 3.0 * a * a + 4.0 * v * j + y * s)
-        found = [each + one for each, one in zip(found, more, strict=True)]
-    return found
+    each = [(y * v, v * v + y * a, 3.0 * v * a + y * j, 3.0 * a * a + 4.0 * v * j + y * s) for y, v, a, j, s in rows]
+    return [total(column) for column in zip(*each, strict=True)]
 
 
 def _gains(at: Directions, lever: Scalar) -> Pair:
@@ -431,10 +424,7 @@ def _gains(at: Directions, lever: Scalar) -> Pair:
 
 def _thrusts(rows: Sequence[Instant], still: Scalar, floor: Scalar, shift: Shift) -> list[Scalar]:
     """Mean specific thrust from each instant to the next, and at the last one, m/s^2; ``still`` that at rest."""
-    rises = [
-        0.5 * (now.acceleration[2] + then.acceleration[2]) + sink
-        for now, then, sink in zip(rows, rows[1:], shift.coming, strict=False)
-    ]
-    ups = [maximum(still + rise, floor) for rise in (*rises, rows[-1].acceleration[2])]
+    rises = [0.5 * (now.rise + then.rise) + sink for now, then, sink in zip(rows, rows[1:], shift.coming, strict=False)]
+    ups = [maximum(still + rise, floor) for rise in (*rises, rows[-1].rise)]
     secants = [*(0.5 * (a + b) for a, b in zip(shift.secants, shift.secants[1:], strict=False)), shift.secants[-1]]
     return [up * secant for up, secant in zip(ups, secants, strict=False)]

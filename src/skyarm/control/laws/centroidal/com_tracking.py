@@ -16,7 +16,7 @@ from typing import Annotated
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, minimum, mul, sqrt, where
-from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.algebra.scalars.taylor import Taylor, inverse_root
 from skyarm.control.blocks.attitude import Attitude, derivative, reachable, vector_series
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
@@ -127,14 +127,14 @@ def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
     error = vector_series(errors)
     far = error.hadamard(Vec3(*(divide(p * p, v * v * (2.0 * approach)) for p, v in zip(kp, kv, strict=True))))
     square = far.dot(far)
-    left = 1.0 / sqrt(sqrt(sqrt(square * square + 1.0)))
+    left = inverse_root(square * square + 1.0, 3)
     return kp.hadamard(derivative(error * left, len(errors) - 1))
 
 
 def _soft_limit(pull: list[Vec3], limit: Scalar) -> Vec3:
     """Feedback acceleration or its derivative after the smooth saturation pull / sqrt(1 + |pull|^2 / limit^2)."""
     series = vector_series(pull)
-    share = 1.0 / sqrt(series.dot(series) * divide(1.0, limit * limit) + 1.0)
+    share = inverse_root(series.dot(series) * divide(1.0, limit * limit) + 1.0)
     return derivative(series * share, len(pull) - 1)
 
 

@@ -16,6 +16,7 @@ from skyarm.control.blocks.attitude import (
     attitude,
     derivative,
     moving,
+    near_series,
     posture,
     upright,
 )
@@ -40,7 +41,7 @@ class Planned:
     Attributes:
         R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and acceleration, base axes.
         proper: acceleration of the base origin less gravity, m/s^2, base axes.
-        joints: signals, series in time.
+        joints: signals, series in time. angles: the same for rotations; empty where those are at hand.
     """
 
     R: Mat3
@@ -48,6 +49,7 @@ class Planned:
     alpha: Vec3
     proper: Vec3
     joints: tuple[Taylor, ...]
+    angles: tuple[Taylor, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -78,7 +80,8 @@ class Course:
 
     Attributes:
         base: of the base origin, value to fourth derivative, world axes.
-        still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
+        still: quasi-static attitude. level: posture of ``turned``, the joints' signals; ``angles`` are those of
+            rotations.
         following: of the shift's motion, one period later.
         changes: known derivatives of the disturbance, N/s and N/s^2, world axes.
         reach: of sideways force; None without it. planned: force of the motion, N, if the shift answers it, else None.
@@ -89,6 +92,7 @@ class Course:
     still: Attitude
     level: Posture
     turned: tuple[Taylor, ...]
+    angles: tuple[Taylor, ...]
     following: Following
     changes: tuple[Vec3, Vec3]
     reach: Reach | None
@@ -104,7 +108,7 @@ def demands(step: Step) -> Demand:
     yaw, joints = step.signals[3], tuple(step.signals[4:])
     R, w = state.quaternion.rotation(), state.rate
     course = _course(step)
-    now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
+    now = posture(vehicle, moving(step.angles, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if arm and par.center.arm_turn is not None:
         arm = center_of_mass.update_arm_motion(arm, course.level.com, model.gravity, step.dt)
@@ -130,7 +134,7 @@ def demands(step: Step) -> Demand:
             R=R,
             rate=w,
             alpha=alpha,
-            joints=state.joints,
+            joints=step.angles,
             joint_rates=state.joint_rates,
             posture=now,
             tip=state.position + R.apply(derivative(now.tip, 0)),
@@ -155,6 +159,7 @@ def demands(step: Step) -> Demand:
         alpha=course.still.acceleration,
         proper=course.still.R.apply_T(course.base[2] + E_Z * model.gravity),
         joints=course.turned,
+        angles=course.angles,
     )
     ahead = par.rotors.leads_thrust or course.reach is not None
     return Demand(
@@ -197,15 +202,16 @@ def _course(step: Step) -> Course:
     planned = force if moved else None
     still = wanted_attitude(par, force, yaw, reach, planned)
     if par.mode != "tip":
-        return Course(base, still, level, joints, before, changes, reach, planned)
+        return Course(base, still, level, joints, joints, before, changes, reach, planned)
     goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
     turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, moves is not None)
-    upright_posture, level = level, posture(vehicle, turned, 4)
+    angles = near_series(vehicle, joints, turned)
+    upright_posture, level = level, posture(vehicle, angles, 4)
     offset = tip_tasks.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
     if moved:
         offset = [*offset[:2], offset[2] + drifting, *moved[2:]]
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    return Course(base, still, level, turned, after, changes, reach, planned, goal)
+    return Course(base, still, level, turned, angles, after, changes, reach, planned, goal)
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Scalar, ...]:

@@ -16,10 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Annotated, Any
 
 from skyarm.algebra import inner_product
-from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, mul, sub, total, where
+from skyarm.algebra.scalars import Scalar, add, divide, maximum, minimum, mul, structural, sub, total, where
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares
@@ -51,7 +52,7 @@ PRIOR, SHARPNESS = 0.0075, 100.0
 LEAD = 0.05
 """Most that a mean and its price lie above the least, and the highest price."""
 
-PRICES = tuple(min(PRIOR * j, LEAD) for j in range(CANDIDATES))
+PRICES = tuple(structural(min(PRIOR * j, LEAD)) for j in range(CANDIDATES))
 """Of each lag of the bank."""
 
 LEARNING, KNOWN = 0.3, 0.25
@@ -145,7 +146,7 @@ class LagGains(Part):
             for bank, p, pace in groups
         )
         turned, weights = here[:TILTS], weigh(memory.base)
-        inverse = divide(1.0, total(weights))
+        inverse = divide(1.0, total(reversed(weights)))
         expected = [
             inner_product(weights, axis) * inverse for axis in zip(*(each[:TILTS] for each in past), strict=True)
         ]
@@ -210,9 +211,10 @@ def weigh(bank: Bank) -> list[Any]:
     """Weight of each candidate lag, its likelihood up to a common factor."""
     paid, least = _price_lags(bank.means)
     inverse = divide(0.125 * SHARPNESS, least + PRIOR)
+    start = 1.0 - least * inverse
     found = []
     for each in paid:
-        once = divide(1.0, (each - least) * inverse + 1.0)
+        once = divide(1.0, each * inverse + start)
         twice = once * once
         found.append((twice * twice) * (twice * twice))
     return found
@@ -220,13 +222,14 @@ def weigh(bank: Bank) -> list[Any]:
 
 def estimate(bank: Bank, step: Scalar) -> Any:
     """Estimated lag, s: likelihood-weighted mean of the candidate lags, which are ``step`` apart."""
-    weights = weigh(bank)
-    return step * divide(total(each * float(j) for j, each in enumerate(weights[1:], start=1)), total(weights))
+    # sums of the weights of lags not below each: their sum counts each weight once for each step of its lag
+    above = list(accumulate(reversed(weigh(bank))))
+    return step * divide(total(above[:-1]), above[-1])
 
 
 def _price_lags(means: Sequence[Scalar]) -> tuple[list[Scalar], Scalar]:
     """Mean residual plus penalty of each candidate lag, and the smallest of these sums."""
-    paid = [mean + price for mean, price in zip(means, PRICES, strict=True)]
+    paid = [add(mean, price) for mean, price in zip(means, PRICES, strict=True)]
     least = paid[0]
     for each in paid[1:]:
         least = minimum(least, each)
@@ -256,18 +259,10 @@ def _bank(
     """Residual statistics of the candidate lags after one more measurement."""
     if not seen:
         return bank
-    squares = []
-    for each in delayed:
-        total: Scalar = 0.0
-        for y, a in zip(seen, each, strict=True):
-            total = total + (y - a) * (y - a)
-        squares.append(total)
-    mean = squares[0]
-    for square in squares[1:]:
-        mean = mean + square
-    size = minimum(mean * (1.0 / CANDIDATES), GROWTH * (bank.scale + FLOOR))
+    squares = [total((y - a) * (y - a) for y, a in zip(seen, each, strict=True)) for each in delayed]
+    size = minimum(total(squares) * (1.0 / CANDIDATES), GROWTH * (bank.scale + FLOOR))
     half = ROBUST * bank.scale + FLOOR
     means = [old + keep * (divide(e, e + half) - old) for old, e in zip(bank.means, squares, strict=True)]
     _, least = _price_lags(means)
-    bounded = (minimum(mean, least + (LEAD - price)) for mean, price in zip(means, PRICES, strict=True))
+    bounded = (minimum(mean, add(least, structural(LEAD - price))) for mean, price in zip(means, PRICES, strict=True))
     return Bank(means=tuple(bounded), scale=bank.scale + passed * (size - bank.scale))

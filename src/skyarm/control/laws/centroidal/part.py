@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, mul
 from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.control.blocks.attitude import near_angles
 from skyarm.control.blocks.disturbance_observer import Observed, Told
 from skyarm.control.blocks.force_control import Pressing
 from skyarm.control.blocks.prediction import Disturbance
@@ -74,6 +75,11 @@ class Step:
     steady: Vec3 = ZERO3
     drift: Vec3 = ZERO3
     demand: Demand | None = None
+
+    @property
+    def angles(self) -> tuple[Any, ...]:
+        """Present joint positions, rad or m, for rotations."""
+        return near_angles(self.par.model.vehicle, self.told.amid.joints, self.state.joints)
 
     @property
     def holds(self) -> tuple[Scalar, ...]:

@@ -17,9 +17,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin, sqrt
-from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.blocks.attitude import Attitude, Posture, derivative, vector_series
+from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin
+from skyarm.algebra.scalars.taylor import Taylor, inverse_root
+from skyarm.control.blocks.attitude import Attitude, Posture, derivative, near_angles, vector_series
 from skyarm.control.blocks.center_of_mass import axes, com_columns
 from skyarm.control.blocks.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.parameters import TipGains
@@ -99,8 +99,8 @@ def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, lim
     """
     series = vector_series(needed_shift(level.tip, yaw, turned_arm.tip, still))
     square = series.dot(series) * divide(1.0, limit * limit)
-    eighth = square * square * square * square
-    share = 1.0 / sqrt(sqrt(sqrt(eighth + 1.0)))
+    fourth = square * square
+    share = inverse_root(fourth * fourth + 1.0, 3)
     return [derivative(series * share, k) for k in range(3)]
 
 
@@ -211,7 +211,8 @@ def turned_joints(
         return tuple(q + c for q, c in zip(joints, change, strict=True))
     values = tuple(add(q.derivative(0), c) for q, c in zip(joints, change, strict=True))
     told = [[q.derivative(k) for q in joints] for k in (1, 2)]
-    motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, values, summed=True), told)
+    angles = near_angles(vehicle, [q.c[0] for q in joints], values)
+    motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, angles, summed=True), told)
     rows = zip(joints, values, *motion, strict=True)
     return tuple(Taylor((value, rate, mul(0.5, turning), *q.c[3:])) for q, value, rate, turning in rows)
 
