@@ -59,7 +59,7 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
 
 
 def near_angles(vehicle: Vehicle, known: Sequence[Scalar], joints: Sequence[Scalar]) -> tuple[Any, ...]:
-    """Joint positions whose angles are told as ``known`` ones and a rest, for rotations."""
+    """Joint positions, those of hinges as sums of ``known`` angles and a rest, for rotations."""
     if vehicle.followers:
         return tuple(joints)
     rows = zip(vehicle.links, known, joints, strict=True)
@@ -67,7 +67,7 @@ def near_angles(vehicle: Vehicle, known: Sequence[Scalar], joints: Sequence[Scal
 
 
 def near_series(vehicle: Vehicle, known: Sequence[Taylor], joints: Sequence[Taylor]) -> tuple[Taylor, ...]:
-    """Joint trajectories (Taylor series) as :func:`near_angles` tells their values."""
+    """Joint trajectories (Taylor series) with values of :func:`near_angles`."""
     angles = near_angles(vehicle, [q.c[0] for q in known], [q.c[0] for q in joints])
     return tuple(Taylor((angle, *q.c[1:])) for angle, q in zip(angles, joints, strict=True))
 
