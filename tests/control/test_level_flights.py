@@ -103,11 +103,26 @@ def test_a_roll_and_pitch_are_held_while_the_base_moves_and_turns():
         np.testing.assert_allclose(log.euler[during, 1], pitch, atol=0.01)
 
 
+LEVEL = """
+name = "level_flight"
+duration = 8.0
+
+[plant]
+vehicle = "tilted_hexarotor"
+
+[reference.base]
+kind = "signals"
+x = { kind = "ramp", start = 2.0, duration = 3.0, height = 1.0, shape = "quintic" }
+z = 1.5
+
+"""
+
+
 @pytest.mark.parametrize("plant", ["rigid_body", pytest.param("mujoco", marks=pytest.mark.thorough)])
 def test_a_force_beyond_the_rotors_reach_is_flown_by_tilting(plant, tmp_path):
-    """The scenario of the page in 12 N of wind, half the weight: 6.1 N go sideways at most, the rest leans."""
+    """The controller of the page in 12 N of wind, half the weight: 6.1 N go sideways at most, the rest leans."""
     text, *_ = re.findall(r"```toml\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
-    (tmp_path / "level.toml").write_text(text, "utf-8")
+    (tmp_path / "level.toml").write_text(LEVEL + text, "utf-8")
     planned = load_scenario(tmp_path / "level.toml", duration=4.0)
     log = run(dataclasses.replace(planned, kind=plant, wind=ForceWind(force_W=Vec3(8.0, -9.0, 0.0))))
     assert log.status == "completed"

@@ -1,4 +1,4 @@
-"""The envelope in docs/comparing_laws.md: its sentences, its table and its picture, from a folder that was flown.
+"""The envelope in docs/comparing_laws.md: table, weakest points of the flagship and picture, from a folder.
 
 python tests/website/envelope_of_laws.py out/envelope    writes the block into docs/comparing_laws.md
 and docs/images/envelope.png
@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from envelope_rules import FLAGSHIP, sentence, violation_rows, violations
+from envelope_rules import FLAGSHIP, violation_rows, violations
 from PIL import Image
 
 from skyarm.studies.compare.envelope_report import summary_head, summary_rows
@@ -30,10 +30,9 @@ PICTURE = "docs/images/envelope.png"
 def block(found: Mapping[str, Any]) -> str:
     """What stands between the marks of the page, from the content of ``envelope.json``."""
     laws, axes = [law for law in found["laws"] if law not in LEFT_OUT], found["axes"]
-    words = f"`{FLAGSHIP}` keeps the tip {sentence(FLAGSHIP, axes)}"
     weakest = ", ".join(words_of(row) for row in violation_rows(violations(axes, FLAGSHIP))) or "none"
     return (
-        f"{words}\n\n{markdown(summary_head(laws), summary_rows(axes, laws))}\n\n"
+        f"{markdown(summary_head(laws), summary_rows(axes, laws))}\n\n"
         f"Weakest points of `{FLAGSHIP}` (lost where another law is not, or over 10 % worse than the paper's law): "
         f"{weakest}.\n"
     )

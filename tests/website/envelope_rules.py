@@ -1,11 +1,11 @@
-"""Two rules about the flagship on the envelope, and the envelope of a law in a sentence, for the documentation."""
+"""Two rules about the flagship on the envelope, for the documentation."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from skyarm.studies.compare.envelope_report import LEVELS, LOST, lost_at, within
+from skyarm.studies.compare.envelope_report import LOST
 from skyarm.view.pages import number
 
 FLAGSHIP = "centroidal_tip"
@@ -57,46 +57,6 @@ def violations_at(points: Mapping[str, Any], flagship: str) -> list[dict[str, An
         counts = {"lost": len(lost), "worse": len(worse)}
         return [{**each, "plants": counts[each["rule"]]} for each in found]
     return found
-
-
-def sentence(law: str, axes: Mapping[str, Any]) -> str:
-    """The envelope of a law in a sentence: its range along each axis, and its limits.
-
-    Good is what is within the first level that the law reaches anywhere.
-    """
-    flown = {name: axis for name, axis in axes.items() if axis["laws"].get(law)}
-
-    def counts(level: float) -> dict[str, int]:
-        return {name: within(axis["laws"][law], level) for name, axis in flown.items()}
-
-    level = next((level for level in LEVELS if any(counts(level).values())), LEVELS[-1])
-    ends, whole, never = [], [], []
-    for name, count in counts(level).items():
-        values, words = axes[name]["values"], name.replace("_", " ")
-        if count == len(values):
-            whole.append(words)
-        elif count:
-            towards = "up to" if values[-1] >= values[0] else "down to"
-            ends.append(f"{words} {towards} {values[count - 1]:g} {axes[name]['unit']}")
-        else:
-            never.append(words)
-    every = [f"all of {', '.join(whole)}"] if whole else []
-    parts = [f"within {1e3 * level:g} mm: {'; '.join([', '.join(ends), *every] if ends else every) or 'nowhere'}"]
-    parts += [f"never on {', '.join(never)}"] if never and (ends or whole) else []
-    lost = [losses(name, axis, lost_at(axis["laws"][law])) for name, axis in flown.items()]
-    return "; ".join([*parts, f"lost: {', '.join(words for words in lost if words) or 'nowhere'}"]) + "."
-
-
-def losses(name: str, axis: Mapping[str, Any], gone: Sequence[int]) -> str:
-    """From the first lost value on, or at single ones."""
-    if not gone:
-        return ""
-    values = axis["values"]
-    if len(gone) > 1 and list(gone) == list(range(gone[0], len(values))):
-        where = f"from {values[gone[0]]:g}"
-    else:
-        where = "at " + " and ".join(f"{values[k]:g}" for k in gone)
-    return f"{name.replace('_', ' ')} {where} {axis['unit']}"
 
 
 def violation_rows(found: Sequence[Mapping[str, Any]]) -> list[list[str]]:

@@ -1,8 +1,8 @@
-"""Rules about the flagship on an envelope, and the sentence of a law."""
+"""Rules about the flagship on an envelope."""
 
 from __future__ import annotations
 
-from envelope_rules import sentence, violation_rows, violations
+from envelope_rules import violation_rows, violations
 
 from envelope_points import AXES_FLOWN, LOST, axis, plants, point
 
@@ -35,22 +35,6 @@ def test_on_another_vehicle_the_tuned_form_of_the_paper_s_law_is_the_measure():
         {"circle": axis((1.0,), hybrid_computed_torque_tuned=[point(0.1)], centroidal_tip=[point(0.12)])}
     )
     assert found[0]["kept_by"] == ["hybrid_computed_torque_tuned"]
-
-
-def test_the_sentence_of_a_law_says_how_far_and_where_lost():
-    assert sentence("centroidal_tip", AXES_FLOWN) == (
-        "within 10 mm: circle up to 1 m/s, turning wind down to 20 s; lost: turning wind at 5 s."
-    )
-    assert sentence("paper_ct", AXES_FLOWN) == (
-        "within 100 mm: circle up to 2 m/s; never on turning wind; lost: turning wind at 5 s."
-    )
-    assert sentence("l1_adaptive", AXES_FLOWN) == (
-        "within 100 mm: circle up to 1 m/s; never on turning wind; lost: circle from 2 m/s."
-    )
-    calm = {"circle": axis((1.0, 2.0), centroidal_tip=[point(0.001), point(0.002)])}
-    assert sentence("centroidal_tip", calm) == "within 10 mm: all of circle; lost: nowhere."
-    far = {"circle": axis((1.0, 2.0), indi=[point(0.2), LOST])}
-    assert sentence("indi", far) == "within 100 mm: nowhere; lost: circle at 2 m/s."
 
 
 def test_every_plant_is_a_trial_of_the_rules():

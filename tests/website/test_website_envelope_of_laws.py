@@ -53,9 +53,5 @@ def test_the_block_is_written_from_a_folder_s_record(tmp_path: Path):
     axis = {"values": [1.0], "unit": "N", "noisy": False, "judged": "x", "title": "x", "laws": {FLAGSHIP: points}}
     found = {"laws": [FLAGSHIP], "axes": {"push_x": axis}}
     text = block(json.loads(json.dumps(found)))
-    assert re.search(
-        r"keeps the tip within 10 mm: all of push x; lost: nowhere\.\n\n"
-        r"\|.*\n\|.*\n\| push x, 1 to 1 N \| 1 / 1; 0\.5 \|",
-        text,
-    )
+    assert re.match(r"\|.*\n\|.*\n\| push x, 1 to 1 N \| 1 / 1; 0\.5 \|", text)
     assert text.endswith("worse than the paper's law): none.\n")
