@@ -393,3 +393,17 @@ class TestStepper:
             Stepper(Kernel(spring(), Lanes(1)), np.zeros(3), np.zeros(1))
         with pytest.raises(ValueError, match=r"parameters: shape \(0,\), allowed \(1,\)"):
             Stepper(Kernel(spring(), Lanes(1)), np.zeros(2))
+
+
+def test_a_large_program_is_made_with_the_least_effort(tmp_path, monkeypatch):
+    """The optimiser takes minutes over 300 000 operations, and answers no signal meanwhile."""
+    made, build = [], native.build
+    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
+    monkeypatch.delenv(native.EFFORT, raising=False)
+    monkeypatch.setattr(native, "build", lambda text, effort: made.append(effort) or build(text, effort))
+    loop = spring()
+    size = native.operations(loop.program.nodes)
+    for largest in (size, size - 1):
+        monkeypatch.setattr(native, "LARGE", largest)
+        Kernel(loop, Lanes(1))
+    assert made == [2, 0]

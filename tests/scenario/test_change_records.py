@@ -71,7 +71,7 @@ def at(time: float, path: str, value: Any) -> dict[str, Any]:
         (at(0.1, "controller.gains.positon.x", 1), r"changes\[0\].path = .*: no 'positon' here; did you mean 'positi"),
         (at(0.1, "controler.law", "indi"), r"changes\[0\].path = 'controler.law': did you mean 'controller.law'\? "),
         (at(0.1, "controller.lw", "indi"), r"changes\[0\].path = 'controller.lw': no 'lw' here; .*mean 'controller.l"),
-        (at(0.1, "plant", 1), r"changes\[0\].path = 'plant': must lead to a number below it; what may is a number of"),
+        (at(0.1, "plant", 1), r"changes\[0\].path = 'plant': must lead to a number below it; what may is delays"),
         (at(0.1, "plnt.mass", 1), r"changes\[0\].path = 'plnt.mass': did you mean 'plant'\? nothing of this name"),
         (at(0.1, GAIN, np.array([1.0, 2.0])), r"changes\[0\].value = array\(\[1., 2.\]\): must be a number, as"),
         (at(1.1e7, GAIN, 1), r"changes\[0\].at = 11000000.0: must be at most 1e\+07 s, beyond which no flight lasts"),

@@ -145,3 +145,10 @@ def test_a_stop_whose_stiffness_is_left_out_is_chosen(tmp_path):
     assert float(chosen.stop_damping) == pytest.approx(1.0 / (frequency * (2.0 / stiffness)), rel=1e-3)
     assert (float(damped.stop_stiffness), float(damped.stop_damping)) == (float(chosen.stop_stiffness), 0.7)
     assert float(none.stop_stiffness) == float(none.stop_damping) == 0.0
+
+
+@pytest.mark.parametrize(("wrong", "meant"), [("pusch", "push"), ("tips", "tip"), ("joint", "joints")])
+def test_a_misspelt_part_of_the_reference_is_told_what_is_meant(wrong, meant):
+    table = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, wrong: {}}
+    said = refused(TIP, reference=table)
+    assert f"reference.{wrong} = {{}}: unknown field; did you mean '{meant}'? allowed: base, yaw, joints, push" in said

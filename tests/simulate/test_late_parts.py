@@ -131,6 +131,10 @@ def test_the_loop_remembers_as_many_commands_as_the_later_part_needs() -> None:
             {"rotors": 0.01, "command": 0.01, "longest_command": 0.015},
             r"delays\.rotors = 0\.02 with delays\.command: must not exceed delays\.longest_command = 0\.015",
         ),
+        (
+            {"command": 0.02, "longest_command": 0.015},
+            r"delays\.command = 0\.02: must not exceed delays\.longest_command = 0\.015",
+        ),
     ],
 )
 def test_wrong_delays_are_refused_in_one_line(delays: dict[str, float], words: str) -> None:

@@ -160,7 +160,7 @@ def option_numbers(option: str, value: Any, count: int) -> tuple[Any, ...]:
     """
     at = f"controller.{option}"
     try:
-        rows = coerce.items(at, value, (count,), f"must be {count} numbers")
+        rows = coerce.items(at, value, (count,), f"must be {count} number{'s' * (count > 1)}")
         return tuple(coerce.number(f"{at}[{i}]", each) for i, each in enumerate(rows))
     except RecordError as error:
         raise ControllerError(str(error)) from None

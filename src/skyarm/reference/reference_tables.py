@@ -88,6 +88,10 @@ AT_ORIGIN = {"kind": "hover", "position": [0.0, 0.0, 0.0]}
 """The base's motion where a file gives none."""
 
 
+BESIDE = ("push", "load", "tip", "tracking_start", "governor")
+"""Fields of a scenario's reference that are read elsewhere; for messages."""
+
+
 def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: Setting | None = None) -> Trajectory:
     """Trajectory of base and joints from a reference table of a scenario file.
 
@@ -105,7 +109,7 @@ def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: S
     base = motion_from(fields.take("base", AT_ORIGIN), f"{where}.base", setting)
     yaw = signal_from(fields.take("yaw", 0.0), f"{where}.yaw")
     entries = fields.take("joints", [0.0] * n_joints)
-    fields.done()
+    fields.done(BESIDE if where == "reference" else ())
     if not isinstance(entries, list) or len(entries) != n_joints:
         shown = f"{len(entries)} signals" if isinstance(entries, list) else repr(entries)
         raise ValueError(f"{where}.joints = {shown}: must be a list of {n_joints}, one for each joint of the vehicle")

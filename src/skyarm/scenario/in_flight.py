@@ -240,7 +240,7 @@ NUMBERS = tuple(root for root in ROOTS if root not in ("initial", "changes"))
 FIXED = ("name", "title", "schema", "plugins", "initial", "windows", "changes", *STRUCTURE)
 """Words of a file that hold for the whole flight."""
 
-MAY = f"what may is a number of {', '.join(NUMBERS)}, or as a whole {', '.join(WHOLE_PARTS)}"
+MAY = f"what may is {', '.join(LATER)}, a number of {', '.join(NUMBERS)}, or as a whole {', '.join(WHOLE_PARTS)}"
 
 
 def require_changes(scenario: Scenario) -> None:

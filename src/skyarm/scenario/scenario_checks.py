@@ -114,8 +114,10 @@ def _check_times(scenario: Scenario) -> None:
         most = f"{LONGEST_QUEUE} control periods, {LONGEST_QUEUE / rates.control:g} s"
         raise ValueError(f"delays.longest_command = {longest!r}: must be at most {most}")
     for name in ("rotors", "joints", "command") if concrete(delays.command) else ():
-        delay, what = getattr(delays, name), "" if name == "command" else " with delays.command"
-        if concrete(delay) and (held := delay + (delays.command if what else 0)) > longest:
+        own = getattr(delays, name)
+        # of a delay of 0 the sum is the command's own, which is named by itself
+        if concrete(own) and (held := own if name == "command" else own and own + delays.command) > longest:
+            what = "" if name == "command" else " with delays.command"
             raise ValueError(f"delays.{name} = {held!r}{what}: must not exceed delays.longest_command = {longest!r}")
 
 

@@ -14,7 +14,7 @@ from skyarm.control.catalogue import preset
 from skyarm.dynamics import forward_dynamics
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.scenario.numbers import with_numbers
-from skyarm.studies.assess.finding import FAULT, OK
+from skyarm.studies.assess.finding import FAULT, NOTE, OK
 from skyarm.studies.assess.pressing_flights import pressing_flights, reach_left, tip_mass
 
 
@@ -86,6 +86,14 @@ def test_the_reach_left_is_none_for_a_straight_arm():
     assert reach_left(vehicle, (0.4, -0.9)) == pytest.approx(
         0.23 - np.hypot(0.12 + 0.11 * np.cos(0.9), 0.11 * np.sin(0.9))
     )
+
+
+def test_a_push_that_meets_nothing_is_said():
+    scenario = before_a_wall("pelican_arm2", (-0.45, -0.9), 0.8)
+    (wall,) = scenario.world.surfaces
+    away = dataclasses.replace(wall, position=wall.position + Vec3(5.0, 0.0, 0.0))
+    (found,) = pressing_flights(scenario.with_words(world=dataclasses.replace(scenario.world, surfaces=(away,))))
+    assert (found.level, found.text) == (NOTE, "not known: 0.8 N meet nothing, or for too short a time")
 
 
 def test_without_force_control_or_a_push_nothing_is_flown():

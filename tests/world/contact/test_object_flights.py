@@ -315,6 +315,16 @@ def test_weightless_objects_do_not_stand():
         scenario_from(found)
 
 
+def test_an_object_that_nothing_can_touch_asks_for_no_steps():
+    alone = {
+        "name": "alone", "duration": 0.1, "plant": {"vehicle": "hummingbird"},
+        "controller": {"preset": "rotors_sim_hummingbird"},
+        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+        "world": {"objects": [{"name": "box", "size": [0.1] * 3, "mass": 0.1, "position": [1.0, 0.0, 1.0]}]},
+    }  # fmt: skip
+    assert part_warnings(scenario_from(alone)) == ()
+
+
 def test_what_asks_for_short_steps_is_named():
     assert part_warnings(scenario_from(resting(mass=0.5))) == ()
     assert part_warnings(scenario_from(DOCUMENT)) == ()  # 0.8 ms in place of 1 ms are not worth a line

@@ -24,6 +24,10 @@ from skyarm.records.arrays import AnyArray as Array
 EFFORT = "SKYARM_EFFORT"
 """Environment variable: most effort of the compiler; 0 for many short flights, each of its own program."""
 
+LARGE = 100_000
+"""Operations of a program beyond which the least effort is taken: the optimiser needs minutes, in which no signal is
+answered. A law that is told of a delay of half a second has 300 000."""
+
 SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 # keeps the interpreter's lock: giving it up and taking it again costs more than a step
 QUICK = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
@@ -66,16 +70,19 @@ class Kernel:
         loop: the program. lanes: vector shape; the processor's own if left out.
         logging: compile in the writing of the log.
         effort: 1 and above, or 0 for code that is made four times as fast and runs a third as fast; the same numbers.
+            0 for programs of more than ``LARGE`` operations.
     """
 
     def __init__(self, loop: Loop, lanes: Lanes | None = None, *, logging: bool = False, effort: int = 2) -> None:
         self.loop = loop
         self.lanes = lanes or Lanes(host_width())
         self.logging = logging
-        self.engine = _make_engine(assembly(loop, self.lanes, logging=logging), effort)
+        size = operations(loop.program.nodes)
+        text = assembly(loop, self.lanes, logging=logging)
+        self.engine = _make_engine(text, effort if size <= LARGE else 0)
         address = self.engine.get_function_address(CALL)
         self.quick = QUICK(address)
-        self.machine = Machine(SIGNATURE(address), self.engine, GUESS * max(1, operations(loop.program.nodes)))
+        self.machine = Machine(SIGNATURE(address), self.engine, GUESS * max(1, size))
 
     @property
     def dtype(self) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
+from collections.abc import Sequence
 from typing import Any
 
 from skyarm.records.files.messages import comma_list, did_you_mean, must_be_one_of, shown
@@ -96,11 +97,12 @@ class Fields:
         """Return one `Fields` reader per table of a field that is a list of tables; [] if the field is missing."""
         return list_of_tables(self.take(name, []), self.at(name), self._named)
 
-    def done(self) -> None:
-        """Raise an error if a field of the table was not read."""
+    def done(self, beside: Sequence[str] = ()) -> None:
+        """Raise an error if a field of the table was not read; ``beside`` names fields that others have read."""
+        known = [*dict.fromkeys(self._asked), *beside]
         for name, value in self.table.items():
             if name not in self._asked:
-                allowed, meant = comma_list(dict.fromkeys(self._asked)), did_you_mean(name, self._asked)
+                allowed, meant = comma_list(known), did_you_mean(name, known)
                 raise ValueError(f"{self.at(name)} = {shown(value)}: unknown field; {meant}allowed: {allowed}")
 
 

@@ -57,7 +57,7 @@ def pressing_flights(scenario: Scenario) -> list[Finding]:
     ended, off = status != "completed", np.abs(mean) / (np.array(SHARES)[:, None] * force)
     whole = off[-1][~ended[-1]]
     if not ended[-1].any() and not np.isfinite(whole).any():
-        return []  # too short a push for a mean, or one that meets nothing
+        return [Finding(QUESTION, NOTE, f"not known: {force:.3g} N meet nothing, or for too short a time")]
     fails = ended.any(axis=1) | (np.nan_to_num(off, nan=np.inf).mean(axis=1) > ALLOWED)
     worst = float(np.nanmean(whole)) if np.isfinite(whole).any() else math.inf
     said = f"{force:.3g} N are held in no flight of {NOISES}"

@@ -493,6 +493,8 @@ class Contact(Force):
         """Warnings about steps much shorter than the vehicle's alone, and about balls that hold objects tilted."""
         pairs = product(self.grippers, self.objects)
         tilted = [line for hand, it in pairs for line in hand.tilt_warning(it.name, it.mass, it.half_width)]
+        if not self.steps:
+            return tuple(tilted)
         what, bound = min(self.steps, key=lambda each: float(each[1]))
         least = float(bound)
         if not MUCH_SHORTER * least < step:

@@ -184,7 +184,8 @@ def require_size(where: str, shape: str, size: Sequence[Scalar]) -> None:
     """Refuse a wrong number of lengths for a shape."""
     sizes = SHAPES[shape]
     if len(size) != len(sizes):
-        allowed = f"must be {len(sizes)} numbers, {', '.join(sizes)}" if sizes else "must be left out of a plane"
+        count = "one number" if len(sizes) == 1 else f"{len(sizes)} numbers"
+        allowed = f"must be {count}, {', '.join(sizes)}" if sizes else "must be left out of a plane"
         raise RecordError(f"{where} = {shown(list(size))}: {allowed}")
 
 
