@@ -106,7 +106,7 @@ def require_within(option: str, value: float, low: float, high: float = float("i
         ValueError: one line.
     """
     if not low <= value <= high:
-        allowed = f"from {low} to {high:g}" if high < float("inf") else f"at least {low}"
+        allowed = f"from {low} to {high:.15g}" if high < float("inf") else f"at least {low}"
         raise ValueError(f"{option} = {value}: must be {allowed}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,7 @@ from skyarm.cli.arguments import (
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
 from skyarm.cli.output import aligned_lines, bar, give, heading, tell
 from skyarm.control.catalogue import is_named, must_be_named
-from skyarm.records.files import read_toml, require_writable, shown, taken_back, write_atomically
+from skyarm.records.files import must_be_one_of, read_toml, require_writable, shown, taken_back, write_atomically
 from skyarm.records.registry.plugins import identities, is_law_of_file, law_of_file_name
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario
@@ -129,13 +130,16 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
 
     if controller is not None and not is_named(controller) and not is_gains_file(controller):
         raise ValueError(f"--controller = {shown(controller)}: {must_be_named(controller)}; or a .toml file")
-    of_a_vehicle = _is_vehicle(target)
+    of_a_vehicle, names = _is_vehicle(target), shipped_names("scenario")
+    if not (of_a_vehicle or target in names or Path(target).suffix or os.path.lexists(target)):
+        allowed = must_be_one_of((*names, *shipped_names("vehicle")), target)
+        raise ValueError(f"scenario or vehicle = {shown(target)}: {allowed}, or the path of a file")
     if of_a_vehicle:
         scenario = of_vehicle(load_vehicle(target), controller)
         words = words_of_law(controller or scenario.controller.name)
     else:
         scenario = load_scenario(target, controller=controller)
-        file = LIBRARY / f"{target}.toml" if target in shipped_names("scenario") else Path(target)
+        file = LIBRARY / f"{target}.toml" if target in names else Path(target)
         document = read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}  # nothing of a log
         table = document.get("controller", {}) if controller is None else {}
         words = {name: value for name, value in table.items() if name not in ("safety", "servos")}

@@ -123,6 +123,7 @@ def test_the_page_has_a_stop_for_every_file_and_asks_for_nothing(tuned):
         (("--controller", "none.toml"), "no such file"),
         (("--controller", "nmpc"), "its law cannot be traced, skyarm tune needs a traceable law"),
         (("--workers", "-1"), "--workers = -1: must be from 0"),
+        (("--seed", "2147483648"), "--seed = 2147483648: must be from 0 to 2147483647"),
     ],
 )
 def test_what_cannot_be_tuned_is_refused_in_one_line(tuned, words, said):
@@ -140,8 +141,11 @@ def test_a_scenario_is_told_from_a_vehicle(tmp_path):
     assert wanted_of("hummingbird", None).label == "centroidal_joint"
     assert wanted_of("pelican_arm2", "centroidal_tip").words == {"preset": "centroidal_tip"}
     assert wanted_of("case3", "decoupled_pd_tuned").words == {"law": "decoupled_pd", "tuned": True}
-    with pytest.raises(ValueError, match="must be the path"):
-        wanted_of("nothing", None)
+    # a name may be of either kind
+    with pytest.raises(ValueError, match=r"^scenario or vehicle = 'humingbird': did you mean 'hummingbird'\?.* case3,"):
+        wanted_of("humingbird", None)
+    with pytest.raises(ValueError, match=r"^scenario = 'nothing.toml': no such file"):
+        wanted_of("nothing.toml", None)
 
 
 @pytest.mark.parametrize(("target", "own"), [("case3", 15.0), ("crazyflie_arm1", None)])
