@@ -155,9 +155,7 @@ class WrittenParts:
         lever = com[2] - tip[2]
         times_ = np.array([0.0, *lead])
         h = np.diff(times_)
-        two, four = (self._height(ahead[k][4:, 0]) for k in (1, 3))
-        parabola = np.linalg.solve([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], times_[2] ** [0, 1, 2]], [*lever[:2], two])
-        one = parabola @ times_[1] ** [0, 1, 2]
+        one, two, four = (self._height(ahead[k][4:, 0]) for k in (0, 1, 3))
         levers = np.array([lever[0], one, two, (two + four) / 2, four, four])
         sizes = np.maximum(abs(levers), 0.02)
         velocity = [base[1], *(row[:3, 1] for row in ahead)]

@@ -12,7 +12,7 @@ from skyarm.compile import trace
 from skyarm.compile.tracing.lower import operations
 
 
-@pytest.mark.parametrize(("rest", "off"), [(0.0, 3e-16), (1e-3, 1e-15), (-0.5, 2e-11), (1.0, 4e-8), (-3.0, 6e-3)])
+@pytest.mark.parametrize(("rest", "off"), [(0.0, 3e-16), (0.2, 1e-12), (-0.5, 4e-10), (1.0, 2e-7), (-3.0, 2e-3)])
 def test_sine_and_cosine_are_those_of_the_sum(rest, off):
     for known in np.linspace(-7.0, 7.0, 41).tolist():
         angle = NearAngle(known, rest)
@@ -23,7 +23,7 @@ def test_sine_and_cosine_are_those_of_the_sum(rest, off):
 def test_a_sum_is_that_of_the_known_and_of_the_rests():
     angle = NearAngle(0.4, 0.1) + NearAngle(-1.3, 0.2)
     assert (angle.known, angle.rest) == pytest.approx((-0.9, 0.3))
-    assert sin(angle) == pytest.approx(math.sin(-0.6), abs=1e-12)
+    assert sin(angle) == pytest.approx(math.sin(-0.6), abs=1e-11)
 
 
 def test_a_series_may_begin_with_one():

@@ -1,6 +1,7 @@
 """Angle beside one whose sine and cosine are needed anyway, as a scalar for rotations.
 
-Sine and cosine of the rest by their series, by the sums of angles then: half of the operations of a sine and a cosine.
+Sine and cosine of half of the rest by their series, doubled, and the theorem of addition: half of the operations of a
+sine and a cosine.
 """
 
 from __future__ import annotations
@@ -9,14 +10,17 @@ from skyarm.algebra.scalars import functions
 from skyarm.algebra.scalars.elementary import horner
 from skyarm.algebra.scalars.fold import Scalar
 
-SINE = (1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362880.0)
-COSINE = (1.0, -0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0, -1.0 / 3628800.0)
+HALF_SINE = (1.0, -1.0 / 24.0, 1.0 / 1920.0, -1.0 / 322560.0)
+"""Of 2 sin(x / 2) / x, by powers of x^2."""
+
+HALF_COSINE = (1.0, -1.0 / 8.0, 1.0 / 384.0, -1.0 / 46080.0)
+"""Of cos(x / 2)."""
 
 
 class NearAngle:
     """Sum of two angles, rad: ``known`` and a small ``rest``. It has a sine, a cosine and sums with others of its kind.
 
-    Sine and cosine are off by 1e-11 at a rest of 0.5 rad, by 3e-8 at 1 rad and by 2e-3 at 3 rad.
+    Off by 2e-13 at a rest of 0.2 rad, 2e-10 at 0.5 rad, 1e-7 at 1 rad, 2e-3 at 3 rad and 0.1 at a whole turn.
     """
 
     __slots__ = ("known", "rest")
@@ -32,7 +36,8 @@ class NearAngle:
     def sine_cosine(self) -> tuple[Scalar, Scalar]:
         """Sine and cosine by the theorem of addition."""
         s, c, square = functions.sin(self.known), functions.cos(self.known), self.rest * self.rest
-        sine, cosine = self.rest * horner(square, SINE), horner(square, COSINE)
+        chord = self.rest * horner(square, HALF_SINE)
+        sine, cosine = chord * horner(square, HALF_COSINE), 1.0 - 0.5 * (chord * chord)
         return s * cosine + c * sine, c * cosine - s * sine
 
 

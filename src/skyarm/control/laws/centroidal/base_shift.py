@@ -28,7 +28,7 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, cos, divide, maximum, minimum, sin, sqrt, total, where
 from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
-from skyarm.control.blocks.attitude import Posture, derivative, posture
+from skyarm.control.blocks.attitude import Posture, derivative, near_angles, posture
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.laws.centroidal.parameters import SHARES, CentroidalParameters
 from skyarm.control.laws.centroidal.tip_tasks import chain
@@ -211,15 +211,15 @@ def lever_of(vehicle: Vehicle, joints: Sequence[Scalar]) -> Scalar:
     return derivative(at.com, 0).z - derivative(at.tip, 0).z
 
 
-def coming_levers(vehicle: Vehicle, now: Taylor, ahead: Sequence[tuple[Scalar, Sequence[Sample]]]) -> list[Scalar]:
-    """Levers (m) at the samples to come, two of them by postures, which cost as much as the rest for a sample.
+def coming_levers(vehicle: Vehicle, joints: Sequence[Scalar], samples: Sequence[Sequence[Sample]]) -> list[Scalar]:
+    """Levers (m) at the samples to come: of the third the mean of its neighbours', of the last that of the one before.
 
-    The first is on the parabola of the second and of the present one with its rate, the third the mean of its
-    neighbours', the last that of the one before.
+    A posture costs as much as the rest of the work for a sample, and those two count less than the others. The first
+    two are near the present references of the ``joints``.
     """
-    two, four = (lever_of(vehicle, [q for q, _, _ in ahead[i][1][4:]]) for i in (1, 3))
-    share, here = divide(ahead[0][0], ahead[1][0]), now.derivative(0)
-    one = here + now.derivative(1) * ahead[0][0] * (1.0 - share) + share * share * (two - here)
+    first, second, _, fourth, _ = ([q for q, _, _ in sample[4:]] for sample in samples)
+    near = (lever_of(vehicle, near_angles(vehicle, joints, each)) for each in (first, second))
+    one, two, four = (*near, lever_of(vehicle, fourth))
     return [one, two, 0.5 * (two + four), four, four]
 
 
@@ -322,6 +322,7 @@ def bounded_shift(
     acting: Acting,
     ahead: Sequence[tuple[Scalar, Sequence[Sample]]],
     dt: Scalar,
+    joints: Sequence[Scalar] = (),
 ) -> tuple[list[Vec3], Vec3, Shift]:
     """Rate to fourth derivative of the centre of mass's shift (m, world axes), and the shift one period later.
 
@@ -337,6 +338,7 @@ def bounded_shift(
         acting: forces beside those of rotors and weight.
         ahead: times from now (s) and samples of the reference then.
         dt: s.
+        joints: references now; needed with ``ahead``.
     """
     vehicle, gravity = par.model.vehicle, par.model.gravity
     at, per_mass = directions(vehicle, level, yaw), divide(1.0, vehicle.mass)
@@ -349,7 +351,7 @@ def bounded_shift(
 
     height = lever.derivative(0)
     rows = [instant(0, base[1], base[2], height)]
-    levers = coming_levers(vehicle, lever, ahead) if ahead else []
+    levers = coming_levers(vehicle, joints, [sample for _, sample in ahead]) if ahead else []
     for (time, sample), other in zip(ahead, levers, strict=True):
         velocity, acceleration = (Vec3(*(each[k] for each in sample[:3])) for k in (1, 2))
         rows.append(instant(time, velocity, acceleration, other))

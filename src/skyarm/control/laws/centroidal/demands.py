@@ -191,7 +191,8 @@ def _course(step: Step) -> Course:
         drag_rate = hub_drag(vehicle, step.state.rotor_speeds)
         acting = Acting(force=steady, rate=force_rate, drift=step.drift, drag=drag_rate)
         heading = yaw.derivative(0)
-        moved, drifting, shift = bounded_shift(par, before.shift, base, heading, level, acting, step.ahead, dt)
+        values = [q.derivative(0) for q in joints]
+        moved, drifting, shift = bounded_shift(par, before.shift, base, heading, level, acting, step.ahead, dt, values)
         after = dataclasses.replace(before, shift=shift)
         answered = [base[0], *(p + u for p, u in zip(base[1:], moved, strict=True))]
     drag = reference_drag(model, step.state, answered[:4], sideways=sideways, moving=moves is not None)
