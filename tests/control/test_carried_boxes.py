@@ -199,8 +199,8 @@ def test_a_gripper_elsewhere_tells_nothing_of_the_tip():
     assert dataclasses.replace(contact, grippers=(other,)).holds(taken, "tip") == ()
 
 
-def boxes(size, mass, across):
-    """The hexarotor lifts a box by a magnet, so far beside its middle, and sets it down 0.3 m further."""
+def boxes(size, mass, across, kind="magnet"):
+    """The hexarotor lifts a box by a gripper, so far beside its middle, and sets it down 0.3 m further."""
     top, goal = 0.85, (0.3, 0.1)
     phase = {"gripper": "hand", "approach": [0.0, 0.0, 0.1], "dwell": 0.8}
     return scenario_from({
@@ -218,15 +218,16 @@ def boxes(size, mass, across):
                           "position": [0.5, 0.0, top - size - 0.025], "material": {"friction": 0.5}}],
             "objects": [{"name": "box", "size": [size] * 3, "mass": mass, "standing": True,
                          "position": [goal[0] + across[0], goal[1] + across[1], top - size / 2 + 0.001]}],
-            "grippers": [{"name": "hand", "force": 60.0, "torque": 2.0}],
+            "grippers": [{"name": "hand", "kind": kind, "force": 60.0, "torque": 2.0}],
         },
     })  # fmt: skip
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("kind", ["magnet", "ball"])
 @pytest.mark.parametrize(("size", "mass", "across"), [(0.1, 0.5, (0.0, -0.02)), (0.04, 0.5, (0.0, 0.02))])
-def test_a_box_held_beside_its_middle_stands_within_5_mm_of_where_it_was_to_be(size, mass, across):
-    scenario = boxes(size, mass, across)
+def test_a_box_held_beside_its_middle_stands_within_5_mm_of_where_it_was_to_be(size, mass, across, kind):
+    scenario = boxes(size, mass, across, kind)
     log = skyarm.run(dataclasses.replace(scenario, seed=61))
     assert log.status == "completed"
     (grasp,) = log.grasp_periods

@@ -29,7 +29,7 @@ TORQUE = 0.004
 SOCKET = {"kind": "ball", "force": 20.0, "friction": 0.1, "radius": 0.002}
 LEVER, SQUARE = 0.5 * SIDE + GAP, SIDE * SIDE / 6.0
 """m from the ball to the middle of the box; m^2, of its radius of gyration."""
-PERIOD, STEP = 0.005, 0.00025
+PERIOD, STEP = 0.005, 0.0005
 
 
 def holding(off=0.0, **numbers):
@@ -124,7 +124,7 @@ def test_a_box_swings_out_as_the_pendulum_of_coulomb():
     _, memory = holding(friction=0.025)
     torque = 0.25 * TORQUE
     inertia, weight = MASS * (SQUARE + LEVER * LEVER), MASS * G * LEVER
-    angles = np.array([tilt(each) for each in swing(turned(memory, (0.0, 0.3, 0.0)), 1.2, 0.025)])
+    angles = np.array([tilt(each) for each in swing(turned(memory, (0.0, 0.3, 0.0)), 1.4, 0.025)])
     expected, angle, side = [], 0.3, 1.0
     while weight * math.sin(abs(angle)) > torque:
 
@@ -150,14 +150,14 @@ def test_a_box_swings_out_as_the_pendulum_of_coulomb():
 def test_a_box_held_off_its_middle_stays_level_as_far_as_friction_bears_its_weight(share, level):
     """M = m g d; from further off it turns until its middle is nearer than that."""
     off = share * TORQUE / (MASS * G)
-    last = swing(holding(off)[1], 1.0)[-1]
+    last = swing(holding(off)[1], 0.6)[-1]
     assert (abs(tilt(last)) < 5e-3) is level
     away = float(last.carried[0].position.x) - float(TIP.x)
     assert abs(away) < TORQUE / (MASS * G) + 1e-3
 
 
 def test_a_spin_about_the_vertical_is_braked_evenly_and_stops():
-    rows = swing(turned(FIRST, (0.0, 0.0, 0.0), (0.0, 0.0, 20.0)), 0.8)
+    rows = swing(turned(FIRST, (0.0, 0.0, 0.0), (0.0, 0.0, 20.0)), 0.6)
     rates = np.array([float(each.carried[0].rate.z) for each in rows])
     brake = TORQUE / (MASS * SQUARE)
     early = np.arange(10, 40)
