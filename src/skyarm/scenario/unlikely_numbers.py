@@ -43,6 +43,9 @@ HEAVIEST = 300.0
 GYRATION = 3.0
 """Radius of gyration over the vehicle's extent: a body within it has less than 1; in kg cm^2 it has 100 times more."""
 
+COMPACT = 0.02
+"""Least radius of gyration of a base over its furthest rotor's distance, of a metre at most; shipped: 0.37 to 0.6."""
+
 SMALLEST = 0.05
 """m: least extent that is taken for a vehicle's, so that a body without a described size is not suspected."""
 
@@ -179,10 +182,14 @@ def _without_drag(scenario: Scenario) -> Iterator[str]:
 
 
 def _inertias(vehicle: Vehicle) -> Iterator[str]:
-    """Warnings about inertias too large for a mass distribution within the vehicle's dimensions."""
+    """Warnings about inertias too large, or of a base too small, for the vehicle's dimensions."""
     placed: tuple[Any, ...] = (*vehicle.rotors, *vehicle.frames, *(link.joint for link in vehicle.moving))
     extent = max([SMALLEST, *(_norm(each.position) for each in placed), *(_norm(body.com) for body in vehicle.bodies)])
     extent = max(extent, sum(_norm(link.joint.position) for link in vehicle.links))
+    arm, least = max((_norm(each.position) for each in vehicle.rotors), default=0.0), vehicle.base.inertia
+    moment = min(float(least.xx), float(least.yy), float(least.zz))
+    if float(vehicle.base.mass) > 0.0 and _gyration(vehicle.base, moment) < COMPACT * min(arm, 1.0):
+        yield f"base.inertia: has {moment:g} kg m^2 about an axis, and rotors {arm:.3g} m away; kg m^2?"
     for name, body in (("base", vehicle.base), *((f"links[{link.name}]", link.body) for link in vehicle.links)):
         moment = max(float(body.inertia.xx), float(body.inertia.yy), float(body.inertia.zz))
         radius = _gyration(body, moment)
