@@ -70,12 +70,13 @@ def test_a_tip_that_goes_in_fast_for_three_periods_has_lost_the_surface():
 def test_ramps_take_their_times_and_end_at_none_and_all():
     share, up = 0.0, []
     for _ in range(40):
-        share = law.ramp_share(GAINS, share, 1.0, DT)
+        share = law.ramp_share(GAINS, share, 1.0, 1.0, DT)
         up.append(share)
     assert up[0] == pytest.approx(DT / 0.15)
     assert up.index(1.0) in (29, 30)
-    down = [law.ramp_share(GAINS, s, 0.0, DT) for s in (1.0, 0.3, 0.0)]
-    assert down == pytest.approx([0.75, 0.05, 0.0])
+    lost, released = ([law.ramp_share(GAINS, s, 0.0, met, DT) for s in (1.0, 0.3, 0.0)] for met in (0.0, 1.0))
+    assert lost == pytest.approx([0.75, 0.05, 0.0])
+    assert released == pytest.approx([1.0 - 1.0 / 30.0, 0.3 - 1.0 / 30.0, 0.0])
 
 
 def test_the_integral_is_bounded_and_stands_still_but_at_the_full_force():
@@ -98,7 +99,7 @@ def test_the_reference_comes_follows_and_returns():
         for _ in range(round(seconds / DT)):
             if touching:  # the tip rests on a surface; the reference's own shift closes the gap
                 memory = dataclasses.replace(memory, gap=gap - memory.shift)
-            s, rate, acceleration = law.normal_shift(GAINS, memory, asked, touching, speed, DT)
+            s, rate, acceleration = law.normal_shift(GAINS, memory, asked, touching, touching, speed, DT)
             assert abs(acceleration) <= 4.0
             memory = dataclasses.replace(memory, shift=s, shift_rate=rate)
         return memory
@@ -120,7 +121,7 @@ def test_the_shift_is_that_of_two_equal_poles_and_of_a_steady_acceleration_withi
     memory = dataclasses.replace(FREE, shift=s0, shift_rate=v0)
     for k in range(600):
         held = dataclasses.replace(memory, gap=gap - memory.shift)
-        s, rate, a = law.normal_shift(GAINS, held, False, touching, 0.1, dt)
+        s, rate, a = law.normal_shift(GAINS, held, False, 0.0, touching, 0.1, dt)
         assert s == pytest.approx(memory.shift + memory.shift_rate * dt + 0.5 * a * dt * dt, abs=1e-15)
         memory = dataclasses.replace(memory, shift=s, shift_rate=rate)
         t, off = (k + 1) * dt, s0 - gap

@@ -51,7 +51,7 @@ class Interaction:
     def __init__(self, joints: int, touch: float, lost: float, dt: float) -> None:
         self.touch, self.lost, self.dt = touch, lost, dt
         self.contact, self.whole, self.met, self.losing, self.free = False, False, False, 0.0, 0.0
-        self.gamma = self.i = self.s = self.ds = 0.0
+        self.gamma = self.o = self.i = self.s = self.ds = 0.0
         self.lean, self.bias = np.zeros(3), (np.zeros(3), np.zeros(3), np.zeros(joints))
 
     def normal(self, told: Any) -> Any:
@@ -78,13 +78,15 @@ class Interaction:
             self.losing = 0.0
             self.contact = asked and along > self.touch and (into < 0.1 or self.free > 0.05)
         pressed = asked and self.contact
-        self.gamma = min(max(self.gamma + (dt / 0.15 if pressed else -dt / 0.02), 0.0), 1.0)
+        before, down = max(self.gamma, 1e-9), dt / (0.15 if self.contact else 0.02)
+        self.gamma = min(max(self.gamma + (dt / 0.15 if pressed else -down), 0.0), 1.0)
         s = 0.0 if slides else min(max(10.0 * (most - 0.9), 0.0), 1.0)
         step = 4.0 * dt * (f_d - along) if self.gamma == 1.0 else 0.0
         step *= 1.0 - s if step * (f_d + self.i) > 0.0 else 1.0
         bound = f_d / 2 + 0.3
         self.i = min(max(self.i + step, -bound), bound) if pressed else 0.0
-        o, across = self.gamma * (f_d + self.i), f - along * n
+        o, across = self.gamma * (f_d + self.i) if asked else self.o * self.gamma / before, f - along * n
+        self.o = o
         kappa = (1.0 - 0.2 * s) * min(1.0, max(o, along, 0.0) / np.linalg.norm(across))
         engaged = self.contact or self.gamma > 0.0
         if engaged:
@@ -97,7 +99,7 @@ class Interaction:
             c = min(speed, 0.1) if self.met else speed
             a = 8.0 * (-(c if self.s > -0.5 else 0.0) - self.ds)
         else:
-            a = -(3.5**2) * self.s - 7.0 * self.ds
+            a = 3.5**2 * (self.gamma * (gap + self.s) - self.s) - 7.0 * self.ds
         a = min(max(a, -4.0), 4.0)
         self.s, self.ds = self.s + dt * (self.ds + 0.5 * dt * a), self.ds + dt * a
         damping = 53.0 if through else 20.0

@@ -61,7 +61,7 @@ def test_a_force_holds_on_until_the_tip_is_in_free_flight_again():
 
 
 def test_a_retreat_leaves_along_the_normal():
-    """By 5 cm in 1 s, of where it stands; without a normal, or with a clearance of 0, it stays."""
+    """By 5 cm in 1 s, 0.4 s after the force, of where it stands; without a normal or a clearance it stays."""
     there, turning = (
         [0.2, 0.1, 0.8],
         {"kind": "open", "angle": 0.5, "duration": 2.0, "center": [0.2, 0.3, 0.8], "axis": [0.0, 0.0, 1.0]},
@@ -75,10 +75,12 @@ def test_a_retreat_leaves_along_the_normal():
     ):
         trajectory, _ = read(PRESS | {"normal": [-3.0, 0.0, 4.0]}, slide, {"kind": "retreat", **phase})
         begin, end = (each.end for each in trajectory.phases[1:])
-        assert end - begin == pytest.approx(seconds)
+        wait = 0.4 if length else 0.0
+        assert end - begin == pytest.approx(seconds + wait)
         away = place_at(trajectory, end) - there
+        np.testing.assert_allclose(place_at(trajectory, begin + wait), there, atol=1e-12)
         np.testing.assert_allclose(away, [-0.6 * length, 0.0, 0.8 * length], atol=1e-12)
-        middle = place_at(trajectory, 0.5 * (begin + end)) - there
+        middle = place_at(trajectory, 0.5 * (begin + wait + end)) - there
         np.testing.assert_allclose(middle, 0.5 * away, atol=1e-12)
         assert force_at(trajectory, end - 0.01) == 0.0
     trajectory, _ = read(turning, {"kind": "retreat"})

@@ -32,7 +32,7 @@ TIMEOUT, SPEED = "reference.guards.0.timeout", "reference.push.speed"
 
 @pytest.fixture(scope="module")
 def scenario():
-    return skyarm.load_scenario(EXAMPLES / "press_in_phases.toml", duration=7.0)
+    return skyarm.load_scenario(EXAMPLES / "press_in_phases.toml", duration=7.5)
 
 
 @pytest.fixture(scope="module")

@@ -101,6 +101,9 @@ def _arc_of(task: Task, phase: Fields) -> Arc | None:
 EASE = 0.05
 """s of the plan between asking for a force and waiting for it."""
 
+LETTING_GO = 0.4
+"""s of a retreat in which the force goes: a base that starts meanwhile turns, and moves a heavy tip with it."""
+
 CLEARANCE = 0.05
 """m, default distance in front of a surface from which a tip approaches and to which it retreats."""
 
@@ -155,9 +158,10 @@ def write(task: Task, phase: Fields) -> None:
 
 
 def retreat(task: Task, phase: Fields) -> None:
-    """Add a motion away from a surface without contact force to the task."""
-    task.force = None
+    """Add a motion away from a surface without contact force to the task; it waits while a held force goes."""
+    wait = LETTING_GO if task.follows_a_press else 0.0
     if phase.take("position", None) is not None:
+        task.rest(wait)
         task.go_through(phase, place_of(phase, "position"), new=False)
         return
     goal = _in_front(task, phase, task.at, near=task.normal is not None)
@@ -165,6 +169,7 @@ def retreat(task: Task, phase: Fields) -> None:
     if goal == task.at:
         task.rest(duration)
     else:  # straight out, as of a hole: an offset of the reference stays
+        task.rest(wait)
         task.go([task.at, goal], duration)
     task.wait_until(phase)
 

@@ -237,6 +237,11 @@ class Task:
         self._turns.append(tuple(turning))
         self.time, self.at = self.time + duration, to
 
+    @property
+    def follows_a_press(self) -> bool:
+        """True if the phase before this one pressed."""
+        return self._pressed == len(self.setting.phases) - 1
+
     def press(self, begin: float, end: float) -> None:
         """Request the task's contact force between two planned times, s.
 
@@ -245,7 +250,7 @@ class Task:
         if self.force is None or self.normal is None:
             raise AssertionError("a force needs its size and direction")
         number = len(self.setting.phases)
-        if self._forces and self._pressed == number - 1:  # it holds on while the tip rests between two phases
+        if self._forces and self.follows_a_press:  # it holds on while the tip rests between two phases
             self._forces[-1] = (self._forces[-1][0], begin, self._forces[-1][2])
         self._forces.append((begin, end, self.force))
         self._pressed = number

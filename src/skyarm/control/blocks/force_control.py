@@ -5,19 +5,20 @@ Along n the *desired* force therefore replaces the observed one: the joints give
 
 Per period: the tip's force f (:mod:`skyarm.control.blocks.tip_force`); contact, which begins above ``touch`` and ends
 when f.n stays below ``lost`` for ``loss_time`` or, after full force, the tip goes in faster than ``escape`` for
-``escape_time``; a share g that rises in ``rise`` and falls in ``fall`` seconds; the order o = g (f_d + i) with the
-bounded integral i' = k (f_d - f.n), still unless g = 1, and not growing at limits of actuators; and the shift s of the
-reference along n, by which the base comes to the surface, follows it and returns. The base also carries (1 - g) f.n
-while the ramp runs: it must answer an impact.
+``escape_time``; a share g that rises in ``rise`` and, where contact is lost, falls in ``fall`` seconds; the order
+o = g (f_d + i) with the bounded integral i' = k (f_d - f.n), still unless g = 1, and not growing at limits of
+actuators; and the shift s of the reference along n, by which the base comes to the surface, follows it and returns. The
+base also carries (1 - g) f.n while the ramp runs: it must answer an impact.
 
 Friction holds a resting tip with any force within its cone, which joints and rotors balance. Near their limits the law
 compensates less of the force across n, and friction takes the difference. A force beyond the cone is that of a wall
 beside the tip, as of a hole, and would grow with its own compensation: only ``cone`` times the normal force is
 compensated.
 
-Contact outlasts the push. Until the tip's force is below ``lost`` for ``loss_time``, whatever its direction, it is none
-that the joints compensate, while the tip already follows its reference out: it neither jabs nor stores a force in what
-holds it.
+Contact outlasts the push. In a release the order falls as slowly as it rose, and as it falls the tip follows its
+reference out again: let go at once, a tip springs back while the base still leans, and jabs. Until the tip's force is
+below ``lost`` for ``loss_time``, whatever its direction, it is none that the joints compensate: it stores no force in
+what holds it.
 
 A tip that grips is in contact for as long as the reference says; f_d may have either sign, and the normal may be the
 radius of an arc (:class:`Wanted`).
@@ -92,11 +93,12 @@ def interact(
     if wanted.grips:
         touching, losing = maximum(touching, wanted.grip), losing * (1.0 - wanted.grip)
     pressed = where(asked, touching, 0.0)
-    share = ramp_share(gains, memory.share, pressed, dt)
+    share = ramp_share(gains, memory.share, pressed, touching, dt)
     integral = integrate_force_error(
         gains, memory.integral, wanted.force, along, pressed, share, relieved, dt, wanted.grips
     )
-    order = share * (wanted.force + integral)
+    left = memory.order * divide(share, maximum(memory.share, 1e-9))
+    order = where(asked, share * (wanted.force + integral), left)
     normal_force = n.dot(force)
     cone = gains.cone * maximum(maximum(order, normal_force), 0.0)
     within = minimum(divide(cone, _size(force - n * normal_force)), 1.0)
@@ -106,12 +108,13 @@ def interact(
     presses = logical_or(touching > 0.5, share > 0.0)
     free = where(logical_or(presses, memory.touching > 0.5), 0.0, memory.free + dt)
     engaged = where(presses, 1.0, 0.0)
-    shift = normal_shift(gains, memory, asked, pressed, wanted.speed, dt)
+    shift = normal_shift(gains, memory, asked, pressed, share, wanted.speed, dt)
     after = dataclasses.replace(
         memory,
         touching=touching,
         losing=losing,
         share=share,
+        order=order,
         integral=integral,
         found=where(asked, maximum(memory.found, where(share < 1.0, 0.5, 1.0) * touching), 0.0),
         shift=shift[0],
@@ -157,9 +160,10 @@ def touches(
     return found, losing
 
 
-def ramp_share(gains: InteractionGains, share: Scalar, touching: Scalar, dt: Scalar) -> Scalar:
-    """Commanded share (0 to 1) of the contact force, which ramps up in contact and down without contact."""
-    return clip(share + where(touching > 0.5, dt / gains.rise, -dt / gains.fall), 0.0, 1.0)
+def ramp_share(gains: InteractionGains, share: Scalar, pressed: Scalar, touching: Scalar, dt: Scalar) -> Scalar:
+    """Commanded share (0 to 1) of the contact force: up while it presses, down as slowly in a release, else fast."""
+    down = dt / where(touching > 0.5, gains.rise, gains.fall)
+    return clip(share + where(pressed > 0.5, dt / gains.rise, -down), 0.0, 1.0)
 
 
 def integrate_force_error(
@@ -184,7 +188,13 @@ def integrate_force_error(
 
 
 def normal_shift(
-    gains: InteractionGains, memory: InteractionMemory, asked: Scalar, touching: Scalar, speed: Scalar, dt: Scalar
+    gains: InteractionGains,
+    memory: InteractionMemory,
+    asked: Scalar,
+    touching: Scalar,
+    share: Scalar,
+    speed: Scalar,
+    dt: Scalar,
 ) -> tuple[Scalar, Scalar, Scalar]:
     """Offset of the reference along a surface normal, with two derivatives: to approach, follow or leave a surface."""
     s, rate, w = memory.shift, memory.shift_rate, gains.follow
@@ -192,7 +202,7 @@ def normal_shift(
     coming = where(s > -gains.furthest, -speed, 0.0)
     back = -(w * w) * s - 2.0 * w * rate
     follow = (w * w) * memory.gap - 2.0 * w * rate
-    free = where(asked, gains.coming * (coming - rate), back)
+    free = where(asked, gains.coming * (coming - rate), back + (follow - back) * share)
     limit = gains.follow_limit
     acceleration = clip(where(touching > 0.5, follow, free), -limit, limit)
     moved = rate + acceleration * dt
@@ -272,8 +282,8 @@ class InteractionGains:
     escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
     escape_time: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
     rebound: Annotated[Scalar, Unit("s", "after the order is gone, in which a tip that goes in does not touch")] = 0.05
-    rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.15
-    fall: Annotated[Scalar, Unit("s", "ramp to none")] = 0.02
+    rise: Annotated[Scalar, Unit("s", "ramp of the wanted force, up and back to none")] = 0.15
+    fall: Annotated[Scalar, Unit("s", "ramp to none, of a force whose contact is lost")] = 0.02
     integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
     integral_share: Annotated[Scalar, Unit("", "of the wanted force that the integral may add")] = 0.5
     integral_least: Annotated[Scalar, Unit("N", "that the integral may add anyway")] = 0.3
@@ -304,6 +314,7 @@ class InteractionMemory:
     touching: Annotated[Scalar, Unit("", "1 while the tip touches as it is wanted to")] = 0.0
     losing: Annotated[Scalar, Unit("", "0 to 1, how far contact is on its way to count as lost")] = 0.0
     share: Annotated[Scalar, Unit("", "0 to 1, of the wanted force")] = 0.0
+    order: Annotated[Scalar, Unit("N", "along the normal")] = 0.0
     integral: Annotated[Scalar, Unit("N", "beside the wanted force")] = 0.0
     found: Annotated[Scalar, Unit("", "half once the push has met its surface, 1 once it was there as a whole")] = 0.0
     shift: Annotated[Scalar, Unit("m", "of the reference along the normal")] = 0.0

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import E_Z, Vec3, axis_rotation
-from skyarm.algebra.scalars import Scalar, logical_or, minimum, where
+from skyarm.algebra.scalars import Scalar, divide, logical_or, maximum, minimum, where
 from skyarm.control.blocks.force_control import (
     InteractionGains,
     InteractionMemory,
@@ -98,6 +98,7 @@ class TipContact:
             unanswered = along + (pressing.force - along) * (1.0 - KEPT)
             free = observed + at.disturbance(unanswered * -pressing.engaged)
             pressed = free + at.disturbance(n * (pressing.order * pressing.engaged))
+            left = divide(after.order, maximum(after.share, 1e-9))
             rising = where(wanted.requests_contact, after.touching, 0.0)
             return after, Touch(
                 normal=tuple(n),
@@ -105,7 +106,7 @@ class TipContact:
                 touching=where(logical_or(rising > 0.5, after.share > 0.0), 1.0, 0.0),
                 rising=rising,
                 share=after.share,
-                force=wanted.force + after.integral,
+                force=where(wanted.requests_contact, wanted.force + after.integral, left),
                 damping=pressing.damping,
                 shift=after.shift,
                 shift_rate=after.shift_rate,
@@ -164,10 +165,11 @@ def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Ar
 def contact_goals(gains: InteractionGains, touch: Touch, later: Array) -> Array:
     """Contact references of the horizon, an array (N + 1, 6) with the fields of ``cost.Contact``.
 
-    The wanted force goes on rising, or falling after a loss, as its ramp does. The damping is that of a stage's length:
-    a force that is held over it would turn the tip back by more than its velocity.
+    The wanted force goes on rising, or falling after a loss or in a release, as its ramp does. The damping is that of a
+    stage's length: a force that is held over it would turn the tip back by more than its velocity.
     """
-    ramp = float(touch.share) + (later / float(gains.rise) if touch.rising else -later / float(gains.fall))
+    down = gains.fall if touch.asked else gains.rise
+    ramp = float(touch.share) + later / float(gains.rise if touch.rising else -down)
     force = float(touch.force) * np.clip(ramp, 0.0, 1.0)
     steps = np.append(np.diff(later), later[-1] - later[-2])
     damping = (1.0 - np.exp(-float(touch.damping) * steps)) / steps
