@@ -216,3 +216,21 @@ def test_a_reference_beyond_a_limit_is_followed_up_to_it():
     log = skyarm.run(dataclasses.replace(scenario, plant=world, controller=law))
     assert log.status == "completed"
     assert log.joints[-1, 0] == pytest.approx(0.5, abs=2e-3)
+
+
+def test_an_arm_that_slides_between_limits_has_more_damping_at_the_tip():
+    """Of the preset adaptive, where no option says so and no interaction presses with it."""
+    octo, arm = (Model(vehicle=skyarm.load_vehicle(name)) for name in ("octo_coaxial_two_arms", "hexarotor_arm6"))
+
+    def tip(model, **options):
+        found = make_centroidal(model, mode="tip", **({"preset": "adaptive"} | options)).par.tip
+        return found.position, found.velocity
+
+    usual = tip(arm)
+    assert tip(octo) == pytest.approx((usual[0], 1.6 * usual[1]))
+    told = {"tip": usual}, {"interaction": (0.3, 0.1)}, {"preset": "robust"}
+    assert [tip(octo, **options) for options in told] == [usual, usual, tip(arm, preset="robust")]
+    vehicle = octo.vehicle
+    free = [dataclasses.replace(link, joint=dataclasses.replace(link.joint, lower=-np.inf, upper=np.inf))
+            if not link.joint.turns else link for link in vehicle.links]  # fmt: skip
+    assert tip(Model(vehicle=dataclasses.replace(vehicle, links=tuple(free)))) == usual

@@ -49,6 +49,7 @@ from skyarm.control.laws.centroidal.presets import (
     number_within,
     periods_of,
     refuse,
+    tip_damping_share,
     without_retired,
 )
 from skyarm.control.laws.centroidal.shift_motion import first_following, gust_gains
@@ -107,6 +108,8 @@ def make_centroidal(
         # both go with the root of the arm's length: the preview is as long as its pendulum swings
         for name in {"damping", "preview"} - set(changes):
             gains[name] *= damping_share(vehicle)
+        if "tip" not in changes and not any(gains["interaction"]):
+            gains["tip"] = gains["tip"][0], gains["tip"][1] * tip_damping_share(vehicle)
     if "velocity_noise" not in changes:
         gains["velocity_noise"] *= noise_share(vehicle)
     if (mode == "tip" or changes.get("adaptation")) and not vehicle.end_effector:
