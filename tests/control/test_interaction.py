@@ -26,7 +26,9 @@ from skyarm.control.laws.centroidal.interaction import (
 from skyarm.control.laws.centroidal.tip_tasks import Goal
 from skyarm.control.model import Model
 from skyarm.reference import Reference
+from skyarm.scenario.scenario_file import scenario_from
 from skyarm.sensing.measurement import blank_measurement
+from standing_walls import NOISE
 
 DT = 0.005
 GAINS = InteractionGains(touch=0.3, lost=0.1)
@@ -259,3 +261,22 @@ def test_sliding_finds_the_normal_in_its_own_direction_only():
     steep = slope((0.0, 1.0), 20.0, angle=1.2)
     assert steep[2] == pytest.approx(0.4 / np.hypot(0.6, 0.4), rel=0.1)  # bounded
     assert np.linalg.norm(slope((0.3, 1.0), 3.0)) == pytest.approx(1.0)
+
+
+def test_the_lag_is_estimated_before_the_first_contact_of_a_flight():
+    """It waited for half a second, as after a contact, and a touch at 1.2 s held what little was found by then."""
+    document = {
+        "schema": 1, "name": "late", "duration": 0.45, "plant": {"vehicle": "hummingbird_arm2_rotors"},
+        "model": {"vehicle": "hummingbird_arm2"},
+        "controller": {"law": "centroidal", "mode": "tip", "preset": "adaptive", "interaction": [0.3, 0.1]},
+        "reference": {
+            "base": {"kind": "signals", "z": 1.0}, "joints": [-0.45, -0.9],
+            "push": {"force": {"kind": "constant", "value": 1.0, "start": 1.0}, "normal": [-1.0, 0.0, 0.0]},
+        },
+        "world": {"surfaces": [{"name": "wall", "shape": "box", "size": [0.1, 2.0, 0.9], "position": [1, 0, 0.45]}]},
+        "sensors": NOISE, "delays": {"measurement": 0.005, "command": 0.01},
+    }  # fmt: skip
+    log = skyarm.run(scenario_from(document))
+    found = log.lag_found.max(axis=1)
+    assert found[log.time < 0.15].max() < 1e-6
+    assert found[-1] > 0.005

@@ -120,6 +120,7 @@ def interact(
         shift=shift[0],
         shift_rate=shift[1],
         free=free,
+        met=maximum(memory.met, touching),
         bias=update_bias(gains, memory.bias, observed, force, asked, free, dt),
         force=vector_data(force),
         felt=memory.felt if felt is None else vector_data(felt),
@@ -320,6 +321,7 @@ class InteractionMemory:
     shift: Annotated[Scalar, Unit("m", "of the reference along the normal")] = 0.0
     shift_rate: Annotated[Scalar, Unit("m/s", "of the shift")] = 0.0
     free: Annotated[Scalar, Unit("s", "since the order of the last contact is gone")] = 0.0
+    met: Annotated[Scalar, Unit("", "1 from the first contact of the flight on")] = 0.0
     gap: Annotated[Scalar, Unit("m", "of the tip from its shifted reference, along the normal")] = 0.0
     bias: Disturbance
     force: Annotated[Vec3, Unit("N", "at the tip, estimated, world axes")] = Vec3(0.0, 0.0, 0.0)

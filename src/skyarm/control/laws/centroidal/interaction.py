@@ -91,7 +91,7 @@ class Interaction(InteractionGains, Part):
             given = with_slow_wind(given, pressing, step.unknown.force - pressing.force, memory.bias.force)
         step.pressing, step.unknown = pressing, given
         step.signals, step.external = shift_reference(pressing, step.signals), pressing.engaged
-        step.isolate(contact_cleared(self, memory))
+        step.isolate(contact_cleared(self, memory), where(memory.free > SETTLED, 1.0 - memory.met, 0.0))
         return dataclasses.replace(memory, lean=vector_data(lean))
 
     def _at_scale(
@@ -117,6 +117,10 @@ class Interaction(InteractionGains, Part):
             return memory
         return dataclasses.replace(memory, gap=step.demand.gap)
 
+
+SETTLED = 0.15
+"""s of a flight, after which the lag is estimated until the first contact: a touch holds what is found until then, and
+loses the loop where it is too little. Before, the observers answer the start."""
 
 SLIDES = 0.01
 """m/s along the surface, from which on friction is at its cone and cannot be let go."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, mul
+from skyarm.algebra.scalars import Scalar, maximum, mul
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import near_angles
 from skyarm.control.blocks.disturbance_observer import Observed, Told
@@ -86,9 +86,13 @@ class Step:
         """Grasp flag, above 0.5 while the tip holds a load: by the reference, else by the gripper; () for neither."""
         return self.reference.load or self.measurement.holds
 
-    def isolate(self, share: Scalar) -> None:
-        """Stop adaptation where ``share`` is 0, because an external force is in the observed disturbance."""
-        self.free, self.isolated = tuple(mul(each, share) for each in self.free), mul(self.isolated, share)
+    def isolate(self, share: Scalar, never: Scalar = 0.0) -> None:
+        """Stop adaptation where ``share`` is 0, because an external force is in the observed disturbance.
+
+        ``never`` is 1 where none was there in this flight: the lag is estimated.
+        """
+        self.free = tuple(mul(each, share) for each in self.free)
+        self.isolated = mul(self.isolated, maximum(share, never))
 
 
 class Part:
