@@ -359,3 +359,10 @@ def test_a_load_that_is_believed_and_not_there_is_taken_off():
     flown = fly(dataclasses.replace(scenario, controller=controller))
     assert flown.memory.parts.adaptation.tip_mass == pytest.approx(-0.05, abs=0.005)
     assert flown.mean("joint") < 10.0
+
+
+def test_a_joint_off_its_plan_teaches_less_but_never_nothing():
+    """Mean squares of 1.9 planned and 0.1 that count as slow: twice the deviation over both, inverse and squared."""
+    joint = AdaptationGains.start(None, 1).joints[0]
+    weights = [dataclasses.replace(joint, moving=1.9, off=off).trust(0.1) for off in (0.0, 1.0, 19.0)]
+    assert weights == pytest.approx([1.0, 1 / 4, 1 / 400])

@@ -292,7 +292,7 @@ class WrittenParts:
         a.twice = a.twice + share * (a.once - a.twice)
         slow = low(2.0, dt)
         a.u, a.o = a.u + slow * (qd**2 - a.u), a.o + slow * ((self.rates[2] - qd) ** 2 - a.o)
-        weight = free[1:] * np.maximum(0.0, 1 - 2 * a.o / (a.u + 0.1))
+        weight = free[1:] * (1 + 2 * a.o / (a.u + 0.1)) ** -2.0
         load, place, rate = a.twice
         d = self.d[2]
         a.m += par.adaptation * dt * (weight * load * d).sum() / (0.001 + (load**2).sum())

@@ -3,7 +3,7 @@
 A mass m at the tip pushes with -m Y on base and joints, Y that of 1 kg in the *planned* motion; damping b takes
 b qd_d of a joint's torque. Both move along normalised gradients of the observer's effort at the joints, within bounds;
 its constant part and that which goes with the joint's position are estimated the same way. Regressors are filtered by
-the observer's two poles and the known delay; a joint that does not follow its plan is left out. The force on the base
+the observer's two poles and the known delay; a joint that does not follow its plan counts less. The force on the base
 is not used: wind and thrust errors look like mass there.
 Sources: Sadegh, Horowitz 1990 (desired compensation); Ioannou, Sun 1996, 4.3, 4.4 (filtered regressors, projection).
 """
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3
-from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, maximum, mul, sub
+from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, mul, sub
 from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
@@ -93,7 +93,10 @@ class JointLearned:
 
     def trust(self, slow: Scalar) -> Scalar:
         """Adaptation weight of a joint, 0 to 1, from how well the joint tracks its planned rate."""
-        return maximum(0.0, sub(1.0, divide(mul(2.0, self.off), add(self.moving, slow))))
+        # never 0: a load that nobody knows of is itself what takes a joint off its plan
+        planned = add(self.moving, slow)
+        share = divide(planned, add(planned, mul(2.0, self.off)))
+        return mul(share, share)
 
     def learned(
         self,
