@@ -38,11 +38,11 @@ def test_both_hold_the_tip_pushed_from_below():
 
 
 def test_it_errs_by_a_sixth_less_in_turbulence():
-    """And by a quarter less than adaptive did before it had a preview of the reference: 21.0 and 60.8 mm."""
+    """A quarter less than adaptive; a third less than it did before it had a preview of the reference."""
     for mean, before in ((3.0, 0.021), (6.0, 0.0608)):
         found = tip_error("turbulence", mean, "gusts")
-        assert found < 0.78 * before
-        assert found < 0.84 * tip_error("turbulence", mean, "adaptive")
+        assert found < 0.68 * before
+        assert found < 0.72 * tip_error("turbulence", mean, "adaptive")
 
 
 @pytest.mark.parametrize(
@@ -63,9 +63,12 @@ def test_the_force_in_turbulence_is_what_moves_the_centre_of_mass():
     assert pushed == pytest.approx(2.0 / mass * np.sqrt(2.5 / 13.5), rel=0.1)
 
 
-def test_it_is_adaptive_with_six_other_entries():
+def test_it_is_adaptive_with_eight_other_entries():
     changed = {name for name, value in GAINS["gusts"].items() if value != GAINS["adaptive"][name]}
-    assert changed == {"base", "reach", "lag_inversion", "accelerometer", "gust_shift", "velocity_noise"}
+    assert changed == {
+        *("base", "reach", "lag_inversion", "accelerometer", "velocity_noise"),
+        *("gust_shift", "gust_rate", "shift_rate"),
+    }
     assert set(LAWS) > {"gusts", "adaptive"}
     assert PRESETS["centroidal_tip_gusts"].law in CATALOGUE
 
@@ -80,3 +83,5 @@ def test_it_is_made_for_any_arm_in_both_modes(mode, vehicle):
     assert made.par.observer.accelerometer is not None
     assert (made.par.tip.shift is None) == (mode == "joint")
     assert made.par.tip.damping == adaptive.par.tip.damping
+    # motors slower than the paper's have adaptive's attitude loop
+    assert (made.par.base == adaptive.par.base) == (vehicle == "hexarotor_arm6")

@@ -123,7 +123,7 @@ def demands(step: Step) -> Demand:
         R=R,
         w=w,
         disturbance=step.unknown.force,
-        force_rate=course.changes[0],
+        force_rate=course.changes[0] + step.change,
         force_bend=course.changes[1],
         reach=course.reach,
     )

@@ -46,6 +46,7 @@ class PartMemories:
     admittance: Any = ()
     load: Any = ()
     trend: Any = ()
+    gusts: Any = ()
     adaptation: Any = ()
 
 
@@ -140,7 +141,7 @@ def centroidal(
     step.state = _present(step)
     for name, part in parts:
         memories[name] = part.adjust_reference(memories[name], step)
-    slow = slow_force(par, memory.slow_force, step.force, dt)
+    slow = slow_force(par, memory.slow_force, step.force, dt, step.gust, step.rough)
     if par.tip.shift is not None and par.tip.shift.gust is not None:
         step.drift = (slow - memory.slow_force) * divide(1.0, dt)
     step.steady = steady_force(par, step, slow, adapted.force)

@@ -21,6 +21,7 @@ from skyarm.control.laws.centroidal import presets
 from skyarm.control.laws.centroidal.adaptation import adaptation_gains
 from skyarm.control.laws.centroidal.admittance import admittance_gains
 from skyarm.control.laws.centroidal.force_trend import trend_gains
+from skyarm.control.laws.centroidal.gust_rate import gust_rate_gains
 from skyarm.control.laws.centroidal.interaction import Interaction
 from skyarm.control.laws.centroidal.lag_estimate import LagGains, stride_of
 from skyarm.control.laws.centroidal.law import CentroidalMemory, PartMemories, centroidal
@@ -110,6 +111,9 @@ def make_centroidal(
             gains[name] *= damping_share(vehicle)
         if "tip" not in changes and not any(gains["interaction"]):
             gains["tip"] = gains["tip"][0], gains["tip"][1] * tip_damping_share(vehicle)
+    if preset == "gusts" and "base" not in changes and noise_share(vehicle) < 1.0:
+        # slower motors lose a heavy arm in turbulence with less damping
+        gains["base"] = PRESETS["adaptive"]["base"]
     if "velocity_noise" not in changes:
         gains["velocity_noise"] *= noise_share(vehicle)
     if (mode == "tip" or changes.get("adaptation")) and not vehicle.end_effector:
@@ -186,6 +190,9 @@ def make_centroidal(
             admittance=None if admittance is None else admittance_gains(admittance, gains, leads, lead),
             load=load_gains(gains["load"], vehicle) if gains["load"] else None,
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,
+            gusts=gust_rate_gains(gains["gust_rate"], vehicle)
+            if gains["gust_rate"] and any(gains["accelerometer"])
+            else None,
             adaptation=adaptation_gains(vehicle, gains, number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)),
         ),
     )

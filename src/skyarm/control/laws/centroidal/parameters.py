@@ -112,6 +112,7 @@ class Parts:
     admittance: Part | None = None
     load: Part | None = None
     trend: Part | None = None
+    gusts: Part | None = None
     adaptation: Part | None = None
 
     def present(self) -> list[tuple[str, Part]]:

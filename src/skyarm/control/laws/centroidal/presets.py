@@ -25,6 +25,7 @@ OPTIONS: Mapping[str, tuple[Any, float, float]] = {
     "bandwidth": (1.0, 0.01, 10.0),
     "preview": (0.0, 0.0, 10.0),
     "gust_shift": (0.0, 0.0, 2.0),
+    "gust_rate": (0.0, 0.0, 2.0),
     "low_thrust": (0.0, 0.0, 1.0),
     "arm_turn": (0.0, 0.0, 1e6),
     "sideways": (0.0, 0.0, 1.0),
@@ -83,12 +84,14 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "adaptive": ADAPTIVE,
     "gusts": {
         **ADAPTIVE,
-        "base": (22.0, 8.5, 240.0, 24.4),
-        "reach": 0.25,
+        "base": (22.0, 8.5, 250.0, 20.0),
+        "reach": 0.2,
         "lag_inversion": 0.25,
+        "shift_rate": 1.8,
         "accelerometer": (30.0, 5.0),
         "velocity_noise": 0.0,
         "gust_shift": 0.7,
+        "gust_rate": 1.0,
     },
     "stiff": {
         **COMMON,
@@ -242,6 +245,8 @@ def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any], mode: str, ad
         refuse("gust_shift", changes["gust_shift"], "0 without preview")
     if changes.get("gust_shift") and mode != "tip":
         refuse("gust_shift", changes["gust_shift"], f"0 in mode {mode!r}")
+    if changes.get("gust_rate") and not any(gains["accelerometer"]):
+        refuse("gust_rate", changes["gust_rate"], "0 without an accelerometer")
     if gains["force_sensor"] and not (admits or any(gains["interaction"])):
         raise ControllerError("controller.force_sensor = true: must be false without interaction")
     if changes.get("velocity_noise") and any(gains["accelerometer"]):

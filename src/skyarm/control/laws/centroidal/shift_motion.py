@@ -2,7 +2,8 @@
 
 Under gusts the least integral of tip^2 after a step of the force moves the base's shift by two equal poles at
 p = sqrt(g / l), l the length of the arm: one is that of the shift itself, the other a filter of the force. Noise is
-filtered more slowly: the filter goes from ``slowest`` to p as the force leaves the filtered one by more than ``size``.
+filtered more slowly: the filter goes from ``slowest`` to p as the force leaves the filtered one by more than ``size``,
+unless it is the tip that is pushed, and is slower in gusts (``gust_rate``).
 
 Source: Kwakernaak, Sivan 1972 (least error of a plant with a zero in the right half plane).
 """
@@ -43,7 +44,7 @@ def first_following(par: CentroidalParameters) -> Following:
 QUICKEST = 10.0
 """rad/s, pace of the shift of a short arm at most; a shorter arm shifts less."""
 
-NOISE = 0.3
+NOISE = 2.0
 """m/s^2: changes of the force per mass below which the shift follows slowly."""
 
 
@@ -53,15 +54,21 @@ def gust_gains(share: float, vehicle: Vehicle, gravity: Scalar) -> GustGains:
     return GustGains(pace=share * min(pace, QUICKEST), size=NOISE * float(vehicle.mass))
 
 
-def slow_force(par: CentroidalParameters, before: Vec3, force: Vec3, dt: Scalar) -> Vec3:
-    """Low-pass filtered disturbance force that the base's shift follows, N, world axes."""
+def slow_force(
+    par: CentroidalParameters, before: Vec3, force: Vec3, dt: Scalar, share: Scalar = 1, rough: Scalar = 1
+) -> Vec3:
+    """Low-pass filtered disturbance force that the base's shift follows, N, world axes.
+
+    ``share`` of the force acts on the base, where a jump is followed at once; ``rough`` air slows the filter.
+    """
     slowest, gust = par.tip.shift_rate, None if par.tip.shift is None else par.tip.shift.gust
     if gust is None:
         held: Vec3 = low_pass(before, force, slowest, dt)
         return held
     off = before - force
     square = off.dot(off) * divide(1.0, gust.size * gust.size)
-    quick: Vec3 = low_pass(before, force, slowest + (gust.pace - slowest) * divide(square, square + 1.0), dt)
+    pace = slowest + (gust.pace - slowest) * divide(share * square, square + 1.0)
+    quick: Vec3 = low_pass(before, force, divide(pace, rough), dt)
     return quick
 
 
