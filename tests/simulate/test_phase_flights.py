@@ -58,7 +58,7 @@ def test_each_phase_begins_when_the_flight_has_shown_what_the_one_before_asks(lo
     assert ends[2] - ends[1] == pytest.approx(3.2, abs=0.03)
     k = np.searchsorted(log.time, ends[2])
     assert np.linalg.norm((log.tip - log.tip_reference)[k, 1:]) < 5e-3
-    assert ends[3] - ends[2] == pytest.approx(1.2, abs=0.1)
+    assert ends[3] - ends[2] == pytest.approx(1.6, abs=0.1)
     assert (log.contact_force[log.time > ends[2] + 0.3, 0] == 0.0).all()
 
 
@@ -71,8 +71,8 @@ def test_a_tip_that_touches_on_its_path_leaves_the_wall_by_a_retreat():
     log = skyarm.run(skyarm.scenario_from(document))
     ends = dict(log.phase_ends)
     assert log.status == "completed"
-    assert ends["retreat"] - ends["press"] == pytest.approx(1.2, abs=0.1)
-    assert (log.contact_force[log.time > ends["press"] + 0.5, 0] == 0.0).all()
+    assert ends["retreat"] - ends["press"] == pytest.approx(1.6, abs=0.1)
+    assert (log.contact_force[log.time > ends["press"] + 0.6, 0] == 0.0).all()
     assert log.tip[-1, 0] == pytest.approx(0.15, abs=2e-3)
 
 
