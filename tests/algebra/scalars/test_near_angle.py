@@ -39,3 +39,8 @@ def test_beside_a_known_angle_it_takes_half_of_the_operations():
     alone = operations(trace(both, 0.3).lowered.nodes)
     beside = operations(trace(lambda x, d: (both(x), both(NearAngle(x, d))), 0.3, 0.1).lowered.nodes)
     assert beside <= 1.5 * alone
+
+
+def test_more_terms_reach_farther():
+    assert sin(NearAngle(0.4, 3.0, 6)) == pytest.approx(math.sin(3.4), abs=2e-6)
+    assert cos(NearAngle(0.2, 1.5, 6) + NearAngle(0.2, 1.5, 6)) == pytest.approx(math.cos(3.4), abs=2e-6)

@@ -58,17 +58,17 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
     return Posture(com, tip, poses[: vehicle.n])
 
 
-def near_angles(vehicle: Vehicle, known: Sequence[Scalar], joints: Sequence[Scalar]) -> tuple[Any, ...]:
-    """Joint positions, those of hinges as sums of ``known`` angles and a rest, for rotations."""
+def near_angles(vehicle: Vehicle, known: Sequence[Scalar], joints: Sequence[Scalar], terms: int = 4) -> tuple[Any, ...]:
+    """Joint positions, those of hinges as sums of ``known`` angles and a rest of so many ``terms``, for rotations."""
     if vehicle.followers:
         return tuple(joints)
     rows = zip(vehicle.links, known, joints, strict=True)
-    return tuple(NearAngle(a, q - a) if link.joint.turns else q for link, a, q in rows)
+    return tuple(NearAngle(a, q - a, terms) if link.joint.turns else q for link, a, q in rows)
 
 
 def near_series(vehicle: Vehicle, known: Sequence[Taylor], joints: Sequence[Taylor]) -> tuple[Taylor, ...]:
     """Joint trajectories (Taylor series) with values of :func:`near_angles`."""
-    angles = near_angles(vehicle, [q.c[0] for q in known], [q.c[0] for q in joints])
+    angles = near_angles(vehicle, [q.c[0] for q in known], [q.c[0] for q in joints], 5)
     return tuple(Taylor((angle, *q.c[1:])) for angle, q in zip(angles, joints, strict=True))
 
 

@@ -218,7 +218,7 @@ def coming_levers(vehicle: Vehicle, joints: Sequence[Scalar], samples: Sequence[
     two are near the present references of the ``joints``.
     """
     first, second, _, fourth, _ = ([q for q, _, _ in sample[4:]] for sample in samples)
-    near = (lever_of(vehicle, near_angles(vehicle, joints, each)) for each in (first, second))
+    near = (lever_of(vehicle, near_angles(vehicle, joints, each, 6)) for each in (first, second))
     one, two, four = (*near, lever_of(vehicle, fourth))
     return [one, two, 0.5 * (two + four), four, four]
 

@@ -211,7 +211,7 @@ def turned_joints(
         return tuple(q + c for q, c in zip(joints, change, strict=True))
     values = tuple(add(q.derivative(0), c) for q, c in zip(joints, change, strict=True))
     told = [[q.derivative(k) for q in joints] for k in (1, 2)]
-    angles = near_angles(vehicle, [q.c[0] for q in joints], values)
+    angles = near_angles(vehicle, [q.c[0] for q in joints], values, 5)
     motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, angles, summed=True), told)
     rows = zip(joints, values, *motion, strict=True)
     return tuple(Taylor((value, rate, mul(0.5, turning), *q.c[3:])) for q, value, rate, turning in rows)
