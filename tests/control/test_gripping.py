@@ -129,7 +129,8 @@ def test_a_tip_that_grips_touches_at_once_and_loses_nothing():
     memory, pressing = stepped(wanted(0.0, grip=0.4), memory, (0.3, 0.0, 0.0))
     assert (memory.touching, memory.integral) == (1.0, 0.0)  # until the handle's force is gone
     assert memory.share == pytest.approx(before.share - DT / 0.15)
-    assert pressing.kept == 0.0  # the force does not push into the normal: nothing across it is compensated
+    assert pressing.order == pytest.approx(before.order * 29.0 / 30.0)
+    assert pressing.kept == pytest.approx(1.0 - 0.2 * 0.9)  # at a limit; no force across beyond the cone of the order
     assert not pressing.asked
 
 
