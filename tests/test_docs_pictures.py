@@ -45,7 +45,7 @@ def test_the_commands_shown_draw_in_their_order(folder: Path) -> None:
             done = skyarm(*words)
             assert done.code == 0, (words, done.err)
             made += [words[words.index(option) + 1] for option in ("-o", "--drawing") if option in words]
-    assert len(made) == len(set(made)) == 10
+    assert len(made) == len(set(made)) == 8
     for name in made:
         assert (folder / name).stat().st_size > 5_000, name
 

@@ -161,14 +161,17 @@ def test_the_short_table_is_part_of_the_whole_one():
 def test_the_sentences_say_what_the_tables_say():
     tip_mode = rows(marked(LAWS, "compare:", "compare"))[-1]
     assert f"`centroidal_tip` holds the tip to {tip_mode[-2]} mm, and to {tip_mode[-1]} mm with noise" in README
-    envelope = marked(LAWS, "the envelope:", "the envelope").splitlines()[0]
-    limits = re.findall(r"(?<=[:,] )[a-z ]+ (?:up|down) to [\d.]+ [\w/]+", " ".join(README.split()))
+    envelope = {}
+    for name, *_, found in rows(marked(LAWS, "the envelope:", "the envelope")):
+        axis, last, unit = re.fullmatch(r"(.+), [\d.]+ to ([\d.]+) (.+)", name).groups()
+        envelope[axis] = (found.split(" / ")[0], last, unit)
+    limits = re.findall(r"(?<=[:,] )([a-z ]+) (?:up|down) to ([\d.]+) ([\w/]+)", " ".join(README.split()))
     assert len(limits) == 5
-    for words in limits:
-        assert re.search(rf"[:,] {words}\b(?!\.)", envelope), words
-    whole = re.search(r"; all of ([^;]+)", envelope)[1].split(", ")
+    for axis, value, unit in limits:
+        assert (value, unit) == envelope[axis][::2], axis
+    whole = {axis for axis, (value, last, _) in envelope.items() if value == last}
     delays = ("command delay", "delay in flight", "measurement delay", *(name.replace("_", " ") for name in VEHICLES))
-    assert {"circle", *delays, "motor lag", "joint lag", "payload", "noise"} <= {*whole}
+    assert {"circle", *delays, "motor lag", "joint lag", "payload", "noise"} <= whole
     counts = re.search(r"within 25 % of (\d+), and of (\d+) with", " ".join(README.split()))
     stated = re.search(r"As stated, (\d+) of .*? inferred, (\d+) and", " ".join(PAPER.split()))
     assert counts.groups() == stated.groups()

@@ -73,9 +73,11 @@ def test_it_is_adaptive_with_eight_other_entries():
     assert PRESETS["centroidal_tip_gusts"].law in CATALOGUE
 
 
-@pytest.mark.parametrize("mode", ["joint", "tip"])
-@pytest.mark.parametrize("vehicle", ["hummingbird_arm2", "hexarotor_arm6"])
-def test_it_is_made_for_any_arm_in_both_modes(mode, vehicle):
+@pytest.mark.parametrize(
+    ("vehicle", "mode"),
+    [(v, m) for v in ("hummingbird_arm2", "hexarotor_arm6") for m in ("joint", "tip")] + [("hummingbird", "joint")],
+)
+def test_it_is_made_for_any_arm_in_both_modes(vehicle, mode):
     """In mode "joint" without the base's shift, and with the damping of the arm's length as adaptive has it."""
     model = Model(vehicle=skyarm.load_vehicle(vehicle), gravity=9.81)
     made, adaptive = (make_named(f"centroidal_{mode}{end}", model) for end in ("_gusts", ""))

@@ -28,7 +28,7 @@ from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
-from skyarm.control.laws.centroidal.presets import SHORTEST, arm_length
+from skyarm.control.laws.centroidal.presets import PRESETS_ARM, SHORTEST, arm_length
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -81,8 +81,8 @@ class GustRate:
 
 def gust_rate_gains(share: float, vehicle: Vehicle) -> GustRateGains:
     """Constants of the rate of gusts for a share of the rate and a vehicle."""
-    mass, length = float(vehicle.mass), max(arm_length(vehicle), SHORTEST)
-    return GustRateGains(share=share, length=length, faint=FAINT * mass, steep=STEEP * mass)
+    mass, length = float(vehicle.mass), arm_length(vehicle) if vehicle.end_effector else PRESETS_ARM
+    return GustRateGains(share=share, length=max(length, SHORTEST), faint=FAINT * mass, steep=STEEP * mass)
 
 
 def update_gust_rate(gains: GustRateGains, memory: GustRate, step: Step) -> tuple[GustRate, Vec3]:
