@@ -228,6 +228,7 @@ def test_what_a_touch_does_to_the_trend_of_the_force_is_not_foretold():
 
 
 def test_no_lag_is_learned_until_a_contact_has_rested():
+    """After it for half a second; at the start of a flight for 0.15 s, in which the observers settle."""
     made = make_centroidal(MODEL, mode="tip", preset="adaptive", interaction=(0.3, 0.1))
     reference = Reference(joints=JOINTS, joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2, push=PUSH)
     bank = Bank(means=(0.5,) * CANDIDATES, scale=1.0)
@@ -239,8 +240,9 @@ def test_no_lag_is_learned_until_a_contact_has_rested():
         return after.base.means != bank.means, after.arm.means != bank.means
 
     assert banks(HELD) == (False, False)
-    assert banks(dataclasses.replace(first_interaction(2), free=0.4)) == (False, False)
-    assert banks(dataclasses.replace(first_interaction(2), free=0.6)) == (True, True)
+    for met, free, learned in ((0.0, 0.1, False), (0.0, 0.2, True), (1.0, 0.4, False), (1.0, 0.6, True)):
+        memory = dataclasses.replace(first_interaction(2), free=free, met=met)
+        assert banks(memory) == (learned, learned), (met, free)
 
 
 def test_friction_is_let_go_by_what_was_sent_last():
