@@ -43,14 +43,12 @@ from skyarm.control.laws.centroidal.presets import (
     PRESETS,
     RETIRED,
     check_entry,
-    damping_share,
+    fit_gains,
     must_act,
     name_of,
-    noise_share,
     number_within,
     periods_of,
     refuse,
-    tip_damping_share,
     without_retired,
 )
 from skyarm.control.laws.centroidal.shift_motion import first_following, gust_gains
@@ -105,21 +103,9 @@ def make_centroidal(
     turns_rotors = sideways and bool(model.vehicle.tilts)
     model = pairs_model(model) if turns_rotors else model
     vehicle, leads = model.vehicle, mode == "tip" and model.vehicle.n > 0
-    if preset in ("adaptive", "gusts") and mode == "tip" and vehicle.end_effector:
-        # both go with the root of the arm's length: the preview is as long as its pendulum swings
-        for name in {"damping", "preview"} - set(changes):
-            gains[name] *= damping_share(vehicle)
-        if "tip" not in changes and not any(gains["interaction"]):
-            gains["tip"] = gains["tip"][0], gains["tip"][1] * tip_damping_share(vehicle)
-    if preset == "gusts" and "base" not in changes and noise_share(vehicle) < 1.0:
-        # slower motors lose a heavy arm in turbulence with less damping
-        gains["base"] = PRESETS["adaptive"]["base"]
-    if "velocity_noise" not in changes:
-        gains["velocity_noise"] *= noise_share(vehicle)
+    gains |= fit_gains(gains, set(changes), preset, mode, vehicle)
     if (mode == "tip" or changes.get("adaptation")) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
-    if not vehicle.n:
-        gains["arm_turn"] = 0.0
     ahead = 0 if age is None else max(0, periods - periods_of(age, control_period, "age"))
     # the observer finds a force late by its two poles and the known delay
     lead = periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0)

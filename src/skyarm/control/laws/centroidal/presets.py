@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
 from typing import Any, NoReturn
 
 from skyarm.control.controller import ControllerError
@@ -154,6 +155,23 @@ def arm_length(vehicle: Vehicle) -> float:
         total += math.hypot(*map(float, vehicle.moving[index].joint.position))
         index = vehicle.moving[index].parent
     return total
+
+
+def fit_gains(
+    gains: Mapping[str, Any], given: AbstractSet[str], preset: str, mode: str, vehicle: Vehicle
+) -> dict[str, Any]:
+    """Entries of a preset that go with the vehicle, but for those that were given."""
+    found: dict[str, Any] = {} if vehicle.n else {"arm_turn": 0.0}
+    if preset in ("adaptive", "gusts") and mode == "tip" and vehicle.end_effector:
+        # both go with the root of the arm's length: the preview is as long as its pendulum swings
+        found |= {name: gains[name] * damping_share(vehicle) for name in ("damping", "preview")}
+        if not any(gains["interaction"]):
+            found["tip"] = gains["tip"][0], gains["tip"][1] * tip_damping_share(vehicle)
+    if preset == "gusts" and noise_share(vehicle) < 1.0:
+        # slower motors lose a heavy arm in turbulence with less damping
+        found["base"] = PRESETS["adaptive"]["base"]
+    found["velocity_noise"] = gains["velocity_noise"] * noise_share(vehicle)
+    return {name: value for name, value in found.items() if name not in given or name == "arm_turn"}
 
 
 def damping_share(vehicle: Vehicle) -> float:
