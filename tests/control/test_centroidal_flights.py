@@ -11,13 +11,13 @@ from centroidal_flights import PERIOD, fly, planned
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.reference import Constant
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Delays
 from skyarm.studies.compare import envelope_axes as motions
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.suite import NOISE
 from skyarm.world import ForceWind
-from thorough import sampled
 
 
 def blown(scenario, *force):
@@ -201,16 +201,30 @@ def test_fifteen_milliseconds_that_begin_in_flight_lose_no_slower_vehicle(vehicl
     assert delayed_later(vehicle, motion, 0.015, 8.0) < 0.15
 
 
-@pytest.mark.parametrize("late", sampled([0.02, 0.03], 1))
-def test_late_commands_are_survived_in_steps_of_wind(late):
+@pytest.mark.parametrize(("late", "told"), [(0.02, False), (0.03, False), (0.03, True)])
+def test_late_commands_are_survived_in_steps_of_wind(late, told):
     """5 N, half of the weight, from the first instant: the tip errs a third more than on time (42 mm).
 
     Where the delay was taken for slow motors, and where joints were braced beyond what the delay allows, 150 to 550 mm.
     """
     blown = motions.wind_steps(setting_of(PAPER, 19.0))
     blown = with_numbers(blown, {f"environment.forces.0.force.{axis}.signal": 5.0 for axis in "xyz"})
-    law = make_centroidal(blown.controller.par.model, mode="tip", preset="adaptive", delay=0.005)
+    known = 0.005 + late if told else 0.005
+    law = make_centroidal(blown.controller.par.model, mode="tip", preset="adaptive", delay=known, age=0.005)
     delays = Delays(measurement=0.005, command=late)
     log = skyarm.run(dataclasses.replace(blown, noise=NOISE, controller=law, delays=delays, seed=12))
     assert log.info["status"] == "completed", log.info["cause"]
     assert np.linalg.norm(log.tool - log.tool_reference, axis=1)[log.time >= 4.0].mean() < 0.07
+
+
+@pytest.mark.parametrize("turns", [1, 5])
+def test_a_joint_may_be_whole_turns_away(turns):
+    """Of joints without limits the first commands are those of the same posture unturned."""
+
+    def first(turned):
+        setting = setting_of(PAPER, 1.0)
+        held = motions.along(setting, joints=tuple(Constant(0.3 + 2.0 * np.pi * turned) for _ in range(2)))
+        return skyarm.run(held.with_words(duration=0.5))
+
+    near, far = first(0), first(turns)
+    assert far.rotor_commands[:20] == pytest.approx(near.rotor_commands[:20], rel=1e-6)

@@ -210,7 +210,10 @@ class Session:
 
     @property
     def now(self) -> LoopState:
-        """Closed-loop state before the next period: plant, delayed commands and readings, all internal states."""
+        """Closed-loop state before the next period: plant, delayed commands and readings, all internal states.
+
+        Of an episode that has ended the law's memory means nothing: it went on for some periods.
+        """
         return self._engine.now
 
     @property

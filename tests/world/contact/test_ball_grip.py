@@ -119,6 +119,17 @@ def test_what_has_turned_in_its_socket_stays_there():
     assert float(slope.carried[0].rate.y) * MASS * SQUARE == pytest.approx(0.002 * 3.0 - TORQUE, abs=2e-5)
 
 
+def test_what_friction_bears_does_not_creep():
+    """A tenth of a radian, kept over and over: of the sine of that angle a sixth of its cube was lost each time."""
+    contact, memory = holding(friction=50.0)
+    held = turned(memory, (0.06, -0.08, 0.0))
+    before = np.array([[*row] for row in held.grips[0].turn.rows], dtype=float)
+    for k in range(40):
+        held = contact.act(held, 1.0 + k * PERIOD, PERIOD, STILL)
+    after = np.array([[*row] for row in held.grips[0].turn.rows], dtype=float)
+    assert after == pytest.approx(before, abs=1e-5)
+
+
 def test_a_box_swings_out_as_the_pendulum_of_coulomb():
     """Turning points against SciPy; where the angle is small each half-swing loses 2 M / (m g l)."""
     _, memory = holding(friction=0.025)
@@ -214,5 +225,7 @@ def test_a_ball_that_cannot_hold_the_rim_of_an_object_level_is_warned_of(frictio
     if warned:
         millimetres = 1e3 * TORQUE / (MASS * 9.81)
         assert f"'box' level up to {millimetres:.2g} mm beside its centre of mass" in lines[0]
+    lying = dataclasses.replace(contact.objects[0], shape="cylinder", size=(0.03, 0.2))
+    assert [each.half_width for each in (contact.objects[0], lying)] == [0.5 * side, 0.1]
     magnet = dataclasses.replace(contact, grippers=(dataclasses.replace(contact.grippers[0], kind="magnet"),))
     assert not magnet.warnings(ARM, 1e-6)

@@ -184,7 +184,9 @@ def observe(
     place = filter_pose(gains.pose, memory, measurement, started, dt)
     half, speeds, squares = acted.amid, acted.speeds, acted.squares
     R = memory.quaternion.plus(place.quaternion, 1).normalized().rotation()
-    joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, place.joints, strict=True))
+    # the first measurement may be turns away from the memory
+    pairs = zip(memory.joints, place.joints, strict=True)
+    joints = tuple(where(started > 0.5, 0.5 * (a + b), b) for a, b in pairs)
     pushing = with_side(model, unknown, R, half, memory.velocity, memory.rate)
     amid = Amid(R=R, rate=memory.rate, joints=joints, joint_rates=memory.joint_rates, unknown=pushing)
     linear, angular, qdd = amid.accelerations(model, squares, acted.efforts)

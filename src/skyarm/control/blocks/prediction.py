@@ -7,13 +7,13 @@ from typing import Annotated, Any
 
 from skyarm import dynamics
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Force, Mat3, Quaternion, Vec3, inner_product
-from skyarm.algebra.scalars import Scalar, add, sub
+from skyarm.algebra.scalars import Scalar, add, mul, neg, sub
 from skyarm.compile.tracing.lower import repeat
 from skyarm.control.blocks.attitude import near_angles
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.dynamics.actuators import Command, friction, limited_effort, rotor_force, rotor_forces, speeds_after
+from skyarm.dynamics.actuators import Command, friction, limited_effort, rotor_force, speeds_after
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.immutable import immutable
@@ -76,7 +76,14 @@ def side_wrench(model: Model, speeds: Sequence[Scalar], velocity_B: Vec3, rate: 
 
 def drag_wrench(vehicle: Vehicle, speeds: Sequence[Scalar], velocity_B: Vec3, rate: Vec3) -> Force:
     """Rotors' hub drag and rolling moment in still air: force and torque at the base origin, base axes."""
-    return rotor_forces(vehicle.rotors, speeds, velocity_B, rate, (0,) * len(speeds))
+    # rotor by rotor: which of them are alike is not known of numbers that may change in exported code
+    force, torque = ZERO3, ZERO3
+    for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
+        across = rotor.axis.cross(velocity_B + rate.cross(rotor.position)).cross(rotor.axis)
+        drag = across * mul(neg(rotor.drag_coefficient), speed)
+        force = force + drag
+        torque = torque + rotor.position.cross(drag) + across * mul(neg(rotor.rolling_moment_coefficient), speed)
+    return Force(torque, force)
 
 
 def omitted_thrust(model: Model, speeds: Sequence[Scalar], sideways: bool) -> Force:
@@ -91,7 +98,7 @@ def omitted_thrust(model: Model, speeds: Sequence[Scalar], sideways: bool) -> Fo
 
 def hub_drag(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Scalar:
     """Hub drag of a level vehicle's rotors per horizontal velocity, N s/m."""
-    return inner_product([rotor.drag_coefficient for rotor in vehicle.rotors], speeds)
+    return neg(inner_product([neg(rotor.drag_coefficient) for rotor in vehicle.rotors], speeds))
 
 
 def reference_drag(model: Model, state: State, base: Sequence[Vec3], *, sideways: bool, moving: bool) -> list[Vec3]:

@@ -145,6 +145,8 @@ class FreeObject(Carrier):
     @property
     def half_width(self) -> float:
         """Half of its largest width, m: how far beside its middle it may be gripped."""
+        if self.shape == "cylinder":
+            return max(float(self.size[0]), 0.5 * float(self.size[1]))
         return max(float(each) for each in self.size) * (0.5 if self.shape == "box" else 1.0)
 
     @property

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, divide, logical_and, logical_or, maximum, minimum, sqrt, where
+from skyarm.algebra.scalars import Scalar, asin, divide, logical_and, logical_or, maximum, minimum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
@@ -216,7 +216,10 @@ class Gripper:
             if self.kind == "ball":
                 most = self.socket_torque
                 torque = _within_length(torque, most)
-                twist = _within_length(error, divide(most, self.stiffness * gyration))
+                # the angle, of which the error is the sine: what friction bears alone does not creep
+                sine = minimum(sqrt(error.dot(error) + TINY), 1.0)
+                angle = error * divide(asin(sine), sine)
+                twist = _within_length(angle, divide(most, self.stiffness * gyration))
         return Hold(force=force, torque=torque, place=place, twist=twist)
 
     def is_overloaded(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Any:

@@ -49,6 +49,10 @@ WEAK = 0.15
 STEEP = 0.75
 """Largest square of the sine of a tilt that is reckoned with."""
 
+FARTHEST = 1.5
+"""rad, of a hinge from now to the second sample to come: faster ones are reckoned with as far. Of two parallel hinges
+the sine's series (``NearAngle``) is off by 2e-3 then."""
+
 TINY = 1e-9
 
 Pair = tuple[Scalar, Scalar]
@@ -218,7 +222,7 @@ def coming_levers(vehicle: Vehicle, joints: Sequence[Scalar], samples: Sequence[
     two are near the present references of the ``joints``.
     """
     first, second, _, fourth, _ = ([q for q, _, _ in sample[4:]] for sample in samples)
-    near = (lever_of(vehicle, near_angles(vehicle, joints, each, 6)) for each in (first, second))
+    near = (lever_of(vehicle, near_angles(vehicle, joints, each, 4, FARTHEST)) for each in (first, second))
     one, two, four = (*near, lever_of(vehicle, fourth))
     return [one, two, 0.5 * (two + four), four, four]
 

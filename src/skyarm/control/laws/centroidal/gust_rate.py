@@ -10,7 +10,8 @@ the observed torque's rate t over the arm's length, both limited as above, as me
 
     share = max(0, 1 - 2 E t^2 / (E r^2 + faint^2))
 
-is 1 in gusts, 0 where the tip is pushed; ``faint`` is for the noise of calm air.
+is 1 in gusts and 0 where the tip of a stretched arm is pushed (0.2 to 0.4 of a bent one, pushed at 4 rad/s); ``faint``
+is for the noise of calm air.
 
 Gusts that come and go are not worth a shift of the base: for a force that decays with the rate a the least integral of
 tip^2 shifts by (p - a) / (p + a) of what a lasting force asks for. The shift's filter is slower in proportion to

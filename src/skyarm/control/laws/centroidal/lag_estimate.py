@@ -153,7 +153,7 @@ class LagGains(Part):
         share = learned * (LEARNING * dt)
         # of both: of what was measured alone, a command that has not acted yet would count without bound
         square = inner_product(expected, expected)
-        gain = divide(share, inner_product(turned, turned) + square + ROBUST * memory.base.scale + FLOOR)
+        gain = divide(share, inner_product(turned, turned) + square + (ROBUST * memory.base.scale + FLOOR))
         return LagMemory(
             count=memory.count + running,
             rates=tuple(data(each) for each in rates),

@@ -95,7 +95,7 @@ def centroidal(
     for name, part in parts:
         par = part.adjust_gains(memories[name], par, dt)
     if par.braces:
-        par = brace_joints(par, memory.observed.force, late)
+        par = brace_joints(par, memory.observed.force, lead)
     adapted = Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
     if par.parts.adaptation is not None:
         adapted = memories["adaptation"].feedforward

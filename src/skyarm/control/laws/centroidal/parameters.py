@@ -29,7 +29,7 @@ PRESSED = 0.05
 """Upward force over the weight from which joints are braced."""
 
 LATEST = 0.02
-"""Delay of the commands from which they are not, s."""
+"""Delay of the commands, known and found, from which they are not, s."""
 
 BRACES, BRACES_AND_OBSERVER = (9.0, 3.2), (3.0, 2.0)
 """Growth of the joints' damping with what exceeds it, and the most; where that of their observer grows, too."""
