@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, add, clip, cos, divide, mul, neg, sin, sqrt, sub, where
+from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, neg, sin, sqrt, sub, where
 from skyarm.algebra.scalars.near_angle import NearAngle
 from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.geometric import attitude_error
@@ -58,21 +58,12 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
     return Posture(com, tip, poses[: vehicle.n])
 
 
-def near_angles(
-    vehicle: Vehicle, known: Sequence[Scalar], joints: Sequence[Scalar], terms: int = 4, most: float | None = None
-) -> tuple[Any, ...]:
-    """Joint positions, those of hinges as sums of ``known`` angles and a rest of so many ``terms``, for rotations.
-
-    The rests, below 3 rad, are at ``most`` so large where it is given.
-    """
+def near_angles(vehicle: Vehicle, known: Sequence[Scalar], joints: Sequence[Scalar], terms: int = 4) -> tuple[Any, ...]:
+    """Joint positions, those of hinges as sums of ``known`` angles and a rest of so many ``terms``, for rotations."""
     if vehicle.followers:
         return tuple(joints)
-
-    def near(a: Scalar, rest: Scalar) -> NearAngle:
-        return NearAngle(a, rest if most is None else clip(rest, -most, most), terms)
-
     rows = zip(vehicle.links, known, joints, strict=True)
-    return tuple(near(a, q - a) if link.joint.turns else q for link, a, q in rows)
+    return tuple(NearAngle(a, q - a, terms) if link.joint.turns else q for link, a, q in rows)
 
 
 def near_series(vehicle: Vehicle, known: Sequence[Taylor], joints: Sequence[Taylor]) -> tuple[Taylor, ...]:

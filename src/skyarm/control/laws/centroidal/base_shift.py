@@ -49,9 +49,8 @@ WEAK = 0.15
 STEEP = 0.75
 """Largest square of the sine of a tilt that is reckoned with."""
 
-FARTHEST = 1.5
-"""rad, of a hinge from now to the second sample to come: faster ones are reckoned with as far. Of two parallel hinges
-the sine's series (``NearAngle``) is off by 2e-3 then."""
+TERMS = 4, 6
+"""Of the sines' series of the first two samples to come, right up to 1 and to 3 rad from now (``NearAngle``)."""
 
 TINY = 1e-9
 
@@ -222,7 +221,8 @@ def coming_levers(vehicle: Vehicle, joints: Sequence[Scalar], samples: Sequence[
     two are near the present references of the ``joints``.
     """
     first, second, _, fourth, _ = ([q for q, _, _ in sample[4:]] for sample in samples)
-    near = (lever_of(vehicle, near_angles(vehicle, joints, each, 4, FARTHEST)) for each in (first, second))
+    pairs = zip((first, second), TERMS, strict=True)
+    near = (lever_of(vehicle, near_angles(vehicle, joints, each, terms)) for each, terms in pairs)
     one, two, four = (*near, lever_of(vehicle, fourth))
     return [one, two, 0.5 * (two + four), four, four]
 

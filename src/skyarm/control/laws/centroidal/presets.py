@@ -24,7 +24,7 @@ OPTIONS: Mapping[str, tuple[Any, float, float]] = {
     "adaptation": (0.6, 0.0, 5.0),
     "friction_adaptation": (2.0, 0.0, 5.0),
     "bandwidth": (1.0, 0.01, 10.0),
-    "preview": (0.0, 0.0, 10.0),
+    "preview": (0.0, 0.0, 2.0),
     "gust_shift": (0.0, 0.0, 2.0),
     "gust_rate": (0.0, 0.0, 2.0),
     "low_thrust": (0.0, 0.0, 1.0),
