@@ -16,12 +16,17 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.base_shift import (
     FIRST_SHIFT,
-    LEAST,
     Acting,
+    Directions,
     Instant,
+    Shift,
+    Stretch,
+    _gains,
+    _thrusts,
     bounded_shift,
     bounded_sweep,
     coming_levers,
+    coming_thrusts,
     directions,
     lever_of,
 )
@@ -43,6 +48,8 @@ from skyarm.vehicle.vehicle_records import Frame
 from skyarm.world import ForceWind
 
 G, DT = 9.81, 0.005
+LEAST, HELD = 0.02, 0.02
+"""Height (m) and square of a rotation of the page."""
 ZERO = Vec3(0.0, 0.0, 0.0)
 STILL = Acting(force=ZERO, rate=ZERO, drift=ZERO, drag=0.0)
 
@@ -140,10 +147,13 @@ def test_a_steady_force_shifts_by_the_lever_below_the_base_and_above(model, leve
     par = make_centroidal(model, mode="tip", preset="adaptive").par
     par = dataclasses.replace(par, model=Model(vehicle=vehicle, gravity=G))
     force = Vec3(0.2, -0.3, 0.0)
+    acting = dataclasses.replace(STILL, force=force)
     shift, base = FIRST_SHIFT, [Vec3(0.0, 0.0, 1.0), ZERO, ZERO, ZERO, ZERO]
     for _ in range(200):
-        acting = dataclasses.replace(STILL, force=force)
+        before = shift.place
         moved, _, shift = bounded_shift(par, shift, base, 0.4, level_of(lever), acting, (), DT)
+        gone = moved[0] * DT + moved[1] * (0.5 * DT**2)  # of the way in a period, with its acceleration
+        np.testing.assert_allclose([*shift.place][:2], [*(before + gone)][:2], rtol=1e-9, atol=1e-15)
     expected = force * (-lever / (G * float(vehicle.mass)))
     np.testing.assert_allclose([*shift.place], [*expected], rtol=0.01, atol=1e-5)
     assert moved[0].norm() < 1e-3
@@ -166,7 +176,8 @@ def test_a_planar_arm_leaves_the_tilts_across_its_plane(model, yaw):
     # the joints turn about body y: a shift along it is left to the base, one across it is the arm's
     assert abs(along @ [-np.sin(yaw), np.cos(yaw)]) == pytest.approx(1.0, abs=1e-4)
     assert at.left[0] > 0.95
-    assert at.left[1] < 0.02
+    # two joints about one axis: 0.02 of 2.02
+    assert [*at.left] == pytest.approx([1.0, HELD / (2.0 + HELD)], rel=1e-4)
     v = Vec3(0.3, -1.2, 0.0)
     np.testing.assert_allclose([*at.vector(at.pair(v))], [*v], atol=1e-9)
 
@@ -218,6 +229,27 @@ def test_levers_to_come_are_those_of_the_postures_to_come(model):
     assert [float(found[i]) for i in (0, 1, 3)] == pytest.approx([exact[i] for i in (0, 1, 3)], rel=1e-12)
     assert float(found[2]) == pytest.approx(exact[2], rel=0.01)
     assert found[4] == found[3]
+
+
+def test_a_lever_far_aside_has_a_secant_of_two():
+    """A tilt of 60 degrees is the most that is reckoned with."""
+    row, here = Instant(0.0, 0.0, (0.0, 0.0), 0.2), Stretch(1.0, (0.0, 0.0))
+    for place, secant in ((0.12, 1.25), (0.3, 2.0), (5.0, 2.0)):
+        assert coming_thrusts([row], [here], (0.0, place))[1] == pytest.approx([secant])
+
+
+def test_what_joints_leave_of_a_lever_is_divided_by_its_size():
+    at = Directions(1.0, 0.0, (0.5, 0.2), (0.03, -0.01))
+    assert _gains(at, 0.1) == pytest.approx((0.8, 0.1))
+    assert _gains(at, -0.1) == pytest.approx((-0.2, -0.3))
+    assert _gains(at, 0.01) == pytest.approx((1.75, -0.4))  # over LEAST
+
+
+def test_thrusts_to_come_are_means_with_the_shifts_own_and_never_below_a_floor():
+    """Rises of 2, 4 and -20 m/s^2, over which the shift sinks by 1 m/s^2 in the first stretch; secants likewise."""
+    rows = [Instant(0.1 * k, rise, (0.0, 0.0), 0.3) for k, rise in enumerate((2.0, 4.0, -20.0))]
+    shift = Shift(place=ZERO, sinking=(0.0,) * 3, secants=(1.0, 1.2, 1.5), coming=(-1.0, 0.0), first=0.1)
+    assert _thrusts(rows, G, 1.5, shift) == pytest.approx([(G + 2.0) * 1.1, (G - 8.0) * 1.35, 1.5 * 1.5])
 
 
 def test_a_lever_near_zero_shifts_in_proportion(model):

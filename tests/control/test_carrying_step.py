@@ -38,7 +38,7 @@ def mass(told=1.0, on=None, **memory):
     return carried(LAW.par, dataclasses.replace(LAW.memory, **memory), told, on).mass
 
 
-def carried(par, memory, told, on, alone=PULLED):
+def carried(par, memory, told, on, alone=PULLED, unknown=None, steps=None):
     """Memory of the load after a period in which the observer holds its pull."""
     zero = Vec3(0, 0, 0)
     none = Disturbance(force=zero, torque=zero, efforts=(0, 0))
@@ -52,11 +52,13 @@ def carried(par, memory, told, on, alone=PULLED):
         observed=memory.observed,
         told=None,
         alone=alone,
-        unknown=none,
+        unknown=none if unknown is None else unknown,
         force=none.force,
         free=memory.free,
         pressing=on,
     )
+    if steps is not None:
+        steps.append(step)
     return par.parts.load.adjust_reference(memory.parts.load, step)
 
 
@@ -89,6 +91,19 @@ def test_nothing_is_learned_at_a_limit_and_of_a_command_that_others_changed():
     assert mass(free=(1.0, 0.0, 1.0)) == 0.0
     assert mass(free=(0.0, 1.0, 1.0)) == 0.0
     assert mass(applied=(1.0, 1.0, 0.0)) == 0.0
+
+
+def test_joints_near_the_tip_leave_a_load_its_inertia_and_turn_their_links_gently():
+    """A straight arm of two links of 150 mm, and a tip that counts as near up to 200 mm; 100 g of up to 300 g held."""
+    part = dataclasses.replace(LAW.par.parts.load, bulk=0.2)
+    memory = with_parts(LAW.memory, load=dataclasses.replace(LAW.memory.parts.load, mass=0.1))
+    none = AT.disturbance(Vec3(0.0, 0.0, 0.0))
+    disturbed, steps = dataclasses.replace(none, efforts=(0.3, -0.2)), []
+    carried(with_parts(LAW.par, load=part), memory, 1.0, None, none, disturbed, steps)
+    shares = [0.1**2 / (0.1**2 + 0.06**2) * 0.2**4 / (lever**4 + 0.2**4) for lever in (0.3, 0.15)]
+    efforts = [(1.0 - share) * each for share, each in zip(shares, disturbed.efforts, strict=True)]
+    assert steps[0].unknown.efforts == pytest.approx(efforts, rel=1e-3)
+    assert steps[0].par.tip.links == pytest.approx([1.0 - 0.6 * share for share in shares], rel=1e-3)
 
 
 def test_what_is_left_of_a_contact_is_no_bias_and_hinders_no_mass():

@@ -15,11 +15,14 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import with_applied_command
+from skyarm.control.laws.centroidal import law as law_module
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.law import _present
+from skyarm.control.laws.centroidal.demands import demands
+from skyarm.control.laws.centroidal.law import _coming, _present
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.reference import Reference
+from skyarm.reference.preview import with_preview
 from skyarm.sensing.measurement import blank_measurement
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
@@ -168,6 +171,48 @@ def test_by_a_known_delay_of_the_commands_the_reference_is_ahead():
     ahead = told.law(told.memory, level, moving, DT, par=told.par)[1]
     assert ahead == old.law(old.memory, level, later, DT, par=old.par)[1]
     assert ahead != old.law(old.memory, level, moving, DT, par=old.par)[1]
+
+
+def step_seen(monkeypatch, controller, memory, reference=None):
+    """The step that the law's demands are computed from, and the memory after it."""
+    seen = []
+    monkeypatch.setattr(law_module, "demands", lambda step: seen.append(step) or demands(step))
+    level, goal = hovering()
+    after, _ = controller.law(memory, level, goal if reference is None else reference, DT, par=controller.par)
+    return seen[0], after
+
+
+def test_the_preview_counts_from_when_the_command_acts(monkeypatch):
+    """Commands 15 ms late: samples to come are so much nearer, and at least a period away."""
+    controller = make_centroidal(MODEL, mode="tip", preset="adaptive", delay=3 * DT, age=0.0)
+    leads = [float(each) for each in controller.par.preview]
+    goal = hovering()[1]
+    step, _ = step_seen(monkeypatch, controller, controller.memory, with_preview(goal, leads, lambda lead: goal))
+    assert [float(time) for time, _ in step.ahead] == pytest.approx([each - 3 * DT for each in leads[2:]])
+    ahead = [()] * len(leads)
+    assert next(time for time, _ in _coming(controller.par, ahead, leads[2] - 0.001, DT)) == DT
+
+
+def test_of_a_jump_the_filters_own_rate_is_what_nobody_foretold(monkeypatch):
+    controller = make_centroidal(MODEL, mode="tip", preset="adaptive", gust_shift=1.0)
+    memory = underway(controller, force=Vec3(1.0, -0.6, 0.2))
+    step, after = step_seen(monkeypatch, controller, dataclasses.replace(memory, slow_force=Vec3(0.1, 0.0, 0.0)))
+    moved = (array(after.slow_force) - [0.1, 0.0, 0.0]) / DT
+    np.testing.assert_allclose(array(step.drift), moved, rtol=1e-12)
+    assert np.linalg.norm(moved) > 1.0
+
+
+def test_a_command_that_others_changed_teaches_nothing(monkeypatch):
+    controller = make_centroidal(MODEL)
+    memory = dataclasses.replace(underway(controller, SENT[:1]), free=(1.0, 0.0, 1.0))
+    assert step_seen(monkeypatch, controller, memory)[0].free == (1.0, 0.0, 1.0)
+    changed = dataclasses.replace(memory, applied=(1.0, 1.0, 0.0))
+    assert step_seen(monkeypatch, controller, changed)[0].free == (0.0, 0.0, 0.0)
+
+
+def test_measurements_older_than_the_delay_lead_no_reference():
+    led = [make_centroidal(MODEL, delay=DT, age=age).par.lead_periods for age in (0.0, DT, 2 * DT)]
+    assert led == [1, 0, 0]
 
 
 def test_a_measurement_without_delay_is_the_present():

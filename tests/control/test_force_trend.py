@@ -6,21 +6,20 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.signal import lsim
+from scipy.signal import lfilter, lsim
 
+import skyarm
 from skyarm.algebra import Vec3
-from skyarm.control.laws.centroidal.force_trend import (
-    CHANCE,
-    FORGET,
-    HORIZON,
-    STAGES,
-    trend_gains,
-    update_trend,
-    weighted_rate,
-)
+from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.force_trend import lateness, trend_gains, update_trend, weighted_rate
+from skyarm.control.laws.centroidal.parameters import at_shares
+from skyarm.control.model import Model
 
 DT = 0.005
 GAINS = trend_gains(10.0, 0.8)
+
+CHANCE, FORGET, HORIZON, STAGES, STEEPEST = 0.5, 0.7, 0.25, 3, 5.0 * 0.8
+"""Constants of the page, for 0.8 kg."""
 
 
 def fed(forces, gains=GAINS):
@@ -105,3 +104,25 @@ def test_a_step_leaves_no_evidence_and_is_not_followed():
     assert raw.max() > 30.0
     assert np.abs(told).max() < 0.02 * raw.max()
     assert memories[-1].agreement < 0.2 * memories[-1].size
+
+
+def test_evidence_is_the_mean_of_what_no_step_has_said():
+    """Of 2 N at 3 rad/s with a step of 10 N in it, by SciPy's filter over the records of both chains."""
+    t = np.arange(0.0, 4.0, DT)
+    force = np.stack([2.0 * np.sin(3.0 * t) + 10.0 * (t > 2.0), np.cos(t), 0.1 * t], axis=1)
+    memories = fed(force)
+    rate, late = (np.array([list(getattr(m, name)[-1]) for m in memories]) for name in ("rates", "forces"))
+    change = (force - late) / HORIZON
+    told = rate / (1.0 + ((change**2).sum(axis=1, keepdims=True) / STEEPEST**2) ** 2)
+    b, begin = np.exp(-FORGET * DT), (0.5 * STEEPEST) ** 2
+    for name, products, first in (("agreement", told * change, 0.0), ("size", told * rate, begin)):
+        mean, _ = lfilter([1.0 - b], [1.0, -b], products.sum(axis=1), zi=[b * first])
+        assert [getattr(m, name) for m in memories] == pytest.approx(mean, rel=1e-9)
+
+
+def test_the_observer_is_late_by_its_poles_and_at_most_by_those_of_1_rad_s():
+    """Two of the velocity's observer, one with an accelerometer."""
+    model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
+    robust, gusts = (make_centroidal(model, mode="tip", preset=name).par for name in ("robust", "gusts"))
+    assert [lateness(robust), lateness(gusts)] == pytest.approx([2.0 / 27.0, 1.0 / 30.0])
+    assert [lateness(at_shares(each, 0.01, 1.0)) for each in (robust, gusts)] == [2.0, 1.0]

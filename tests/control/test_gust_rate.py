@@ -9,13 +9,17 @@ from measure_gusts import fly
 from scipy.signal import lfilter
 
 import skyarm
+from law_parts import with_parts
 from skyarm.algebra import Vec3
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.gust_rate import gust_rate_gains
 from skyarm.control.laws.centroidal.shift_motion import slow_force
 from skyarm.control.model import Model
 from skyarm.studies.compare.envelope_axes import TIP
 from skyarm.studies.compare.envelope_setting import PAPER
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Frame
 
 DT, LENGTH = 0.005, 0.3
 
@@ -65,7 +69,10 @@ def record():
 
 
 def test_the_filter_is_that_of_the_page(par, record):
-    np.testing.assert_allclose(gone(par, *record), written(par, *record), rtol=1e-9, atol=1e-9)
+    found = written(par, *record)
+    np.testing.assert_allclose(gone(par, *record), found, rtol=1e-9, atol=1e-9)
+    half = with_parts(par, gusts=dataclasses.replace(par.parts.gusts, share=0.5))
+    np.testing.assert_allclose(gone(half, *record), found * [0.5, 0.5, 0.5, 1.0, 1.0], rtol=1e-9, atol=1e-9)
 
 
 def test_rates_turn_with_the_axes(par, record):
@@ -108,6 +115,10 @@ def test_an_unknown_load_does_not_swing_with_the_rate():
 def test_it_is_left_out_or_refused(par):
     """By 0 in the preset; without an accelerometer it is refused, by name and value."""
     model = par.model
+    # an arm of no length has one of 10 mm: no torque over nothing
+    tip, base = Frame(name="tip", link=BASE, position=Vec3(0.0, 0.0, 0.0)), skyarm.load_vehicle("hummingbird")
+    stump = dataclasses.replace(base, frames=(tip,), end_effector="tip")
+    assert gust_rate_gains(1.0, stump).length == 0.01
     assert make_centroidal(model, mode="tip", preset="gusts", gust_rate=0.0).par.parts.gusts is None
     assert make_centroidal(model, mode="tip", preset="adaptive").par.parts.gusts is None
     assert (

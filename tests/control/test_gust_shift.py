@@ -181,3 +181,24 @@ def test_what_is_foretold_passes_the_filter_by(model):
         found = steady_force(par, step, slow, Vec3(*adapted))
         level = np.array([*trend.level])
         np.testing.assert_allclose([*found], steady + (level - np.array([*slow])) * share + rate * late, rtol=1e-12)
+
+
+def test_the_pace_is_that_of_the_arm_and_of_a_short_one_10_rad_s(model):
+    tip = Frame(name="tip", link=BASE, position=Vec3(0.0, 0.0, -0.02))
+    short = dataclasses.replace(skyarm.load_vehicle("hummingbird"), frames=(tip,), end_effector="tip")
+    assert gust_gains(0.5, short, G).pace == 5.0
+    long = gust_gains(0.5, model.vehicle, G)
+    assert (long.pace, long.size) == pytest.approx((0.5 * np.sqrt(G / 0.3), 2.0 * float(model.vehicle.mass)))
+
+
+def test_without_the_shift_for_gusts_the_force_is_foretold_across_the_filter(model):
+    """Two poles of the observer and the one that the shift follows by, no slower than 1 rad/s."""
+    slow, adapted, rate = Vec3(1.5, 0.2, 0.1), Vec3(0.1, 0.0, -0.2), Vec3(0.3, -0.2, 0.05)
+    step = SimpleNamespace(rate=rate, trend=(slow, 1.0), force=Vec3(9.0, 9.0, 9.0))
+    for shift_rate, late in ((3.0, 1.0 / 3.0), (0.5, 1.0)):
+        par = make_centroidal(model, mode="tip", preset="adaptive", shift_rate=shift_rate).par
+        found = steady_force(par, step, slow, adapted)
+        np.testing.assert_allclose([*found], [*(slow + adapted + rate * (2.0 / 27.0 + late))], rtol=1e-12)
+    joint = make_centroidal(model, mode="joint", preset="adaptive").par
+    found = steady_force(joint, step, slow, adapted)
+    np.testing.assert_allclose([*found], [*(step.force + adapted + rate * (2.0 / 27.0))], rtol=1e-12)

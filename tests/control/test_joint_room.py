@@ -8,13 +8,14 @@ import pytest
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.laws.centroidal.demands import SHARE, TURN, WITH_STOP, within_limits
+from skyarm.control.laws.centroidal.demands import within_limits
 from skyarm.control.laws.centroidal.make import ends_of, make_centroidal
 from skyarm.control.laws.centroidal.parameters import brace_joints
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
-from skyarm.reference import Constant, Windowed
+from skyarm.reference import Constant, Reference, Windowed
 from skyarm.scenario.scenario_record import Delays
+from skyarm.sensing.measurement import blank_measurement
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.suite import NOISE
 from skyarm.world import Disturbance
@@ -23,6 +24,9 @@ from skyarm.world.signal_vector import SignalVector
 ARM1 = skyarm.load_vehicle("crazyflie_arm1")
 GAINS = JointGains(stiffness=(900.0,), damping=(60.0,))
 ZERO = Vec3(0.0, 0.0, 0.0)
+
+SHARE, WITH_STOP, TURN = 0.5, 0.75, 2.2
+"""Constants of the page."""
 
 
 def with_limits(lower, upper, stops=False):
@@ -135,7 +139,12 @@ def test_a_motion_within_the_room_keeps_its_bits_and_one_limit_bounds_one_side()
     assert bounded(above, 0.9, 0.0, 0.0, 1e3) < 0.0
     below = with_limits(-1.0, np.inf)
     assert ends_of(below) == ((True, False),)
-    for q, rate, told, wanted in ((0.9, 0.0, 0.0, 1e3), (0.3, 7.0, 0.2, 10.0), (-5.0, -50.0, 0.0, -1e3)):
+    for q, rate, told, wanted in (
+        (0.9, 0.0, 0.0, 1e3),
+        (0.3, 7.0, 0.2, 10.0),
+        (0.9, 0.0, 1.3, 1e3),
+        (-5.0, -50.0, 0.0, -1e3),
+    ):
         assert bounded(below, -q, -rate, -told, -wanted) == -bounded(above, q, rate, told, wanted)
     # at rest, where it may go, nothing is asked: further where a stop holds it
     for stops, share in ((False, SHARE), (True, WITH_STOP)):
@@ -179,6 +188,22 @@ def test_late_commands_leave_less_room_to_brace_joints(late, share):
     assert brace_joints(par, Vec3(0.0, 0.0, 0.25 * weight), late).tip.velocity == pytest.approx(
         share * par.tip.velocity
     )
+
+
+@pytest.mark.parametrize(("periods", "braced"), [(0, True), (2, True), (4, False)])
+def test_the_law_braces_joints_of_commands_that_act_within_20_ms(periods, braced):
+    """A step under 3 N from below: the same command as of a law without braces, where they are 20 ms late."""
+    model = Model(vehicle=with_limits(-np.inf, np.inf))
+    law = make_centroidal(model, mode="tip", preset="adaptive", delay=0.005 * periods, age=0.0)
+    observed = dataclasses.replace(law.memory.observed, force=Vec3(0.0, 0.0, 3.0))
+    memory = dataclasses.replace(law.memory, started=1.0, observed=observed)
+    reading = dataclasses.replace(blank_measurement(1, 4), joints=(0.2,))
+    reference = Reference(joints=(0.1,), joint_rates=(0.0,), joint_accelerations=(0.0,))
+    one, other = (
+        law.law(memory, reading, reference, 0.005, par=dataclasses.replace(law.par, braces=each))[1]
+        for each in (True, False)
+    )
+    assert (one != other) == braced
 
 
 def test_a_push_from_below_folds_the_arm_by_less_than_half_a_turn():

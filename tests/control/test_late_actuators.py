@@ -110,6 +110,21 @@ def test_one_step_across_a_lag_is_the_flight_under_the_late_commands(periods):
     assert found.rotor_speeds == pytest.approx(exact.rotor_speeds, rel=1e-12)
 
 
+def test_thrust_that_turns_with_the_base_is_that_amid_the_step():
+    """A base that rolls at 3 rad/s for 40 ms: the integral of the thrust's direction, by its primitive."""
+    model, w, h = Model(vehicle=skyarm.load_vehicle("hummingbird"), gravity=9.81), 3.0, 0.04
+    zero, speeds = Vec3(0.0, 0.0, 0.0), (480.0,) * 4
+    begun = State(
+        position=zero, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=zero, rate=Vec3(w, 0.0, 0.0), joints=(),
+        joint_rates=(), rotor_speeds=speeds,
+    )  # fmt: skip
+    done = first_past(Command(rotor_speeds=speeds, efforts=()), PERIODS).since(h / DT)
+    found = predict_across(model, begun, done, no_disturbance(0), h, False, ())
+    push = 4.0 * float(model.vehicle.rotors[0].thrust_coefficient) * 480.0**2 / float(model.vehicle.mass)
+    exact = [0.0, -push * (1.0 - np.cos(w * h)) / w, push * np.sin(w * h) / w - 9.81 * h]
+    assert [*found.velocity] == pytest.approx(exact, abs=5e-4)
+
+
 def test_across_no_time_nothing_changes():
     begun = dataclasses.replace(turning(), rotor_speeds=past().speeds[-1])
     found = predict_across(MODEL, begun, past().since(0.0), no_disturbance(2), 0.0, False, begun.joints)

@@ -107,6 +107,15 @@ def test_noise_is_found_within_a_second_and_forgotten_within_five():
     assert shares[-1] == 1.0
 
 
+def test_a_noise_that_is_gone_is_forgotten_with_half_a_second():
+    memory, still = dataclasses.replace(GAINS.start(2), variance=1.0), Vec3(0.0, 0.0, 0.0)
+    seen = SimpleNamespace(velocity=still)
+    par = SimpleNamespace(observer=SimpleNamespace(force=27.0))
+    for _ in range(100):
+        memory = GAINS.learn(memory, SimpleNamespace(par=par, dt=DT, measurement=seen, observed=seen))
+    assert memory.variance == pytest.approx((1.0 - 2.0 * DT) ** 100)
+
+
 def test_axes_are_alike():
     noise = white(0.1, 2.0)
     one = fed(noise)[-1].variance

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ from measure_pressing_scenes import scene_document
 
 import skyarm
 from skyarm.algebra import Mat3, Vec3
+from skyarm.control.blocks.force_control import first_interaction, wanted_of
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import ForceErrors, effort_shares, levers, tip_force
-from skyarm.control.blocks.torque_scale import CORRELATED, MEMORY, Tolerances, first_scale
+from skyarm.control.blocks.torque_scale import Tolerances, first_scale
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.model import Model
@@ -22,6 +24,8 @@ DT, ERRORS, N = 0.005, ForceErrors(), Vec3(-0.8, 0.0, 0.6)
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
 AT = levers(ARM, Mat3.identity(), (-0.45, -0.9))
 TORQUES, SCALES, WEIGHTS = (0.15, -0.05), (-0.1, 0.08), (0.02, -0.03)
+MEMORY, CORRELATED = 0.5, 0.1
+"""1/s and s, of the page."""
 
 
 def hovered(by, seconds=2.0, scales=SCALES, weights=(0.0, 0.0)):
@@ -57,16 +61,42 @@ def test_the_estimate_and_its_deviation_are_those_of_the_draws():
     draws = np.random.default_rng(1)
     A = np.square(TORQUES) * (1.0 - np.exp(-MEMORY * seconds)) / MEMORY
     scale, _ = hovered(by, seconds)
+    assert scale.squares == pytest.approx(A, rel=5e-3)
+    assert scale.unlearned == pytest.approx(np.exp(-0.5 * seconds), rel=5e-3)
     s, w = 0.1 * draws.standard_normal((20_000, 2)), 0.05 * draws.standard_normal((20_000, 2))
     noise = ERRORS.turning * np.sqrt(CORRELATED / A)
     seen = s + w + noise * draws.standard_normal((20_000, 2))
     factors = np.array(scale.factors(by, ERRORS, AT), dtype=float) * np.array(scale.squares)
+    least = CORRELATED * ERRORS.turning**2  # the prior's share where nothing is learned yet
+    assert first_scale(2).factors(by, ERRORS, AT) == pytest.approx([0.01 / least] * 2)
     left = np.std(s - factors * seen, axis=0)
     calm = Disturbance(force=Vec3(0, 0, 0), torque=Vec3(0, 0, 0), efforts=(0.0, 0.0))
     settled = dataclasses.replace(scale, unlearned=0.0).learn(by, ERRORS, AT, calm, TORQUES, N, 0.0, 0.5, DT)
     shares = np.array(effort_shares(ERRORS, AT, N), dtype=float)
     assert settled.deviation == pytest.approx(np.linalg.norm(shares * TORQUES * left), rel=0.03)
-    assert hovered(by, seconds, weights=WEIGHTS)[0].deviation > settled.deviation  # the bias has not learned the weight
+    # what the bias has not learned of the weights counts beside it
+    unsettled = scale.learn(by, ERRORS, AT, calm, TORQUES, N, 0.0, 0.5, DT).deviation
+    weight = 0.05 * float(scale.unlearned) * np.linalg.norm(shares * TORQUES)
+    assert unsettled == pytest.approx(np.hypot(settled.deviation, weight), rel=1e-9)
+
+
+def in_flight(wanted=0.0, holds=(), sent=((0.1, 0.2), (0.7, 0.9)), **memory):
+    """Squares and flag of contact after a period of a flight in which no contact was for a second."""
+    law = make_centroidal(Model(vehicle=ARM), mode="tip", interaction=(0.3, 0.1), tolerances=[0.1, 0.05]).par
+    part, zero = law.parts.interaction, Vec3(0.0, 0.0, 0.0)
+    observed = SimpleNamespace(force=zero, torque=zero, efforts=(0.0, 0.0))
+    queue = SimpleNamespace(sent=[SimpleNamespace(efforts=each) for each in sent])
+    step = SimpleNamespace(observed=observed, memory=queue, holds=holds, dt=DT)
+    before = dataclasses.replace(first_interaction(2), free=1.0, scale=first_scale(2), **memory)
+    after = part._at_scale(before, step, AT, wanted_of((wanted, 0.0, *N)))[1].scale
+    return after.squares, after.met
+
+
+def test_the_scale_is_learned_of_the_command_that_acted_while_the_tip_is_free_and_empty():
+    """Of the oldest in the queue; the touch of the period before is remembered."""
+    assert in_flight()[0] == pytest.approx([DT * 0.01, DT * 0.04])
+    assert in_flight(wanted=1.0)[0] == in_flight(holds=(1.0,))[0] == (0.0, 0.0)
+    assert [in_flight(touching=each)[1] for each in (0.0, 1.0)] == [0.0, 1.0]
 
 
 def test_tolerances_without_force_control_are_refused():

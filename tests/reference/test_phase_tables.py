@@ -90,6 +90,19 @@ def test_a_retreat_leaves_along_the_normal():
             read(turning, {"kind": "retreat", **wrong})
 
 
+def test_a_retreat_to_a_place_waits_for_a_force_alone():
+    """0.4 s after a press, in which the reference stays; none after anything else."""
+    there = [0.1, 0.0, 0.9]
+    leave, middle = {"kind": "retreat", "position": there, "duration": 1.0}, 0.5 * (np.array(START) + there)
+    trajectory, _ = read(PRESS, leave)
+    begin, end = (each.end for each in trajectory.phases)
+    assert end - begin == pytest.approx(1.4)
+    for t, place in ((begin + 0.4, START), (begin + 0.9, middle), (end, there)):
+        np.testing.assert_allclose(place_at(trajectory, t), place, atol=1e-12)
+    trajectory, _ = read({"kind": "hold", "duration": 1.0}, leave)
+    np.testing.assert_allclose(place_at(trajectory, 1.5), middle, atol=1e-12)
+
+
 def test_a_retreat_keeps_the_offset_of_a_search_so_that_it_pulls_straight_out():
     trajectory, _ = read(
         PRESS, SPIRAL, {"kind": "insert", "distance": 0.01}, {"kind": "retreat"}, {"kind": "go_to", "position": START}

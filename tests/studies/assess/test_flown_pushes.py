@@ -14,8 +14,10 @@ from skyarm.control.catalogue import preset
 from skyarm.dynamics import forward_dynamics
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.scenario.numbers import with_numbers
+from skyarm.studies.assess import pressing_flights as flights
 from skyarm.studies.assess.finding import FAULT, NOTE, OK
-from skyarm.studies.assess.pressing_flights import pressing_flights, reach_left, tip_mass
+from skyarm.studies.assess.pressing_flights import base_recoil, contact_steps, pressing_flights, reach_left, tip_mass
+from skyarm.studies.assess.push_limits import largest_push
 
 
 def before_a_wall(name, joints, force, duration=5.0, **law):
@@ -101,3 +103,59 @@ def test_without_force_control_or_a_push_nothing_is_flown():
     other = preset("centroidal_tip", scenario.controller.par.model, {})
     assert pressing_flights(dataclasses.replace(scenario, controller=other)) == []
     assert pressing_flights(skyarm.load_scenario("case3")) == []
+
+
+def judged(monkeypatch, off, ended=()):
+    """Findings for flights whose errors are such shares of the force, eight noises each; ``ended``: (share, noise)."""
+    status = np.full((4, 8), "completed", dtype=object)
+    for at in ended:
+        status[at] = "diverged"
+    mean = 1.2 * np.array([0.25, 0.5, 0.75, 1.0])[:, None] * np.broadcast_to(np.array(off).reshape(4, -1), (4, 8))
+    monkeypatch.setattr(flights, "fly_shares", lambda scenario, force: (mean, status))
+    (found,) = pressing_flights(before_a_wall("pelican_arm2", (-0.45, -0.9), 1.2))
+    return found
+
+
+def test_a_force_is_held_within_a_twentieth_in_every_flight_and_else_the_most_that_is_held_is_said(monkeypatch):
+    one_bad = np.full((4, 8), 0.02)
+    one_bad[3, 0] = np.nan
+    assert [judged(monkeypatch, [0.01, 0.01, 0.01, last]).level for last in (0.049, 0.051)] == [OK, FAULT]
+    assert judged(monkeypatch, one_bad).level == FAULT  # a flight that meets nothing holds nothing
+    early = judged(monkeypatch, [0.01] * 4, [(3, 5)])
+    assert early.level == FAULT
+    assert early.text.startswith("1.2 N are 1 % off in flights with 8 noises, of which 1 end early")
+    assert early.text.endswith("0.9 N are held")
+    assert judged(monkeypatch, [0.01, 0.2, 0.2, 0.2]).text.endswith("0.3 N are held")
+    assert judged(monkeypatch, [0.2] * 4).text.endswith("nor is a quarter of it")
+
+
+def test_causes_are_named_by_yaw_then_reach_then_inertia(monkeypatch):
+    """Yaw above half of what rotors have, recoil above half of what is left of the arm, 5 m/s^2 of the tip."""
+    scenario = before_a_wall("pelican_arm2", (-0.45, -0.9), 1.2)
+
+    def cause(turning, left, mass):
+        monkeypatch.setattr(flights, "yaw_room", lambda *told: 1.0)
+        monkeypatch.setattr(flights, "yaw_torques", lambda *told: (turning, 0.0))
+        monkeypatch.setattr(flights, "reach_left", lambda *told: left)
+        monkeypatch.setattr(flights, "tip_mass", lambda *told: mass)
+        return flights.cause_of(scenario, largest_push(scenario))[0].split()[:2]
+
+    recoil = 0.5 * 0.15**2 * 1.2 / float(scenario.plant.vehicle.mass)
+    assert base_recoil(scenario, 1.2) == pytest.approx(recoil)
+    far, light = 1.0, 0.23
+    assert cause(0.51, far, light) == ["the", "push"]
+    assert cause(0.49, far, light) == ["no", "single"]
+    assert cause(0.49, 1.98 * recoil, light) == ["the", "base"]
+    assert cause(0.49, 2.02 * recoil, light) == ["no", "single"]
+    assert cause(0.49, far, 0.25) == ["the", "tip"]
+
+
+def test_steps_of_a_contact_are_stable_up_to_twice_the_inverse_frequency(monkeypatch):
+    """The product of step and frequency goes with the root of the tip's inertia."""
+    scenario = before_a_wall("crazyflie_arm1", (-0.6,), 0.023)
+    at = largest_push(scenario)
+    (fault,) = contact_steps(scenario, at)
+    mass = tip_mass(scenario.plant.vehicle, (-0.6,), np.array([-1.0, 0.0, 0.0]))
+    for phase, faults in ((1.99, 0), (2.01, 1)):
+        monkeypatch.setattr(flights, "tip_mass", lambda *told, phase=phase: mass * (fault.value / phase) ** 2)
+        assert len(contact_steps(scenario, at)) == faults

@@ -11,12 +11,13 @@ import pytest
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.energy import kinetic_energy
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.reference import Sine
 from skyarm.world import SignalVector
-from skyarm.world.contact import ContactPoint, Material, Surface
-from standing_vehicles import GRAVITY, around, at_rest, fall, ground, limp, states
+from skyarm.world.contact import Contact, ContactPoint, Material, Surface
+from standing_vehicles import GRAVITY, SKIDS, around, at_rest, fall, ground, limp, states
 
 BIRD = limp()
 WEIGHT = float(BIRD.mass) * GRAVITY
@@ -203,3 +204,20 @@ def test_a_drop_is_that_of_mujocos_own_contact():
     assert rows[:, 9].max() == pytest.approx(0.3, rel=5e-3)
     # m w^2 = k: half a period
     assert (rows[:, 2] < 0.12).sum() * 1e-3 == pytest.approx(math.pi * math.sqrt(mass / k), rel=0.04)
+
+
+@pytest.mark.parametrize(("speed", "finer"), [(0.05, 1.0), (0.6, 6.0), (1.2, 12.0), (5.0, 12.0)])
+def test_steps_are_finer_the_faster_a_hit_and_calm_down_within_a_tenth_of_a_second(speed, finer):
+    """12 from 1.2 m/s on, in proportion below; afterwards they grow by a factor of e in 0.1 s."""
+    vehicle = limp()
+    contact = Contact(surfaces=(ground(),), points=SKIDS)
+    memory = contact.start(0.005, ())
+
+    def steps(memory, height, falls):
+        state = at_rest(vehicle, (0.0, 0.0, 0.12 + height), velocity=Vec3(0.0, 0.0, -falls))
+        return contact.hurry(memory, PointMotion(vehicle, state, gravity=GRAVITY), 0.02)[1]
+
+    assert float(steps(memory, 1e-3, speed)) == pytest.approx(finer)
+    assert float(steps(memory, 1.0, speed)) == 1.0
+    after = dataclasses.replace(memory, finer=(10.0,))
+    assert float(steps(after, 1.0, speed)) == pytest.approx(10.0 * math.exp(-0.2))

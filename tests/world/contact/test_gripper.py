@@ -381,3 +381,12 @@ def test_the_speed_of_a_grasp_is_that_of_both_where_the_body_is_held():
     mass = 1.0 / (1.0 / 0.02 + float(contact.objects[0].mobility))
     _, rates = wrench_and_rates(contact, memory, turning)
     assert float(rates.velocity.z) == pytest.approx(-10.0 * 1e-3 * math.sqrt(5000.0 * mass) / 0.1)
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.5, 1.0, 2.0])
+def test_a_step_of_a_grasp_is_that_of_its_fastest_pole(ratio):
+    """Runge-Kutta's steps are 1.5 over it, and at most 0.85 over the frequency; the poles are NumPy's."""
+    hand = Gripper(name="hand", stiffness=5000.0, damping_ratio=ratio)
+    poles = np.roots([1.0, 2.0 * ratio * math.sqrt(5000.0 * 0.1) / 0.1, 5000.0 / 0.1])
+    expected = min(0.85 * math.sqrt(0.1 / 5000.0), 1.5 / np.abs(poles).max())
+    assert float(hand.step_of(0.1, 0.1)) == pytest.approx(expected, rel=1e-6)

@@ -38,6 +38,17 @@ def test_a_standing_box_stays_where_it_is(share, friction):
     assert np.abs(rows[:, 0, :3] - [*map(float, place)]).max() < 1e-4
 
 
+def test_a_bristle_bends_no_further_than_its_length():
+    """On a slope beyond the cone a box begins to slide with all of its friction."""
+    angle, ground = slope(1.3, 0.3)
+    box = FreeObject(name="box", size=(0.1, 0.1, 0.06), mass=0.1, standing=True, angles=Vec3(0.0, angle, 0.0),
+                     position=Vec3(0.0, 0.0, 0.0305 / math.cos(angle)))  # fmt: skip
+    contact = with_standing_objects(Contact(surfaces=(ground,), objects=(box,)), GRAVITY)
+    memory = contact.settle(contact.start(0.005, ()), PointMotion(BIRD, AWAY, gravity=GRAVITY), False)
+    bent = [np.linalg.norm([*map(float, each)]) for each in memory.bristles]
+    assert sorted(bent)[-4:] == pytest.approx([2e-4] * 4, rel=1e-9)
+
+
 @pytest.mark.parametrize("share", [0.95, pytest.param(0.5, marks=pytest.mark.thorough)])
 def test_a_standing_vehicle_stays_where_it_is(share):
     angle, ground = slope(share, 0.5)
