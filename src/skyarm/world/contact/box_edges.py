@@ -32,7 +32,7 @@ EDGE_PAIRS = 36
 """Pairs of edges of two boxes that may touch."""
 
 END = 1e-3
-"""m beyond the end of an edge at which it still touches."""
+"""Distance, m, beyond the end of an edge at which it still touches."""
 
 TILT = 0.2
 """Sine of the angle between the normal and a face up to which the far edge of that face may touch."""
@@ -41,7 +41,7 @@ SLANT = 0.05
 """Sine of the angle between two edges from which on their normal may part the boxes."""
 
 ROOM = 0.05
-"""m for a sine of 1 in the place of it."""
+"""Length, m, that a sine of 1 counts as, in depths of tilted edges."""
 
 _PARALLEL = 1e-12
 """Square of the sine of an angle: parallel edges have a normal of zero instead of NaN."""

@@ -42,16 +42,16 @@ NEAR, SWIFT = 0.005, 400.0
 meanwhile: both are the same in 5 ms, longer periods ask for more."""
 
 EDGE = -1
-"""Number of a spot that is a place on an edge."""
+"""Index of a meeting of two edges, in place of that of a spot."""
 
 HIT = 1.2
-"""m/s at which steps are as fine as they get; at slower hits they are longer by as much."""
+"""Hit speed, m/s, from which steps are finest; at slower hits they are longer in proportion."""
 
 CALM = 0.1
-"""s in which steps become longer again after a hit, by a factor of e."""
+"""Time constant, s, in which steps become longer again after a hit."""
 
 TIP = "tip"
-"""Name of the point that a vehicle with a tip has where nothing is said of its points."""
+"""Default name of the contact point at a vehicle's tip."""
 
 LOGGED = (
     ("force", "N", "of a surface on a point, along its normal"),

@@ -42,7 +42,7 @@ POSE = ("magnet", "suction", "jaw")
 """Kinds that hold the attitude, too."""
 
 EARTH = 9.81
-"""m/s^2: of what a grasp bears on Earth."""
+"""Gravity on Earth, m/s^2, of the weights in warnings."""
 
 ADHESIVE = ("magnet", "suction")
 """Kinds that are pulled off along the normal."""

@@ -30,19 +30,19 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SMALL = 1e-3
-"""(N m / kg)^2: a load's signal weaker than this teaches little."""
+"""Squared regressor of the load, (N m / kg)^2, below which the mass is adapted slowly."""
 
 SLOW = {"revolute": (0.01, 0.1), "prismatic": (1e-4, 1e-3)}
-"""rad^2 and (rad/s)^2, m^2 and (m/s)^2: a joint's motion smaller and slower than this teaches little."""
+"""Squared position and rate (rad, m) of a joint, by its kind, below which its friction is adapted slowly."""
 
 WEIGHT = 1.0
-"""1/s, of what of the observer's efforts is constant and what goes with the position."""
+"""Adaptation rate, 1/s, of the constant part of the observer's efforts and of that proportional to the position."""
 
 STICKIEST = 50.0
-"""1/s: the largest damping that is learned, over the inertia of the joint on a fixed base."""
+"""Largest adapted damping over the joint's inertia on a fixed base, 1/s."""
 
 FOLLOWING = 2.0
-"""1/s, of the mean squares of a joint's planned rate and of what its own is off."""
+"""Bandwidth, 1/s, of the mean squares of a joint's planned rate and of its rate error."""
 
 
 def _towards(old: Scalar, new: Scalar, share: Scalar) -> Scalar:

@@ -38,24 +38,24 @@ from skyarm.reference.preview import Sample
 from skyarm.vehicle.vehicle_records import Vehicle
 
 LEAST = 0.02
-"""m: heights below which a shift is in proportion to the height, with the pace of this one."""
+"""Height (m) of a lever below which the shift falls in proportion to it, with the pace of this height."""
 
 HELD = 0.02
-"""Of the square of a rotation: what joints do not take back that turn about its axis."""
+"""Regularisation of the squared rotations by which joints take a tilt back."""
 
 WEAK = 0.15
-"""Of gravity: the specific thrust that is reckoned with at least."""
+"""Lower bound of the specific thrust, as a share of gravity."""
 
 STEEP = 0.75
-"""Largest square of the sine of a tilt that is reckoned with."""
+"""Upper bound of the squared sine of a tilt, that of 60 degrees."""
 
 TERMS = 4, 6
-"""Of the sines' series of the first two samples to come, right up to 1 and to 3 rad from now (``NearAngle``)."""
+"""Terms of the series of sines for the first two preview samples, exact up to 1 and 3 rad from now (``NearAngle``)."""
 
 TINY = 1e-9
 
 Pair = tuple[Scalar, Scalar]
-"""Along both horizontal directions in which the arm is different."""
+"""Components along the two horizontal principal directions of the arm."""
 
 
 @immutable
@@ -80,7 +80,7 @@ FIRST_SHIFT = Shift(
     coming=(0.0,) * len(SHARES),
     first=0.0,
 )
-"""At rest."""
+"""Shift of a vehicle at rest."""
 
 
 @immutable

@@ -249,13 +249,13 @@ def wanted_attitude(
 
 
 SHARE, WITH_STOP = 0.5, 0.75
-"""Of the way from a joint's reference to its limit that tip and links may take, without and with a hard stop there."""
+"""Share of the distance from a joint's reference to its limit that the barrier allows, without and with a hard stop."""
 
 TURN = 2.2
-"""rad, from its reference: where the same barrier holds a joint that turns without a limit."""
+"""Largest deviation (rad) from its reference of a joint that turns without limits, by the same barrier."""
 
 Ends = tuple[tuple[bool, bool], ...]
-"""Whether each joint has a lower and an upper limit: structure."""
+"""Flags of the lower and upper limit of each joint, known before compilation."""
 
 
 def within_limits(

@@ -35,7 +35,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 UP = Vec3(0, 0, 1)
 
 VAGUE = 1e6
-"""kg, of a mass about which nothing is known beforehand: without gravity nothing tells of it, and none is found."""
+"""Prior standard deviation, kg, of an unknown mass: without gravity nothing tells of it, and none is found."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command, friction, mix
 
 TRIM = 0.1
-"""Bound of the trim, of a rotor's largest squared speed: more than the lag of motors takes."""
+"""Bound of the trim as a share of a rotor's largest squared speed: more than the lag of motors takes."""
 
 
 def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> tuple[Vec3, tuple[Scalar, ...]]:
