@@ -130,18 +130,18 @@ def hexarotor(force, **entries):
     return scenario_from(document | entries)
 
 
-UP = {"z": [1.5, {"kind": "ramp", "start": 5.0, "duration": 5.0, "height": 0.5, "shape": "linear"}]}
-
-
 @pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
-def test_a_hexarotor_slides_up_on_a_rough_wall_by_its_joints_alone(seed, plant):
-    log = skyarm.run(dataclasses.replace(hexarotor(5.0, base=UP, seed=seed), kind=plant))
+@pytest.mark.parametrize("way", [0.5, -0.5])
+def test_a_hexarotor_slides_on_a_rough_wall_by_its_joints_alone(seed, plant, way):
+    """Friction that was compensated in full before the slide gave 0.11 N up, and 0.25 N down."""
+    ramp = {"kind": "ramp", "start": 5.0, "duration": 5.0, "height": way, "shape": "linear"}
+    log = skyarm.run(dataclasses.replace(hexarotor(5.0, base={"z": [1.8, ramp]}, seed=seed), kind=plant))
     force = held(log, 10.0)
     assert (log.status, losses(log, 10.0)) == ("completed", 0)
     assert force.mean() == pytest.approx(5.0, abs=0.05)
-    assert force.std() < 0.16
+    assert force.std() < 0.24
     across = np.linalg.norm((log.tip - log.tip_reference)[log.time > 4.0, 1:], axis=1)
     assert across.mean() < 2e-3
 

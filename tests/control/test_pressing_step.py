@@ -19,7 +19,7 @@ from skyarm.control.blocks.force_control import InteractionGains, first_interact
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction import update_lean
+from skyarm.control.laws.centroidal.interaction import motion_share, update_lean
 from skyarm.control.laws.centroidal.lag_estimate import CANDIDATES, Bank
 from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.model import Model
@@ -95,6 +95,30 @@ def test_friction_is_let_go_near_a_limit_and_the_base_follows_no_faster_than_it_
     assert [asked(HELD, load)[1].kept for load in (0.9, 0.95, 1.0, 1.2)] == pytest.approx([1.0, 0.9, 0.8, 0.8])
     far = [asked(dataclasses.replace(HELD, gap=gap))[1].shift[2] for gap in (10.0, -10.0)]
     assert far == [4.0, -4.0]
+
+
+def test_a_quarter_of_the_push_is_answered_across_while_the_tip_stands_and_all_of_it_while_it_slides():
+    """Of 1.2 N across a push of 2.1 N; the size counts, whatever the direction."""
+    order = 2.0 + 0.1 + 4.0 * 0.5 * DT
+    for moving, share in ((0.0, 0.25), (0.5, 0.625), (1.0, 1.0)):
+        for side in (Vec3(0.0, 0.0, 1.2), Vec3(0.0, 1.2, 0.0), Vec3(0.0, -0.72, 0.96)):
+            seen = AT.disturbance(Vec3(-1.5, 0.0, 0.0) + side)
+            _, found = law.interact(GAINS, HELD, wanted_of(PUSH), seen, AT, 0.0, 0.0, DT, moving=moving)
+            assert found.kept * 1.2 == pytest.approx(min(share * order, 1.2))
+
+
+def test_a_reference_that_moves_along_the_surface_slides_at_once_or_after_two_seconds():
+    def after(share, speed, periods):
+        for _ in range(periods):
+            share = motion_share(GAINS, share, Vec3(0.0, 0.6 * speed, -0.8 * speed), DT)
+        return share
+
+    assert (after(0.0, 0.011, 1), after(0.0, 0.0009, 9), after(1.0, 0.002, 9)) == (1.0, 0.0, 1.0)
+    assert after(0.0, 0.009, 200) == pytest.approx(0.5)
+    assert after(1.0, 0.0, 15) == pytest.approx(0.5)
+    along = Vec3(0.3, 0.0, 0.0)  # the surface's normal is x: this is no motion along it
+    assert pressed(memory=dataclasses.replace(HELD, moving=0.2), led=along)[1][0].moving == 0.2 - DT / 0.15
+    assert pressed(led=Vec3(0.0, 0.011, 0.0))[1][0].moving == 1.0
 
 
 def pressed(*, memory=HELD, velocity=ZERO, led=ZERO, efforts=(0.0, 0.0), speed=400.0):
@@ -252,7 +276,7 @@ def test_no_lag_is_learned_until_a_contact_has_rested():
 def test_friction_is_let_go_by_what_was_sent_last():
     made, instant = make_centroidal(MODEL, mode="tip", delay=0.02, interaction=(0.3, 0.1)), 1e-9
     reference = Reference(joints=JOINTS, joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2, push=PUSH)
-    d = AT.disturbance(Vec3(-1.5, 0.0, 0.6))
+    d = AT.disturbance(Vec3(-1.5, 0.0, 0.4))  # within what is answered of a tip that stands
     observed = dataclasses.replace(
         made.memory.observed, joints=JOINTS, force=d.force, torque=d.torque, efforts=d.efforts
     )
@@ -271,7 +295,7 @@ def test_friction_is_let_go_by_what_was_sent_last():
     assert efforts((*[full] * 4, idle)) == pytest.approx(calm, abs=1e-6)
     less = efforts((*queue[:-1], full)) - calm
     # a fifth of the force across is not answered
-    assert less == pytest.approx(np.array(AT.disturbance(Vec3(0.0, 0.0, 0.2 * 0.6)).efforts), rel=1e-3)
+    assert less == pytest.approx(np.array(AT.disturbance(Vec3(0.0, 0.0, 0.2 * 0.4)).efforts), rel=1e-3)
 
 
 def numbers_of_a_step(*numbers):

@@ -68,7 +68,8 @@ def test_interaction_is_written(seed: int) -> None:
     memory, own = force_control.first_interaction(2), written.Interaction(2, 0.3, 0.1, DT)
     seen, wall = set(), np.zeros(3)
     for k, (R, q, draw) in enumerate(poses(seed, 660)):
-        asked, slides = 100 <= k % 400 < 330, k % 400 > 240
+        asked, course = 100 <= k % 400 < 330, 0.02 if k % 400 > 240 else 0.005 * (k % 400 > 180)
+        slides = course > 0.01
         told = written.unit(np.array([-1.0, 0.1, 0.05]))
         push = (1.0 if asked else 0.0), 0.2, told
         v = draw.normal(0.0, 0.03, 3) - (0.15 * told if k % 97 < 4 else 0.0)
@@ -88,10 +89,11 @@ def test_interaction_is_written(seed: int) -> None:
         at, ahead = levers(ARM, mat(R), tuple(q)), levers(ARM, mat(R), tuple(q + 0.01))
         normal = interaction.estimated_normal(vec(told), memory.lean)
         wanted = force_control.Wanted(force=push[0], speed=push[1], normal=normal)
-        memory = dataclasses.replace(memory, gap=gap)
+        moving = interaction.motion_share(gains, memory.moving, vec(course * np.array([0.0, 0.6, -0.8])), DT)
+        memory = dataclasses.replace(memory, gap=gap, moving=moving)
         effort = 0.0 if slides else most
         memory, pressing = force_control.interact(
-            gains, memory, wanted, record(d), at, -float(normal.dot(vec(v))), effort, DT
+            gains, memory, wanted, record(d), at, -float(normal.dot(vec(v))), effort, DT, moving=moving
         )
         lean = interaction.update_lean(
             memory.lean, normal, vec(v), gains.tilting, wanted.presses, slides and memory.share > 1.0 - 1e-9, DT
@@ -99,7 +101,7 @@ def test_interaction_is_written(seed: int) -> None:
         memory = dataclasses.replace(memory, lean=lean)
         given = pressing.with_order(record(u), at, ahead)
 
-        found, shift, n, gamma, damping = own.step(push, d, u, then, now, v, most, slides, gap)
+        found, shift, n, gamma, damping = own.step(push, d, u, then, now, v, most, course, gap)
         assert np.allclose(flat(found), flat(given), rtol=0, atol=1e-9), k
         assert np.allclose([*shift, gamma, *n], [*pressing.shift, pressing.share, *pressing.n], rtol=0, atol=1e-9)
         assert damping == pressing.damping

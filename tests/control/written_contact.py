@@ -51,18 +51,18 @@ class Interaction:
     def __init__(self, joints: int, touch: float, lost: float, dt: float) -> None:
         self.touch, self.lost, self.dt = touch, lost, dt
         self.contact, self.whole, self.met, self.losing, self.free = False, False, False, 0.0, 0.0
-        self.gamma = self.o = self.i = self.s = self.ds = 0.0
+        self.gamma = self.o = self.i = self.s = self.ds = self.moving = 0.0
         self.lean, self.bias = np.zeros(3), (np.zeros(3), np.zeros(3), np.zeros(joints))
 
     def normal(self, told: Any) -> Any:
         return unit(told + self.lean)
 
     def step(
-        self, push: Any, d: Any, u: Any, then: Arm, now: Arm, v: Any, most: float, slides: bool, gap: float
+        self, push: Any, d: Any, u: Any, then: Arm, now: Arm, v: Any, most: float, course: float, gap: float
     ) -> Any:
         """Disturbance that is compensated, shift of the reference with two derivatives, n, gamma and D."""
         f_d, speed, told = push
-        dt, n, asked = self.dt, self.normal(told), f_d > 0.0
+        dt, n, asked, slides = self.dt, self.normal(told), f_d > 0.0, course > 0.01
         into = -n @ v
         f = then.force(plus(d, self.bias, -1.0))
         along, was = n @ f, self.contact
@@ -80,6 +80,7 @@ class Interaction:
         pressed = asked and self.contact
         before, down = max(self.gamma, 1e-9), dt / (0.15 if self.contact else 0.02)
         self.gamma = min(max(self.gamma + (dt / 0.15 if pressed else -down), 0.0), 1.0)
+        self.moving = 1.0 if slides else min(max(self.moving + (dt / 2.0 if course > 0.001 else -dt / 0.15), 0.0), 1.0)
         s = 0.0 if slides else min(max(10.0 * (most - 0.9), 0.0), 1.0)
         step = 4.0 * dt * (f_d - along) if self.gamma == 1.0 else 0.0
         step *= 1.0 - s if step * (f_d + self.i) > 0.0 else 1.0
@@ -87,7 +88,7 @@ class Interaction:
         self.i = min(max(self.i + step, -bound), bound) if pressed else 0.0
         o, across = self.gamma * (f_d + self.i) if asked else self.o * self.gamma / before, f - along * n
         self.o = o
-        kappa = (1.0 - 0.2 * s) * min(1.0, max(o, along, 0.0) / np.linalg.norm(across))
+        kappa = (1.0 - 0.2 * s) * min(1.0, (0.25 + 0.75 * self.moving) * max(o, along, 0.0) / np.linalg.norm(across))
         engaged = self.contact or self.gamma > 0.0
         if engaged:
             more = (1.0 - self.gamma) * along * n if self.contact else np.zeros(3)

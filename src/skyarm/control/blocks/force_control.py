@@ -13,7 +13,9 @@ base also carries (1 - g) f.n while the ramp runs: it must answer an impact.
 Friction holds a resting tip with any force within its cone, which joints and rotors balance. Near their limits the law
 compensates less of the force across n, and friction takes the difference. A force beyond the cone is that of a wall
 beside the tip, as of a hole, and would grow with its own compensation: only ``cone`` times the normal force is
-compensated.
+compensated. Compensation of what holds a resting tip off its reference integrates that error until friction breaks or
+the rotors have no yaw torque left: while the reference stands, only ``standing`` times the normal force is compensated,
+and more over ``starting`` seconds of a motion that is slow.
 
 Contact outlasts the push. In a release the order falls as slowly as it rose, and as it falls the tip follows its
 reference out again: let go at once, a tip springs back while the base still leans, and jabs. Until the tip's force is
@@ -70,6 +72,7 @@ def interact(
     load: Scalar,
     dt: Scalar,
     felt: Vec3 | None = None,
+    moving: Scalar = 1,
 ) -> tuple[InteractionMemory, Pressing]:
     """Step of the contact force controller: next controller state, and force command for the control law.
 
@@ -83,6 +86,7 @@ def interact(
         load: largest share of its limit of the last command of a joint or rotor.
         dt: s.
         felt: N, force at the tip measured by a sensor, world axes; it decides on contact and drives the integral.
+        moving: 0 where the reference has stood along the surface, 1 where it slides.
     """
     n, asked = wanted.normal, wanted.requests_contact
     force = tip_force(gains.errors, at, observed - memory.bias)
@@ -100,7 +104,8 @@ def interact(
     left = memory.order * divide(share, maximum(memory.share, 1e-9))
     order = where(asked, share * (wanted.force + integral), left)
     normal_force = n.dot(force)
-    cone = gains.cone * maximum(maximum(order, normal_force), 0.0)
+    most = gains.standing + (gains.cone - gains.standing) * moving
+    cone = most * maximum(maximum(order, normal_force), 0.0)
     within = minimum(divide(cone, _size(force - n * normal_force)), 1.0)
     kept = (1.0 - gains.relief * relieved) * within
     if wanted.grips:
@@ -300,6 +305,8 @@ class InteractionGains:
     relief_end: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
     relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
     cone: Annotated[Scalar, Unit("", "of the normal force, that is compensated across it at most")] = 1.0
+    standing: Annotated[Scalar, Unit("", "the same while the reference stands, at most")] = 0.25
+    starting: Annotated[Scalar, Unit("s", "ramp from the one to the other in a slow motion")] = 2.0
     yielding: Annotated[Scalar, Unit("", "0 to 1, of the observed force across that is answered while it grips")] = 0.7
     tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
     again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1
@@ -326,6 +333,7 @@ class InteractionMemory:
     bias: Disturbance
     force: Annotated[Vec3, Unit("N", "at the tip, estimated, world axes")] = Vec3(0.0, 0.0, 0.0)
     lean: Annotated[Vec3, Unit("", "of the normal from the model's, found by sliding")] = Vec3(0.0, 0.0, 0.0)
+    moving: Annotated[Scalar, Unit("", "0 to 1, share of a slide that the reference has begun along the surface")] = 0.0
     felt: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, world axes")] = ()
     scale: TorqueScale | tuple[()] = ()
 

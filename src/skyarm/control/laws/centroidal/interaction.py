@@ -80,9 +80,10 @@ class Interaction(InteractionGains, Part):
             weight = mul(load.mass, step.par.model.gravity) if load else 0
             turned = then.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
             felt = low_pass(memory.felt, turned.apply(Vec3(*reading)) + Vec3(0, 0, weight), self.sensing, dt)
+        moving = motion_share(self, memory.moving, across, dt)
         into = -wanted.normal.dot(velocity)
         seen, memory = self._at_scale(memory, step, then, wanted)
-        memory, pressing = interact(self, memory, wanted, seen, then, into, effort, dt, felt)
+        memory, pressing = interact(self, memory, wanted, seen, then, into, effort, dt, felt, moving)
         slides = logical_and(slides, memory.share > 1.0 - 1e-9)
         lean = update_lean(memory.lean, wanted.normal, velocity, self.tilting, wanted.presses, slides, dt)
         given = pressing.with_order(step.unknown, then, now)
@@ -92,7 +93,7 @@ class Interaction(InteractionGains, Part):
         step.pressing, step.unknown = pressing, given
         step.signals, step.external = shift_reference(pressing, step.signals), pressing.engaged
         step.isolate(contact_cleared(self, memory), where(memory.free > SETTLED, 1.0 - memory.met, 0.0))
-        return dataclasses.replace(memory, lean=vector_data(lean))
+        return dataclasses.replace(memory, lean=vector_data(lean), moving=moving)
 
     def _at_scale(
         self, memory: InteractionMemory, step: Step, at: TipLevers, wanted: Wanted
@@ -124,6 +125,16 @@ loses the loop where it is too little. Before, the observers answer the start.""
 
 SLIDES = 0.01
 """m/s along the surface, from which on friction is at its cone and cannot be let go."""
+
+MOVES = 0.001
+"""m/s along the surface, below which the reference stands: friction may hold the tip off it."""
+
+
+def motion_share(gains: InteractionGains, share: Scalar, across: Vec3, dt: Scalar) -> Scalar:
+    """Share (0 stands, 1 slides) of a motion along the surface one period later, from its reference velocity, m/s."""
+    square: Scalar = across.dot(across)
+    step = where(square > MOVES * MOVES, divide(dt, gains.starting), -divide(dt, gains.rise))
+    return where(square > SLIDES * SLIDES, 1.0, clip(share + step, 0.0, 1.0))
 
 
 def _effort(vehicle: Vehicle, sent: Command) -> Scalar:
