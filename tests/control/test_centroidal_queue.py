@@ -140,8 +140,8 @@ def found_late(periods):
     """Law and memory of a flight in which commands were found to be so many periods late, and its past of actuators."""
     controller = make_centroidal(MODEL, mode="tip", preset="adaptive", delay=2 * DT)
     memory = underway(controller)
-    means = tuple(0.9 if j != periods else 0.0 for j in range(9))
-    lag = dataclasses.replace(memory.parts.lag, base=dataclasses.replace(memory.parts.lag.base, means=means))
+    paid = tuple(0.9 if j != periods else 0.0 for j in range(9))
+    lag = dataclasses.replace(memory.parts.lag, base=dataclasses.replace(memory.parts.lag.base, paid=paid))
     past = memory.past
     for k in range(11):
         speeds = tuple(460.0 + 4.0 * k + each for each in (0.0, 5.0, 9.0, 14.0))

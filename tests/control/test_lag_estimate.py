@@ -16,7 +16,6 @@ from skyarm.control.laws.centroidal.lag_estimate import (
     CANDIDATES,
     IGNORED,
     LEAD,
-    PRICES,
     LagGains,
     LagMemory,
     delay_share,
@@ -75,11 +74,13 @@ def flown(
     slower=None,
     weaker=1.0,
     begun=None,
+    swing=None,
 ):
     """The memory after accelerations of white noise that arrive ``late`` periods later; a gust is one push a second.
 
     ``later``: a time (s) and the lag in periods that holds from then on. ``slower``: time constant, s, of a further lag
-    of first order. ``weaker``: times that the accelerations are smaller. ``begun``: the memory at first.
+    of first order. ``weaker``: times that accelerations are smaller. ``begun``: the memory at first. ``swing``: size
+    and rate, rad/s, of an oscillation of the commands of which half is cancelled.
     """
     rng = np.random.default_rng(seed)
     n = round(seconds / dt)
@@ -96,6 +97,10 @@ def flown(
             held = held + share * (y[k] - held)
             y[k] = held
     y /= weaker
+    if swing is not None:
+        wave = swing[0] * np.sin(swing[1] * dt * np.arange(n))[:, None]
+        a = a + wave
+        y[late:] += 0.5 * wave[: n - late]
     # what the observer believes to disturb: part of what the model says, and told by its changes
     steps = disturbance * rng.normal(size=(n, 5))
     believed = np.cumsum(steps, axis=0)
@@ -173,7 +178,7 @@ def test_a_lag_that_begins_late_is_found_soon(late, within):
 
 def test_accelerations_much_smaller_than_modelled_need_evidence_of_longer():
     """Errors of a wrong model turn the phase as a lag does; of a right one 30 ms are found within 0.35 s."""
-    begun = dataclasses.replace(GAINS.start(2), agreement=0.2, size=0.4)
+    begun = dataclasses.replace(GAINS.start(2), agreement=(0.2, 0.2), size=(0.4, 0.4))
     soon, late = (flown(0, later=(4.0, 6), weaker=2.0, begun=begun, seconds=4.0 + wait) for wait in (0.45, 1.5))
     assert delay_share(soon) == 0.0
     assert lags(soon)[0] == pytest.approx(0.0, abs=1e-3)
@@ -187,9 +192,8 @@ def test_a_lag_that_ends_is_forgotten_as_soon():
 def test_no_lag_falls_further_behind_than_prices_alone_put_it():
     memory = flown(0, seconds=4.0)
     for bank in (memory.base, memory.arm):
-        paid = [mean + price for mean, price in zip(bank.means, PRICES, strict=True)]
-        assert max(paid) - min(paid) <= LEAD + 1e-12
-        assert paid[0] == min(paid)
+        assert max(bank.paid) - min(bank.paid) <= LEAD + 1e-12
+        assert bank.paid[0] == min(bank.paid)
 
 
 @pytest.mark.parametrize("held", [0, 1])
@@ -197,6 +201,12 @@ def test_a_lag_is_found_as_soon_while_an_actuator_is_at_its_limit(held):
     """What it was sent within its limits is known: a loop that swings from limit to limit finds its lag."""
     free = tuple(0.0 if i == held else 1.0 for i in range(3))
     assert lags(flown(0, later=(2.0, 4), free=free, seconds=2.6)) == pytest.approx((0.02, 0.02), abs=1e-3)
+
+
+def test_at_a_limit_of_the_rotors_no_slow_actuator_is_learned():
+    found = [flown(4, weaker=2.0, seconds=1.0, free=(held, 1.0, 1.0)) for held in (0.0, 1.0)]
+    assert (found[0].size, found[0].agreement) == (GAINS.start(2).size, GAINS.start(2).agreement)
+    assert delay_share(found[1]) < 1.0
 
 
 def test_in_contact_no_lag_is_learned_and_the_observers_disturbance_is_followed():
@@ -231,12 +241,30 @@ def test_commands_that_have_not_acted_yet_are_no_slow_actuator():
 def test_a_slow_actuator_takes_the_bandwidth_that_halves_at_its_lag():
     """Poles at 20 rad/s leave 0.5 of what 35 rad/s ask for: more than 1.35 times less, and no delay."""
     # of what it knew at first it would keep a third for 7 s
-    begun = dataclasses.replace(GAINS.start(2), agreement=1e-3, size=1e-3)
+    begun = dataclasses.replace(GAINS.start(2), agreement=(1e-3,) * 2, size=(1e-3,) * 2)
     memory = flown(0, seconds=3.0, slower=0.05, begun=begun)
     base, _ = lags(memory)
     assert 0.01 < base < 0.03
     assert delay_share(memory) == 0.0
     assert GAINS.shares(memory, DT)[0] == pytest.approx(0.02 / (0.02 + base - IGNORED))
+
+
+def test_inertia_added_to_one_axis_is_no_slow_actuator():
+    """A load that hangs on an arm of two pitch joints slows roll; slow motors slow pitch as well."""
+    begun = dataclasses.replace(GAINS.start(2), agreement=(1e-3,) * 2, size=(1e-3,) * 2)
+    one, both = (flown(4, seconds=3.0, weaker=np.array(w), begun=begun) for w in ([2.0, *[1.0] * 4], [2.0] * 5))
+    assert delay_share(one) == pytest.approx(1.0, abs=0.02)
+    assert GAINS.shares(one, DT)[0] == pytest.approx(1.0, abs=0.02)
+    assert delay_share(both) == 0.0
+
+
+def test_a_slow_swing_against_a_force_not_observed_yet_is_no_slow_actuator():
+    """Commands of 6 rad/s that a disturbance cancels leave a half of them; noise in the band tells that of a lag."""
+    begun = dataclasses.replace(GAINS.start(2), agreement=(1e-3,) * 2, size=(1e-3,) * 2)
+    memory = flown(4, seconds=4.0, begun=begun, swing=(3.0, 6.0))
+    assert delay_share(memory) == pytest.approx(1.0, abs=0.05)
+    # as large at 35 rad/s it is one
+    assert delay_share(flown(4, seconds=4.0, begun=begun, swing=(3.0, 35.0))) < 0.5
 
 
 def test_joints_that_are_later_than_the_rotors_lose_the_bandwidth_for_the_difference():

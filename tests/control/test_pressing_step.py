@@ -259,13 +259,13 @@ def test_no_lag_is_learned_until_a_contact_has_rested():
     """After it for half a second; at the start of a flight for 0.15 s, in which the observers settle."""
     made = make_centroidal(MODEL, mode="tip", preset="adaptive", interaction=(0.3, 0.1))
     reference = Reference(joints=JOINTS, joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2, push=PUSH)
-    bank = Bank(means=(0.5,) * CANDIDATES, scale=1.0)
+    bank = Bank(paid=(0.5,) * CANDIDATES, scale=1.0)
     lag = dataclasses.replace(made.memory.parts.lag, count=100.0, past=((1.0,) * 4,) * 8, base=bank, arm=bank)
 
     def banks(held):
         memory = with_parts(dataclasses.replace(made.memory, started=1.0), lag=lag, interaction=held)
         after = made.law(memory, blank_measurement(2, 4, 0), reference, DT, par=made.par)[0].parts.lag
-        return after.base.means != bank.means, after.arm.means != bank.means
+        return after.base.paid != bank.paid, after.arm.paid != bank.paid
 
     assert banks(HELD) == (False, False)
     for met, free, learned in ((0.0, 0.14, False), (0.0, 0.15, True), (1.0, 0.49, False), (1.0, 0.51, True)):

@@ -83,8 +83,9 @@ class WrittenLaw(WrittenParts):
             past=[np.zeros(k)] * (8 * self.stride),
             M=np.zeros((2, 9)),
             s=np.zeros(2),
-            A=0.25,
-            B=0.25,
+            low=np.zeros((2, 2)),
+            A=np.full(2, 0.05),
+            B=np.full(2, 0.05),
         )
         self.noise = SimpleNamespace(o=np.zeros(3), c=np.zeros(3), V=0.0)
         self.learned = SimpleNamespace(

@@ -76,7 +76,7 @@ class WrittenParts:
         return found
 
     def _delay_share(self) -> float:
-        return float(np.clip((1.35 - self.lag.B / self.lag.A) / 0.2, 0.0, 1.0))
+        return float(np.clip((1.35 - (self.lag.B / self.lag.A).min()) / 0.2, 0.0, 1.0))
 
     def _lags(self) -> tuple[list[Any], list[float]]:
         weights = self._weights()
@@ -266,9 +266,11 @@ class WrittenParts:
             a.M[k] = np.minimum(M, (M + PRICES).min() + 0.05 - PRICES)
             a.s[k] += dt * (min(E.mean(), 4 * (a.s[k] + 0.01)) - a.s[k])
         expected = weights[0] @ past[:, :2] / weights[0].sum()
-        size = z[:2] @ z[:2] + expected @ expected + 4 * scale + 0.01
-        a.A += 0.3 * dt * (expected @ z[:2] / size - a.A)
-        a.B += 0.3 * dt * (expected @ expected / size - a.B)
+        e, y = np.array([expected, z[:2]]) - a.low
+        a.low = a.low + low(20.0, dt) * np.array([e, y])
+        size = y**2 + e**2 + 4 * scale + 0.01
+        a.A += 0.3 * dt * free[0] * (e * y / size - a.A)
+        a.B += 0.3 * dt * free[0] * (e**2 / size - a.B)
         a.own = a.own + told.corrections * [free[0], free[0], *free[1:]]
         a.rates, a.past, a.count = rates, [band, *a.past[:-1]], a.count + 1
 

@@ -8,8 +8,11 @@ residuals with 1 / (1 + x / 8)^8 for exp(-x). Each step of lag has a price (``pr
 1954). Lags beyond the bank count as its longest; a lag of the sensors of pose alone is not seen.
 
 The law predicts the state across the rotors' lag. A delay leaves the size of the accelerations, a slow actuator lowers
-it: with y = c a(t - L), c the least squares, the bandwidth is lowered for the share of the lag that is no delay, none
-for 1 / c up to ``smaller``, all from ``slow`` on; that of the joints for what their lag exceeds the rotors' by.
+it, of roll as of pitch, the more the faster they change: with y = c a(t - L) of an axis, c the least squares and both
+above the band's lower edge once more, the bandwidth is lowered for the share of the lag that is no delay, none for the
+smaller 1 / c up to ``smaller``, all from ``slow`` on; that of the joints for what their lag exceeds the rotors' by. A
+load adds inertia to one axis more than to the other. Slow swings of the loop itself, against a force not observed yet
+or a late servo, look like a slow actuator, and less bandwidth swings them more.
 """
 
 from __future__ import annotations
@@ -55,7 +58,7 @@ LEAD = 0.05
 PRICES = tuple(structural(min(PRIOR * j, LEAD)) for j in range(CANDIDATES))
 """Of each lag of the bank."""
 
-LEARNING, KNOWN = 0.3, 0.25
+LEARNING, KNOWN = 0.3, 0.05
 """1/s, rate at which the size of the accelerations is learned; agreement and size, before the first measurement."""
 
 SMALLER, SLOW = 1.15, 1.35
@@ -80,7 +83,7 @@ class LagGains(Part):
     def start(self, joints: int) -> LagMemory:
         """Initial internal state of the lag estimate, before the first measurement."""
         none = (0.0,) * (TILTS + joints)
-        bank = Bank(means=(0.0,) * CANDIDATES, scale=0.0)
+        bank = Bank(paid=tuple(map(float, PRICES)), scale=0.0)
         return LagMemory(
             count=0.0,
             rates=none,
@@ -88,10 +91,11 @@ class LagGains(Part):
             believed=(none,) * 3,
             measured=(none,) * 3,
             past=(none,) * (self.stride * (CANDIDATES - 1)),
+            slow=(0.0,) * (2 * TILTS),
             base=bank,
             arm=bank,
-            agreement=KNOWN,
-            size=KNOWN,
+            agreement=(KNOWN,) * TILTS,
+            size=(KNOWN,) * TILTS,
             found=(0.0, 0.0),
         )
 
@@ -145,15 +149,23 @@ class LagGains(Part):
             _bank(bank, here[p], [each[p] for each in past], learned * maximum(pace * dt, first), running * dt)
             for bank, p, pace in groups
         )
-        turned, weights = here[:TILTS], weigh(memory.base)
+        weights = weigh(memory.base)
         inverse = divide(1.0, total(reversed(weights)))
         expected = [
             inner_product(weights, axis) * inverse for axis in zip(*(each[:TILTS] for each in past), strict=True)
         ]
-        share = learned * (LEARNING * dt)
-        # of both: of what was measured alone, a command that has not acted yet would count without bound
-        square = inner_product(expected, expected)
-        gain = divide(share, inner_product(turned, turned) + square + (ROBUST * memory.base.scale + FLOOR))
+        both = (*expected, *here[:TILTS])
+        quick = [sub(new, old) for new, old in zip(both, memory.slow, strict=True)]
+        edge = running * low_pass_share(LOW, dt)
+        # at a limit the observer's disturbance stands still, and what it lacks counts as too small an answer
+        share = learned * free[0] * (LEARNING * dt)
+        floor = ROBUST * memory.base.scale + FLOOR
+        agreement, size = [], []
+        for k, (x, z) in enumerate(zip(quick[:TILTS], quick[TILTS:], strict=True)):
+            # of both: of what was measured alone, a command that has not acted yet would count without bound
+            gain = divide(share, z * z + x * x + floor)
+            agreement.append(memory.agreement[k] * (1.0 - share) + gain * (x * z))
+            size.append(memory.size[k] * (1.0 - share) + gain * (x * x))
         return LagMemory(
             count=memory.count + running,
             rates=tuple(data(each) for each in rates),
@@ -163,10 +175,11 @@ class LagGains(Part):
             believed=believed,
             measured=measured,
             past=(band, *memory.past[:-1]),
+            slow=tuple(add(old, mul(edge, change)) for old, change in zip(memory.slow, quick, strict=True)),
             base=base,
             arm=arm,
-            agreement=memory.agreement * (1.0 - share) + gain * inner_product(expected, turned),
-            size=memory.size * (1.0 - share) + gain * square,
+            agreement=tuple(agreement),
+            size=tuple(size),
             found=self.lags(memory, dt),
         )
 
@@ -175,7 +188,7 @@ class LagGains(Part):
 class Bank:
     """Residual statistics of the candidate lags for one group of axes."""
 
-    means: Annotated[tuple[Scalar, ...], Unit("", "0 to 1, residual of each lag of the bank")]
+    paid: Annotated[tuple[Scalar, ...], Unit("", "mean residual, 0 to 1, of each lag of the bank, and its price")]
     scale: Annotated[Scalar, Unit("(rad/s^2)^2", "size of the residuals")]
 
 
@@ -189,10 +202,11 @@ class LagMemory:
     believed: Annotated[tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "by the model, filtered thrice")]
     measured: Annotated[tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "by differences, filtered thrice")]
     past: Annotated[tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "by the model in the band, newest first")]
+    slow: Annotated[tuple[Scalar, ...], Unit("rad/s^2", "low-passed roll and pitch: modelled at the lag, measured")]
     base: Bank
     arm: Bank
-    agreement: Annotated[Scalar, Unit("", "mean product of measured and modelled accelerations of roll and pitch")]
-    size: Annotated[Scalar, Unit("", "mean square of the modelled ones; both at the lag found, per measured square")]
+    agreement: Annotated[tuple[Scalar, ...], Unit("", "mean product of measured and modelled accelerations, each axis")]
+    size: Annotated[tuple[Scalar, ...], Unit("", "mean square of the modelled ones; both at the lag found")]
     found: Annotated[tuple[Scalar, Scalar], Unit("s", "lag of the rotors' loops and of the joints' that was answered")]
 
 
@@ -203,17 +217,18 @@ def stride_of(control_period: float) -> int:
 
 def delay_share(memory: LagMemory) -> Any:
     """Share of the rotors' lag that is a delay, 0 to 1: none where accelerations are much smaller than modelled."""
-    times = divide(memory.size, maximum(memory.agreement, LEAST))
+    roll, pitch = (divide(s, maximum(a, LEAST)) for s, a in zip(memory.size, memory.agreement, strict=True))
+    times = minimum(roll, pitch)
     return minimum(maximum((SLOW - times) * (1.0 / (SLOW - SMALLER)), 0.0), 1.0)
 
 
 def weigh(bank: Bank) -> list[Any]:
     """Weight of each candidate lag, its likelihood up to a common factor."""
-    paid, least = _price_lags(bank.means)
+    least = _least(bank.paid)
     inverse = divide(0.125 * SHARPNESS, least + PRIOR)
     start = 1.0 - least * inverse
     found = []
-    for each in paid:
+    for each in bank.paid:
         once = divide(1.0, each * inverse + start)
         twice = once * once
         found.append((twice * twice) * (twice * twice))
@@ -227,13 +242,12 @@ def estimate(bank: Bank, step: Scalar) -> Any:
     return step * divide(total(above[:-1]), above[-1])
 
 
-def _price_lags(means: Sequence[Scalar]) -> tuple[list[Scalar], Scalar]:
-    """Mean residual plus penalty of each candidate lag, and the smallest of these sums."""
-    paid = [add(mean, price) for mean, price in zip(means, PRICES, strict=True)]
+def _least(paid: Sequence[Scalar]) -> Scalar:
+    """Smallest mean residual and price of the candidate lags."""
     least = paid[0]
     for each in paid[1:]:
         least = minimum(least, each)
-    return paid, least
+    return least
 
 
 def _in_row(
@@ -262,7 +276,7 @@ def _bank(
     squares = [total((y - a) * (y - a) for y, a in zip(seen, each, strict=True)) for each in delayed]
     size = minimum(total(squares) * (1.0 / CANDIDATES), GROWTH * (bank.scale + FLOOR))
     half = ROBUST * bank.scale + FLOOR
-    means = [old + keep * (divide(e, e + half) - old) for old, e in zip(bank.means, squares, strict=True)]
-    _, least = _price_lags(means)
-    bounded = (minimum(mean, add(least, structural(LEAD - price))) for mean, price in zip(means, PRICES, strict=True))
-    return Bank(means=tuple(bounded), scale=bank.scale + passed * (size - bank.scale))
+    rows = zip(bank.paid, squares, PRICES, strict=True)
+    paid = [old + keep * (add(divide(e, e + half), price) - old) for old, e, price in rows]
+    most = _least(paid) + LEAD
+    return Bank(paid=tuple(minimum(each, most) for each in paid), scale=bank.scale + passed * (size - bank.scale))
