@@ -48,10 +48,11 @@ from skyarm.records.leaves import field_names, leaves
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.contact.carrier import Carrier
-from skyarm.world.contact.contact import Contact, ContactMemory, Meeting
+from skyarm.world.contact.contact import Contact, ContactMemory
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.material import Material
 from skyarm.world.contact.mechanism import Mechanism
+from skyarm.world.contact.meetings import Meeting
 from skyarm.world.contact.surface import Surface, rotation_of
 
 

@@ -13,7 +13,7 @@ from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, clip, data, exp, logical_and, maximum, neg, sqrt, where
+from skyarm.algebra.scalars import Scalar, clip, data, exp, logical_and, maximum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete, fold_zeros
@@ -24,25 +24,19 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import MOST_STEPS, Column, Force, Wrench, moved_by
-from skyarm.world.contact.box_edges import EDGE_PAIRS, box_of, edge_touches, pairs_with_edges
-from skyarm.world.contact.carrier import NOBODY, CarriedFrame, Carrier, both, untouched_after
-from skyarm.world.contact.contact_point import ContactPoint, Moving, Touch, moving_points, touch_of, wrenches_on
+from skyarm.world.contact.box_edges import EDGE_PAIRS, pairs_with_edges
+from skyarm.world.contact.carrier import Carrier, untouched_after
+from skyarm.world.contact.contact_point import ContactPoint, Moving, Touch, moving_points, wrenches_on
 from skyarm.world.contact.contact_steps import least_of, steps_of_carriers
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.gripper import UNCHANGED, Grasps, Grip, Gripper
-from skyarm.world.contact.material import LIGHTEST, RECOVERY
+from skyarm.world.contact.material import RECOVERY
 from skyarm.world.contact.mechanism import Mechanism
+from skyarm.world.contact.meetings import Meeting, meetings_of, misses
 from skyarm.world.contact.surface import Surface
 
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
-
-NEAR, SWIFT = 0.005, 400.0
-"""m that a point stays away from a surface at least while longer steps are taken, and m/s^2 that it may accelerate by
-meanwhile: both are the same in 5 ms, longer periods ask for more."""
-
-EDGE = -1
-"""Index of a meeting of two edges, in place of that of a spot."""
 
 HIT = 1.2
 """Hit speed, m/s, from which steps are finest; at slower hits they are longer in proportion."""
@@ -85,25 +79,6 @@ class ContactMemory:
     bristles: tuple[Vec3, ...]
     carried: tuple[Any, ...] = ()
     grips: tuple[Grip, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Meeting:
-    """Contact state of one surface with one point of the vehicle or of a movable body.
-
-    Attributes:
-        surface: name. of: number of the carrier of the surface, or ``NOBODY`` for the world.
-        by: number of the carrier of the spot, or ``NOBODY`` for the vehicle.
-        index: of its spot, or point; ``EDGE`` of its edges.
-        touch: contact force and bristle. place: where, m, world axes.
-    """
-
-    surface: str
-    of: int
-    by: int
-    index: int
-    touch: Touch
-    place: Vec3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -286,50 +261,7 @@ class Contact(Force):
             step: longest integration step of the whole contact, s.
             mean: s, of the vehicle's points on the world's surfaces, as :func:`touch_of` has it.
         """
-        frames = [carrier.frame(memory) for carrier, memory in zip(self.carriers, memories, strict=True)]
-        masses = [1.0 / carrier.mobility for carrier in self.carriers]
-        held, found = iter(bristles), list[Meeting]()
-
-        def meet(surface: Surface, of: int, by: int, index: int, at: _Place, depth: Any, normal: Vec3) -> None:
-            frame = None if of == NOBODY else frames[of]
-            spot = normal * neg(at.radius)  # where it touches, seen from its middle
-            place = at.position + spot
-            under = surface.place(clock)[1] if frame is None else frame.velocity_at(place)
-            slip = at.velocity + at.turning.cross(spot) - under
-            mass = at.mass if frame is None else both(masses[of], at.mass)
-            over = mean if of == by == NOBODY else step
-            own = touch_of(surface.material, depth, normal, spot, slip, next(held), step, mass, mean=over)
-            found.append(Meeting(surface=surface.name, of=of, by=by, index=index, touch=own, place=place))
-
-        def touch(surface: Surface, of: int, by: int, index: int, at: _Place) -> None:
-            frame = None if of == NOBODY else frames[of]
-            meet(surface, of, by, index, at, *_depth(surface, frame, at.position, at.radius, clock))
-
-        every = [(NOBODY, surface) for surface in self.surfaces]
-        every += [(of, surface) for of, carrier in enumerate(self.carriers) for surface in carrier.surfaces]
-        points = [_Place(*each, point.radius, LIGHTEST) for point, each in zip(self.points, moving, strict=True)]
-        for of, surface in every:
-            for index, at in enumerate(points):
-                touch(surface, of, NOBODY, index, at)
-        for by, carrier in enumerate(self.carriers):
-            for of, surface in every:
-                if of == by:
-                    continue
-                under = None if of == NOBODY else frames[of]
-
-                def toward(place: Vec3, surface: Surface = surface, under: CarriedFrame | None = under) -> Vec3:
-                    return _depth(surface, under, place, 0, clock)[1]
-
-                own = frames[by]
-                for index, (place, radius) in enumerate(carrier.spots(own, toward)):
-                    at = _Place(place, own.velocity_at(place), own.turning, radius, masses[by])
-                    touch(surface, of, by, index, at)
-        for of, surface, by in pairs_with_edges(self.surfaces, self.carriers):
-            own, other = frames[by], box_of(surface, None if of == NOBODY else frames[of], clock)
-            for place, depth, normal in edge_touches(box_of(self.carriers[by].surfaces[0], own, clock), other):
-                at = _Place(place, own.velocity_at(place), own.turning, 0, masses[by])
-                meet(surface, of, by, EDGE, at, depth, normal)
-        return found
+        return meetings_of(self, memories, moving, clock, bristles, step, mean)
 
     def on_points(self, memory: ContactMemory, motion: PointMotion) -> Sequence[Touch]:
         """Contact state of every surface with every point of the vehicle, surface by surface."""
@@ -427,7 +359,7 @@ class Contact(Force):
         leaves, and in a hole another wall may be in its way. What a gripper holds is near.
         """
         found = [grip.taken < 0.5 for grip in memory.grips]
-        found += [_misses(each.touch, seconds) for each in self.meetings(memory, motion)]
+        found += [misses(each.touch, seconds) for each in self.meetings(memory, motion)]
         whole: Any = found[0] if found else True
         for each in found[1:]:
             whole = logical_and(whole, each)
@@ -446,7 +378,7 @@ class Contact(Force):
         fastest: Any = 0.0
         for each in self.meetings(memory, motion):
             slip = each.touch.slip
-            fastest = maximum(fastest, where(_misses(each.touch, seconds), 0.0, slip.dot(slip)))
+            fastest = maximum(fastest, where(misses(each.touch, seconds), 0.0, slip.dot(slip)))
         asked = sqrt(fastest) * (self.hit_steps / HIT)
         finer = clip(maximum(asked, memory.finer[0] * exp(-seconds / CALM)), 1.0, float(self.hit_steps))
         return replace(memory, finer=(finer,)), finer
@@ -504,27 +436,3 @@ class Contact(Force):
             f"{what} asks for integration steps of {1e3 * least:.2g} ms in contact; they are taken by themselves, "
             f"about {step / least:.0f} in place of each of rates.physics, and cost that much more",
         )
-
-
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """Point or ball that may touch a surface: centre, velocity, angular velocity, radius (m) and mass (kg)."""
-
-    position: Vec3
-    velocity: Vec3
-    turning: Vec3
-    radius: Any
-    mass: Any
-
-
-def _depth(
-    surface: Surface, frame: CarriedFrame | None, place: Vec3, radius: Scalar, clock: Scalar
-) -> tuple[Any, Vec3]:
-    """Penetration depth (m) and outward normal of a ball at a surface of the world or of a movable body."""
-    return surface.depth(place, radius, clock) if frame is None else frame.depth(surface, place, radius)
-
-
-def _misses(touch: Touch, seconds: Scalar) -> Any:
-    """True if a point cannot come to a surface within ``seconds``, whatever pushes it meanwhile."""
-    margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
-    return touch.depth + sqrt(touch.slip.dot(touch.slip)) * seconds < -margin

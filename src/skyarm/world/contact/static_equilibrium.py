@@ -23,8 +23,9 @@ from skyarm.dynamics.state import State
 from skyarm.records.files import shown
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.contact.carrier import NOBODY
-from skyarm.world.contact.contact import Contact, Meeting
+from skyarm.world.contact.contact import Contact
 from skyarm.world.contact.free_object import FreeObject, ObjectMotion
+from skyarm.world.contact.meetings import Meeting
 
 Array = npt.NDArray[np.float64]
 Residual = Callable[[Array], Array]

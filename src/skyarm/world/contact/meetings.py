@@ -1,0 +1,129 @@
+"""Contact detection: which point is how deep in which surface, and what they exert on each other.
+
+Every point of the vehicle may meet every surface, and so may every spot of a movable body that is not its own; edges of
+boxes meet those of others (:mod:`skyarm.world.contact.box_edges`). The order of the pairs is that of their bristles in
+a memory: points by surface, spots by body and surface, edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, maximum, neg, sqrt
+from skyarm.world.contact.box_edges import box_of, edge_touches, pairs_with_edges
+from skyarm.world.contact.carrier import NOBODY, CarriedFrame, both
+from skyarm.world.contact.contact_point import Moving, Touch, touch_of
+from skyarm.world.contact.material import LIGHTEST
+from skyarm.world.contact.surface import Surface
+
+if TYPE_CHECKING:
+    from skyarm.world.contact.contact import Contact
+
+NEAR, SWIFT = 0.005, 400.0
+"""m that a point stays away from a surface at least while longer steps are taken, and m/s^2 that it may accelerate by
+meanwhile: both are the same in 5 ms, longer periods ask for more."""
+
+EDGE = -1
+"""Index of a meeting of two edges, in place of that of a spot."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Meeting:
+    """Contact state of one surface with one point of the vehicle or of a movable body.
+
+    Attributes:
+        surface: name. of: number of the carrier of the surface, or ``NOBODY`` for the world.
+        by: number of the carrier of the spot, or ``NOBODY`` for the vehicle.
+        index: of its spot, or point; ``EDGE`` of its edges.
+        touch: contact force and bristle. place: where, m, world axes.
+    """
+
+    surface: str
+    of: int
+    by: int
+    index: int
+    touch: Touch
+    place: Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Point or ball that may touch a surface: centre, velocity, angular velocity, radius (m) and mass (kg)."""
+
+    position: Vec3
+    velocity: Vec3
+    turning: Vec3
+    radius: Any
+    mass: Any
+
+
+def _depth(
+    surface: Surface, frame: CarriedFrame | None, place: Vec3, radius: Scalar, clock: Scalar
+) -> tuple[Any, Vec3]:
+    """Penetration depth (m) and outward normal of a ball at a surface of the world or of a movable body."""
+    return surface.depth(place, radius, clock) if frame is None else frame.depth(surface, place, radius)
+
+
+def meetings_of(
+    contact: Contact,
+    memories: Sequence[Any],
+    moving: Sequence[Moving],
+    clock: Scalar,
+    bristles: Sequence[Vec3],
+    step: Scalar,
+    mean: Scalar | None,
+) -> list[Meeting]:
+    """Contact state of every pair of a contact model, as :meth:`Contact.meet` has the arguments."""
+    frames = [carrier.frame(memory) for carrier, memory in zip(contact.carriers, memories, strict=True)]
+    masses = [1.0 / carrier.mobility for carrier in contact.carriers]
+    held, found = iter(bristles), list[Meeting]()
+
+    def meet(surface: Surface, of: int, by: int, index: int, at: _Place, depth: Any, normal: Vec3) -> None:
+        frame = None if of == NOBODY else frames[of]
+        spot = normal * neg(at.radius)  # where it touches, seen from its middle
+        place = at.position + spot
+        under = surface.place(clock)[1] if frame is None else frame.velocity_at(place)
+        slip = at.velocity + at.turning.cross(spot) - under
+        mass = at.mass if frame is None else both(masses[of], at.mass)
+        over = mean if of == by == NOBODY else step
+        own = touch_of(surface.material, depth, normal, spot, slip, next(held), step, mass, mean=over)
+        found.append(Meeting(surface=surface.name, of=of, by=by, index=index, touch=own, place=place))
+
+    def touch(surface: Surface, of: int, by: int, index: int, at: _Place) -> None:
+        frame = None if of == NOBODY else frames[of]
+        meet(surface, of, by, index, at, *_depth(surface, frame, at.position, at.radius, clock))
+
+    every = [(NOBODY, surface) for surface in contact.surfaces]
+    every += [(of, surface) for of, carrier in enumerate(contact.carriers) for surface in carrier.surfaces]
+    points = [_Place(*each, point.radius, LIGHTEST) for point, each in zip(contact.points, moving, strict=True)]
+    for of, surface in every:
+        for index, at in enumerate(points):
+            touch(surface, of, NOBODY, index, at)
+    for by, carrier in enumerate(contact.carriers):
+        for of, surface in every:
+            if of == by:
+                continue
+            under = None if of == NOBODY else frames[of]
+
+            def toward(place: Vec3, surface: Surface = surface, under: CarriedFrame | None = under) -> Vec3:
+                return _depth(surface, under, place, 0, clock)[1]
+
+            own = frames[by]
+            for index, (place, radius) in enumerate(carrier.spots(own, toward)):
+                at = _Place(place, own.velocity_at(place), own.turning, radius, masses[by])
+                touch(surface, of, by, index, at)
+    for of, surface, by in pairs_with_edges(contact.surfaces, contact.carriers):
+        own, other = frames[by], box_of(surface, None if of == NOBODY else frames[of], clock)
+        for place, depth, normal in edge_touches(box_of(contact.carriers[by].surfaces[0], own, clock), other):
+            at = _Place(place, own.velocity_at(place), own.turning, 0, masses[by])
+            meet(surface, of, by, EDGE, at, depth, normal)
+    return found
+
+
+def misses(touch: Touch, seconds: Scalar) -> Any:
+    """True if a point cannot come to a surface within ``seconds``, whatever pushes it meanwhile."""
+    margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
+    return touch.depth + sqrt(touch.slip.dot(touch.slip)) * seconds < -margin
