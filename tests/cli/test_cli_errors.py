@@ -278,12 +278,12 @@ def test_a_byte_order_mark_is_no_error(folder: Path) -> None:
 
 
 HUGE = [
-    ("thrust_coefficient = 8.54858e-6", "thrust_coefficient = 1e300", ("rotors[front] gives 1e+300", "thrust_coeff")),
+    ("thrust_coefficient = 8.54858e-6", "thrust_coefficient = 1e300", ("thrust_coefficient = 1e+300", "below 1e+12")),
     ("position = [0.17, 0.0, 0.01]", "position = [1e200, 0.0, 0.01]", ("rotors[front].position.x = 1e+200", "at most")),
     (
         "position = [0.0, 0.0, -0.15]",
         "position = [0.0, 0.0, -1e200]",
-        ("position.z = -1e+200", "at least -1e+100"),
+        ("position.z = -1e+200", "at least -1e+06"),
     ),
 ]
 
@@ -301,7 +301,7 @@ def test_a_base_too_heavy_for_numbers_is_blamed_for_its_mass(folder: Path) -> No
     planar = (VEHICLES / "hummingbird_arm2.toml").read_text("utf-8")
     heavy = re.sub(r"mass = \S+", "mass = 1e308\ncom = [0.0, 0.0, 0.1]", planar, count=1)
     written(folder, heavy, "heavy.toml")
-    refused(skyarm("show", "heavy.toml"), "heavy.toml: base.mass = 1e+308", "overflows")
+    refused(skyarm("show", "heavy.toml"), "heavy.toml: base.mass = 1e+308", "at most 1e+12")
 
 
 def test_a_law_or_preset_that_does_not_fit_the_vehicle_is_named(folder: Path) -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import typing
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import pytest
 
@@ -13,7 +14,9 @@ import skyarm
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
+from skyarm.records.files import Fields
 from skyarm.records.identity import identity
+from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit, units
 
 
@@ -89,3 +92,34 @@ def test_a_plugins_record_without_metadata_is_looked_at_by_its_types() -> None:
         with pytest.raises(RecordError) as error:
             require_fields((wrong,), "forces")
         assert str(error.value) == words
+
+
+@dataclass(frozen=True)
+class Tower:
+    height: Annotated[Scalar, Unit("m")] = 1.0
+    weight: Annotated[Scalar, Unit("N", low=0.0)] = 1.0
+    lasts: Annotated[Scalar, Unit("s", infinite=True)] = 1.0
+    rank: Annotated[Scalar, Unit("")] = 1.0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "tower")
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"height": 2e6}, "height = 2000000.0: must be at most 1e+06"),
+        ({"height": -1e308}, "height = -1e+308: must be at least -1e+06"),
+        ({"weight": 1e13}, "weight = 10000000000000.0: must be at most 1e+12"),
+    ],
+)
+def test_a_number_with_a_unit_is_bounded_though_its_field_names_no_bound(fields: Any, words: str) -> None:
+    with pytest.raises(RecordError, match=f"^{re.escape(f'tower.{words}')}$"):
+        Tower(**fields)
+    with pytest.raises(ValueError, match=f"^{re.escape(f'world.towers[1].{words}')}$"):
+        record_from(Tower, Fields(fields, "world.towers[1]"))
+
+
+def test_what_may_be_infinite_or_has_no_unit_is_not_bounded_by_its_unit() -> None:
+    assert Tower(lasts=float("inf"), rank=1e300) == Tower(height=1.0, lasts=float("inf"), rank=1e300)
+    assert Tower(height=1e6, weight=1e12).height == 1e6

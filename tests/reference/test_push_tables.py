@@ -88,3 +88,20 @@ def test_other_tables_are_refused_in_one_line(changed, message):
 def test_an_error_counts_where_a_place_is_held_and_not_a_force(push, kept):
     found = counted_error(Vec3(0.3, 0.04, 0.2), push, Vec3(1.0, 0.5, 7.0))
     np.testing.assert_allclose([float(c) for c in found], kept, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"base": {"kind": "hover", "position": [0.0, 0.0, 1e308]}}, r"base\.z = 1e\+308 m at 0 s"),
+        ({"base": {"kind": "signals", "y": {"kind": "sine", "amplitude": 2e6, "frequency_hz": 0.1}}}, r"base\.y = "),
+        ({"yaw": -2e6}, r"yaw = -2e\+06 rad at 0 s"),
+        (
+            {"joints": [{"kind": "ramp", "start": 1.0, "duration": 1.0, "height": 1e300}]},
+            r"joints\[0\] = 1e\+300 at 2 s",
+        ),
+    ],
+)
+def test_a_reference_beyond_all_lengths_is_refused(table, message):
+    with pytest.raises(ValueError, match=rf"^reference\.{message}.*must be at most 1e\+06 in size$"):
+        reference_from({"joints": [0.1], **table}, 1, "reference", Setting(duration=5.0))

@@ -259,6 +259,21 @@ def test_a_snapshot_before_the_end_undoes_the_end() -> None:
     assert same(session.log, wanted)
 
 
+def test_the_state_at_an_early_end_does_not_depend_on_how_it_was_flown() -> None:
+    """In stretches of any length, in steps and in floats: the law's memory is that of the instant of the end."""
+    scenario = dataclasses.replace(load_scenario("case1", controller="centroidal_joint"), duration=2.0)
+    scenario = with_numbers(scenario, {"plant.vehicle.base.mass": 3.0})
+    sessions = [Session(scenario, machine_code=k < 4) for k in range(5)]
+    for session, stretch in zip(sessions, (1, 7, 50, 400, 400), strict=True):
+        while session.running:
+            session._engine.fly(session.tick + stretch) if stretch > 1 else session.step()
+    first = sessions[0]
+    assert first.ended is not None
+    assert first.ended.status == "ground"
+    for session in sessions[1:]:
+        assert (session.tick, leaves(session.now)) == (first.tick, leaves(first.now))
+
+
 def test_numbers_may_change_between_periods() -> None:
     path = "controller.gains.position.z"
     wanted, session = run(NOISY), Session(NOISY)

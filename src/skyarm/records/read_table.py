@@ -39,6 +39,7 @@ def record_from(kind: type[Record], fields: Fields) -> Record:
         raise ValueError(f"{fields.where}: {kind.__name__} must be a dataclass to be read from a file")
     known = declared_units(kind)
     values: dict[str, Any] = {}
+    fields.expect(field_names(kind) or ())
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         name, required = field.name, field.default is field.default_factory is dataclasses.MISSING
         if not field.init or (name not in fields.table and not required):
@@ -65,9 +66,11 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record
             raise ValueError(words) from None
         if last and words.startswith((f"{last}.", f"{last}[")):  # the record calls itself so
             raise ValueError(where + words.removeprefix(last)) from None
-        named = re.match(r"\w+", words)
-        own = isinstance(kind, type) and named is not None and named[0] in (field_names(kind) or ())
-        raise ValueError(f"{where}{'.' if own else ': '}{words}") from None
+        own = (field_names(kind) if isinstance(kind, type) else None) or ()
+        named, field = re.match(r"(\w*)\.?(\w*)", words).groups()  # type: ignore[union-attr]
+        if named not in own and field in own:  # by the name of its class: surface.name
+            words = words.removeprefix(f"{named}.")
+        raise ValueError(f"{where}{'.' if named in own or field in own else ': '}{words}") from None
 
 
 def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Collection[str] = ()) -> dict[str, Any]:
@@ -99,6 +102,7 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
     """
     known = declared_units(function)
     values: dict[str, Any] = {}
+    fields.expect(inspect.signature(function).parameters)
     for name, parameter in inspect.signature(function).parameters.items():
         if name in fields.table or parameter.default is inspect.Parameter.empty:
             values[name] = _value(*known.get(name, (float, NUMBER)), fields, name)

@@ -17,6 +17,12 @@ from skyarm.records import coerce
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 
+FARTHEST = 1e6
+"""m from the origin, or between two parts: a float resolves 0.1 nm there."""
+
+LARGEST = 1e12
+"""Of any other unit: the square of a product of two still has digits, and no machine is near."""
+
 
 @immutable(kw_only=False)
 class Unit:
@@ -25,7 +31,8 @@ class Unit:
     Attributes:
         unit: SI, as ``N m s/rad``; empty for pure numbers.
         meaning: in words, with axes and frame.
-        low, high: least and largest value allowed. strict: neither of them is allowed itself.
+        low, high: least and largest value allowed; of a number with a unit that may not be infinite at most ``LARGEST``
+            in size, ``FARTHEST`` of a length. strict: neither of them is allowed itself.
         infinite: the field may be infinite.
         folds: an exact zero of a plain list is structure and folds away, as one of a file.
         rule: coercion in place of that of the field's type.
@@ -43,6 +50,12 @@ class Unit:
     rule: Callable[[str, Any], Any] | None = None
     fixed: bool = False
     usual: float | tuple[float, float] = math.inf
+
+    def __post_init__(self) -> None:
+        if self.unit and not self.infinite:
+            most = FARTHEST if self.unit == "m" else LARGEST
+            object.__setattr__(self, "low", max(self.low, -most))
+            object.__setattr__(self, "high", min(self.high, most))
 
     @property
     def words(self) -> str:

@@ -46,6 +46,7 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
         raise ValueError(f"{at} = {shown(entries)}: must be a list of phases")
     for i, entry in enumerate(entries):
         phase = Fields(entry, f"{at}[{i}]")
+        phase.expect(("depth",))
         kind = phase.choice("kind", tuple(KINDS))
         joints = _joints(phase)
         task.begin(phase)

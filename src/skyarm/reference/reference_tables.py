@@ -73,9 +73,11 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.records.arrays import Array
 from skyarm.records.files import Fields, shown
 from skyarm.records.read_table import options_from, record_from, takes_table
 from skyarm.records.registry import find
+from skyarm.records.units import FARTHEST
 from skyarm.reference.signal_tables import signal_from, window_of
 from skyarm.reference.signals import Signal
 from skyarm.reference.task_records import Setting
@@ -195,10 +197,7 @@ def push_from(table: Any, where: str, duration: float = 0.0) -> TipPush:
 
 def _require_force(force: Signal, at: str, duration: float, *, pulls: bool) -> None:
     """Refuse an excessive desired contact force, and a pulling force without a grip."""
-    switches = sorted({0.0, *(float(t) for t in force.switch_times()), duration})
-    between = [0.5 * (a + b) for a, b in itertools.pairwise(switches)]
-    looks = np.concatenate([switches, between, np.linspace(0.0, duration, LOOKS)])
-    found = np.broadcast_to(np.asarray(force.derivatives(looks)[0], dtype=float), looks.shape)
+    looks, found = _over_time(force, duration)
     worst = int(np.argmax(np.abs(found)))
     if abs(found[worst]) > STRONGEST:
         raise ValueError(f"{at} = {found[worst]:g} N at {looks[worst]:.4g} s: must be at most {STRONGEST:g} N")
@@ -206,6 +205,28 @@ def _require_force(force: Signal, at: str, duration: float, *, pulls: bool) -> N
     if not pulls and found[least] < -ROUNDING:
         allowed = "must be at least 0 without grip; what only presses cannot pull"
         raise ValueError(f"{at} = {found[least]:g} N at {looks[least]:.4g} s: {allowed}")
+
+
+def _require_reach(found: Trajectory, where: str, duration: float) -> None:
+    """Refuse a reference that goes further than any number of a file may."""
+    signals = [(f"{where}.base.{axis}", getattr(found, axis), " m") for axis in "xyz"]
+    signals += [(f"{where}.yaw", found.yaw, " rad")]
+    signals += [(f"{where}.joints[{i}]", signal, "") for i, signal in enumerate(found.joints)]
+    for at, signal, unit in signals:
+        looks, values = _over_time(signal, duration)
+        far = ~(np.abs(values) <= FARTHEST)
+        if far.any():
+            k = int(np.argmax(far))
+            raise ValueError(f"{at} = {values[k]:g}{unit} at {looks[k]:.4g} s: must be at most {FARTHEST:g} in size")
+
+
+def _over_time(signal: Signal, duration: float) -> tuple[Array, Array]:
+    """Instants (s) of a flight, switch times among them, and the values of a signal there."""
+    switches = sorted({0.0, *(float(t) for t in signal.switch_times()), duration})
+    between = [0.5 * (a + b) for a, b in itertools.pairwise(switches)]
+    looks = np.concatenate([switches, between, np.linspace(0.0, duration, LOOKS)])
+    with np.errstate(all="ignore"):
+        return looks, np.broadcast_to(np.asarray(signal.derivatives(looks)[0], dtype=float), looks.shape)
 
 
 def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> Trajectory:
@@ -246,6 +267,7 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
     if setting.pushes and push is not None:
         raise ValueError(f"{where}.push: must be left out beside phases that press")
     push = setting.pushes[0] if setting.pushes else push
+    _require_reach(found, where, setting.duration)
     return dataclasses.replace(found, push=push, load=load)
 
 

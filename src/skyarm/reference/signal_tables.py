@@ -42,11 +42,16 @@ from skyarm.reference.signals import (
     sequence,
 )
 
+SIGNAL = "must be a finite number, a list of signals of time or a table with a kind of signal"
+"""What stands for a signal."""
+
 
 def signal_from(entry: Any, where: str) -> Signal:
     """Time signal from a number, list or table of a scenario file."""
     if isinstance(entry, list):
         return Sum(tuple(signal_from(item, f"{where}[{index}]") for index, item in enumerate(entry)))
+    if isinstance(entry, (str, bool)):
+        raise ValueError(f"{where} = {shown(entry)}: {SIGNAL}")
     if not isinstance(entry, dict):
         return Constant(number(entry, where))
     fields = Fields(entry, where)

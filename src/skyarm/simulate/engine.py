@@ -215,6 +215,7 @@ class Engine:
         self._inputs = code.inputs
         parameters = np.array([*(code.numbers if numbers is None else numbers).values()], dtype=float)
         self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
+        self._before = self._stepper.carry.copy()
         self._rows = self._input_rows()
         self._width = self._rows.shape[1] - (1 + len(leaves(self.first.queue[0])))  # of a row but for the command
         self._write_to(np.empty((self._steps, code.loop.logged)))  # takes memory as it is written
@@ -265,7 +266,8 @@ class Engine:
         """Fly for about 0.1 s of computing time, at most up to period ``stop``; False once the episode is over."""
         if self.tick >= self._steps or self.ended is not None:
             return False
-        stop, begun, before = min(stop, self.tick + self._stretch), perf_counter(), self.tick
+        stop = min(stop, self.tick + self._stretch, self._steps)
+        begun, before = perf_counter(), self.tick
         if self._commanded:
             self._rows[before:stop, self._width] = 0.0
         going = self._fly(stop)
@@ -280,10 +282,17 @@ class Engine:
 
     def _fly(self, stop: int) -> bool:
         """Simulate up to control period ``stop``; False once the flight is over."""
-        self._stepper.fly(self.tick, stop)
         carry = self._stepper.carry
+        self._before[:] = carry
+        self._stepper.fly(self.tick, stop)
         over = carry[ALIVE] < 0.5
-        self.tick = round(carry[TICKS]) if over else stop
+        end = round(carry[TICKS]) if over else stop
+        if over and self.code.kernel is not None:
+            # machine code moves the law's memory on to the end of the stretch, whose length the clock on the wall sets
+            carry[:] = self._before
+            self._stepper.fly(self.tick, end)
+            carry[ALIVE], carry[TICKS] = 0.0, end
+        self.tick = end
         if over or stop >= self._steps:
             self.ended = self._reason(lost=over)
             return False

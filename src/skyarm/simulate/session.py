@@ -210,10 +210,7 @@ class Session:
 
     @property
     def now(self) -> LoopState:
-        """Closed-loop state before the next period: plant, delayed commands and readings, all internal states.
-
-        Of an episode that has ended the law's memory means nothing: it went on for some periods.
-        """
+        """Closed-loop state before the next period, or at the end: plant, commands and readings, internal states."""
         return self._engine.now
 
     @property

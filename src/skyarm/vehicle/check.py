@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from skyarm.vehicle.vehicle_records import Vehicle
 
 
-LENGTH = (-1e100, 1e100)
-"""Bounds of a length, m, whose square overflows far beyond them."""
-
 FARTHEST = 10.0
 """m from one part to the next: an arm of 15 mm written in millimetres is longer."""
 

@@ -17,7 +17,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.vehicle.check import FARTHEST, LENGTH, SHARE, TURN, VehicleError, accept_named
+from skyarm.vehicle.check import FARTHEST, SHARE, TURN, VehicleError, accept_named
 
 BASE = -1
 """Index that stands for the base where a link's index is asked for."""
@@ -36,7 +36,7 @@ class Body:
     """
 
     mass: Annotated[Scalar, Unit("kg", low=0.0, rule=coefficient)]
-    com: Annotated[Vec3, Unit("m", "centre of mass, axes of its link", *LENGTH, rule=vector, usual=FARTHEST)] = ZERO3
+    com: Annotated[Vec3, Unit("m", "centre of mass, axes of its link", rule=vector, usual=FARTHEST)] = ZERO3
     inertia: Annotated[Sym3, Unit("kg m^2", "about the centre of mass, axes of its link", rule=inertia)] = Sym3(0, 0, 0)
     planar: bool = False
 
@@ -95,9 +95,7 @@ class Joint:
     name: str
     kind: str = "revolute"
     axis: Annotated[Vec3, Unit("", "unit vector, joint axes", rule=unit_vector)] = Vec3(0, 1, 0)
-    position: Annotated[
-        Vec3, Unit("m", "joint origin, axes of the parent link", *LENGTH, rule=vector, usual=FARTHEST)
-    ] = ZERO3
+    position: Annotated[Vec3, Unit("m", "joint origin, axes of the parent link", rule=vector, usual=FARTHEST)] = ZERO3
     rotation: Annotated[Mat3, Unit("", "joint axes to axes of the parent link", rule=proper_rotation)] = Mat3.identity()
     lower: Annotated[Scalar, Unit("rad or m", infinite=True, rule=number, usual=TURN)] = -math.inf
     upper: Annotated[Scalar, Unit("rad or m", infinite=True, rule=number, usual=TURN)] = math.inf

@@ -23,7 +23,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle import check
 from skyarm.vehicle.battery import Battery
-from skyarm.vehicle.check import FARTHEST, LENGTH, SHARE, VehicleError, accept_named
+from skyarm.vehicle.check import FARTHEST, SHARE, VehicleError, accept_named
 from skyarm.vehicle.linkage import BASE, Body, Follower, Link
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
@@ -51,7 +51,7 @@ class Rotor:
     """
 
     name: str
-    position: Annotated[Vec3, Unit("m", "hub, base axes", *LENGTH, rule=vector, usual=FARTHEST)]
+    position: Annotated[Vec3, Unit("m", "hub, base axes", rule=vector, usual=FARTHEST)]
     axis: Annotated[Vec3, Unit("", "unit vector of positive thrust, base axes", rule=unit_vector)] = Vec3(0, 0, 1)
     direction: int
     thrust_coefficient: Annotated[Scalar, Unit("N s^2/rad^2", low=0.0, strict=True, rule=number)]
@@ -81,7 +81,7 @@ class Frame:
 
     name: str
     link: int
-    position: Annotated[Vec3, Unit("m", "a named frame (the tool), link axes", *LENGTH, rule=vector, usual=FARTHEST)]
+    position: Annotated[Vec3, Unit("m", "a named frame (the tool), link axes", rule=vector, usual=FARTHEST)]
     rotation: Annotated[Mat3, Unit("", "axes of a named frame to those of its link", rule=proper_rotation)] = (
         Mat3.identity()
     )

@@ -10,7 +10,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields
-from skyarm.records.read_table import numbers_from, record_from, registered_from
+from skyarm.records.read_table import make_at, numbers_from, record_from, registered_from
 from skyarm.vehicle import check, description
 from skyarm.vehicle.attach import MIMIC, Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in
 from skyarm.vehicle.attach import limits_that_contradict as contradicting_limits
@@ -152,6 +152,7 @@ def _own_bodies(top: Fields) -> RigidBodies:
         refuse("links.name", "base", "is the airframe's name")
     parents = {}
     for link, fields in tables.items():
+        fields.expect(("parts",))
         parents[link] = parent = fields.take("parent")
         if not isinstance(parent, str) or not parent:
             allowed = "must be the name of one parent, 'base' or a link (closed chains are not supported)"
@@ -193,7 +194,8 @@ def _piece(fields: Fields) -> Body:
     if len(entries) not in (3, 6):
         allowed = "must be three (xx yy zz) or six (xx yy zz xy xz yz) numbers, kg m^2"
         refuse(fields.at("inertia"), list(entries), allowed)
-    piece = Body(mass=mass, com=description.vector(com), inertia=description.inertia(entries), planar=planar)
+    placed, turning = description.vector(com), description.inertia(entries)
+    piece = make_at(fields.where, Body, mass=mass, com=placed, inertia=turning, planar=planar)
     check.inertia(fields.at("inertia"), piece.inertia, planar=planar)
     return piece
 

@@ -6,6 +6,8 @@ import pytest
 
 import skyarm
 from skyarm.records.files import Fields
+from skyarm.records.read_table import record_from
+from skyarm.scenario.scenario_record import Change
 
 FLIGHT = """
 name = "f"
@@ -46,3 +48,10 @@ def test_a_wrong_word_is_refused_when_its_table_has_been_read():
     fields.take("a")
     with pytest.raises(ValueError, match=r"^b = 1: unknown field; allowed: a$"):
         fields.done()
+
+
+def test_a_field_that_the_record_has_is_not_offered_for_another_that_is_missing():
+    with pytest.raises(ValueError, match=r"^changes\[0\].at: is missing; there are path, value$"):
+        record_from(Change, Fields({"path": "plant.gravity", "value": 1.0}, "changes[0]"))
+    with pytest.raises(ValueError, match=r"^changes\[0\].at: is missing; is it 'att'\? there are att, path, value$"):
+        record_from(Change, Fields({"att": 0.0, "path": "plant.gravity", "value": 1.0}, "changes[0]"))

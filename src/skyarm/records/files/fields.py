@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from skyarm.records.files.messages import comma_list, did_you_mean, must_be_one_of, shown
@@ -24,6 +24,11 @@ class Fields:
             raise ValueError(f"{where} = {shown(table)}: must be a table")
         self.table, self.where, self._named = table, where, named
         self._asked: list[str] = []
+        self._known: set[str] = set()
+
+    def expect(self, names: Iterable[str]) -> None:
+        """State which fields the table may have, so that none of them is taken for another that is missing."""
+        self._known.update(names)
 
     def at(self, name: str) -> str:
         """Full name of a field for error messages."""
@@ -36,7 +41,8 @@ class Fields:
             return self.table[name]
         if default is not _REQUIRED:
             return default
-        near = next((w for w in self.table if w not in self._asked and did_you_mean(w, [name])), "")
+        other = (word for word in self.table if word not in self._asked and word not in self._known)
+        near = next((word for word in other if did_you_mean(word, [name])), "")
         there = f"is it {near!r}? " if near else ""
         there += f"there are {comma_list(sorted(self.table))}" if self.table else "there are no fields"
         raise ValueError(f"{self.at(name)}: is missing; {there}")

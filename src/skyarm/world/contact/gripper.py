@@ -34,7 +34,7 @@ from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.signals import Constant, Signal
 from skyarm.world.component import Column, Wrench
 from skyarm.world.contact.carrier import CarriedFrame, Carrier, both
-from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, euler_step_of
+from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, ROUGHEST, euler_step_of
 
 KINDS = ("magnet", "suction", "jaw", "ball", "hook")
 
@@ -118,7 +118,9 @@ class Gripper:
     reach: Annotated[Scalar, Unit("m", "from its frame to the skin of a body", low=0.0, strict=True)] = 0.01
     force: Annotated[Scalar, Unit("N", "at which it gives way", low=0.0, strict=True)] = 10.0
     torque: Annotated[Scalar, Unit("N m", "at which it gives way", low=0.0, strict=True)] = 0.5
-    friction: Annotated[Scalar, Unit("", "of a magnet or cup against shear, of a ball in its socket", low=0.0)] = 0.5
+    friction: Annotated[
+        Scalar, Unit("", "of a magnet or cup against shear, of a ball in its socket", low=0.0, high=ROUGHEST)
+    ] = 0.5
     radius: Annotated[Scalar, Unit("m", "of a ball in its socket; 0: turns freely", low=0.0)] = 0.005
     stiffness: Annotated[Scalar, Unit("N/m", "of the grasp", low=0.0, strict=True)] = 5000.0
     damping_ratio: Annotated[Scalar, Unit("", "of the grasp", low=0.0, high=2.0)] = 0.5

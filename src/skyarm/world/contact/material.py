@@ -64,13 +64,22 @@ def euler_step_of(square: Any, decay: Any) -> Scalar:
     return divide(3.0, decay + sqrt(decay * decay + 4.0 * square + _STILL))
 
 
+DULLEST = 1000.0
+"""s/m: nothing rebounds that comes with more than 1 mm/s."""
+
+ROUGHEST = 100.0
+"""Coefficient of friction; rubber has 1 to 4."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Material:
     """Contact material of a surface: stiffness, dissipation and friction."""
 
     stiffness: Annotated[Scalar, Unit("N/m", "of the contact", low=0.0, strict=True)] = 5000.0
-    dissipation: Annotated[Scalar, Unit("s/m", "share of the force by the speed of penetration", low=0.0)] = 1.0
-    friction: Annotated[Scalar, Unit("", "coefficient, of sticking and of sliding", low=0.0)] = 0.3
+    dissipation: Annotated[
+        Scalar, Unit("s/m", "share of the force by the speed of penetration", low=0.0, high=DULLEST)
+    ] = 1.0
+    friction: Annotated[Scalar, Unit("", "coefficient, of sticking and of sliding", low=0.0, high=ROUGHEST)] = 0.3
     bristle_length: Annotated[Scalar, Unit("m", "slip at which friction is whole", low=0.0, strict=True)] = 2e-4
 
     def __post_init__(self) -> None:

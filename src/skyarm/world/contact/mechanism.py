@@ -20,7 +20,7 @@ from skyarm.records.files import shown
 from skyarm.records.units import Name, Unit
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import CarriedFrame, Carrier
-from skyarm.world.contact.material import BRISTLE_STEP, LONGEST, Material, euler_step_of
+from skyarm.world.contact.material import BRISTLE_STEP, DULLEST, LONGEST, Material, euler_step_of
 from skyarm.world.contact.surface import Surface, rotation_of
 
 
@@ -57,7 +57,9 @@ class Mechanism(Carrier):
     bristle: Annotated[Scalar, Unit("rad or m", "slip at which dry friction is whole", low=0.0)] = 0
     detent: Detent | None = None
     stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "0 for one by the inertia", low=0.0)] = 0
-    stop_damping: Annotated[Scalar, Unit("s/rad or s/m", "share of a stop's force by the speed into it", low=0.0)] = 2.0
+    stop_damping: Annotated[
+        Scalar, Unit("s/rad or s/m", "share of a stop's force by the speed into it", low=0.0, high=DULLEST)
+    ] = 2.0
 
     def __post_init__(self) -> None:
         accept_fields(self, "mechanism")
