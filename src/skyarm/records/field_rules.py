@@ -166,6 +166,8 @@ def _within(field: str, value: float, unit: Unit) -> None:
         refuse(field, value, f"must be {'above' if unit.strict else 'at least'} {unit.low:g}")
     if value > unit.high or (unit.strict and value == unit.high < math.inf):
         refuse(field, value, f"must be {'below' if unit.strict else 'at most'} {unit.high:g}")
+    if abs(value) > unit.largest:
+        refuse(field, value, f"must be at most {unit.largest:g}{' in size' if unit.low < 0.0 else ''}")
 
 
 def _numbers(field: str, value: Any, unit: Unit, kind: Any, letters: str, allowed: str) -> Any:

@@ -31,8 +31,7 @@ class Unit:
     Attributes:
         unit: SI, as ``N m s/rad``; empty for pure numbers.
         meaning: in words, with axes and frame.
-        low, high: least and largest value allowed; of a number with a unit that may not be infinite at most ``LARGEST``
-            in size, ``FARTHEST`` of a length. strict: neither of them is allowed itself.
+        low, high: least and largest value allowed. strict: neither of them is allowed itself.
         infinite: the field may be infinite.
         folds: an exact zero of a plain list is structure and folds away, as one of a file.
         rule: coercion in place of that of the field's type.
@@ -51,11 +50,12 @@ class Unit:
     fixed: bool = False
     usual: float | tuple[float, float] = math.inf
 
-    def __post_init__(self) -> None:
-        if self.unit and not self.infinite:
-            most = FARTHEST if self.unit == "m" else LARGEST
-            object.__setattr__(self, "low", max(self.low, -most))
-            object.__setattr__(self, "high", min(self.high, most))
+    @property
+    def largest(self) -> float:
+        """Largest size of a number whose field states no bound; infinite without a unit."""
+        if self.infinite or not self.unit:
+            return math.inf
+        return FARTHEST if self.unit == "m" else LARGEST
 
     @property
     def words(self) -> str:

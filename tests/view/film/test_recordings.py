@@ -148,6 +148,7 @@ def test_the_same_flights_give_the_same_recording(two: Recording) -> None:
 def test_a_page_holds_all_that_it_needs(two: Recording, tmp_path: Path) -> None:
     page = save_recording(two, tmp_path / "alone.html").read_text("utf-8")
     (held,) = re.findall(r'__VISER_EMBED_DATA__="([^"]+)"', page[:2_000_000])
+    assert '{darkMode:matchMedia("(prefers-color-scheme: dark)").matches}' in page
     assert base64.b64decode(held) == two.content
     assert not re.findall(r"""<(?:script|link|img)[^>]*(?:src|href)=["']?(?:https?:)?//""", page)
     assert save_recording(two, tmp_path / "a.viser").read_bytes() == two.content

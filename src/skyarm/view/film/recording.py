@@ -53,7 +53,8 @@ WORDS_PER_SECOND = 2.0
 ASPECT = 1.0
 """Of the window for which the camera is placed: a phone's is narrower, a screen's wider."""
 
-GRID, PATH_COLOR = (208, 212, 218), (90, 96, 110)
+GRID, PATH_COLOR, GHOST = (150, 155, 162), (118, 124, 138), (0.45, 0.48, 0.55, 0.3)
+"""Of grid, desired path and desired pose: between the white and the black of the player's page."""
 
 COARSE = 3
 """Decimals of the ends of forces that are recorded, 1 mm."""
@@ -187,7 +188,7 @@ class _RecordedFlight:
         flight = self._flight
 
         def paint(role: str) -> RGBA:
-            return role_color(role, flight.color, ghost=ghost)
+            return GHOST if ghost else role_color(role, flight.color, ghost=False)
 
         nodes = VehicleNodes(scene, name, flight.vehicle, paint, points=() if ghost else flight.scene.attached)
         rotations, positions = zip(*body_poses(flight.vehicle, *pose).values(), strict=True)
@@ -285,7 +286,8 @@ def _camera_and_target(path: CameraPath, wider: float) -> tuple[Array, Array]:
 def page_with(content: bytes) -> str:
     """Make an HTML page with the player and a recording, which also opens as a local file."""
     held = base64.b64encode(content).decode("ascii")
-    script = f'<script>window.__VISER_EMBED_DATA__="{held}";window.__VISER_EMBED_CONFIG__={{darkMode:false}};</script>'
+    dark = 'matchMedia("(prefers-color-scheme: dark)").matches'
+    script = f'<script>window.__VISER_EMBED_DATA__="{held}";window.__VISER_EMBED_CONFIG__={{darkMode:{dark}}};</script>'
     return _player_page().replace("</head>", f"{script}</head>", 1)
 
 
