@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import skyarm
 from skyarm.algebra import Vec3
@@ -155,6 +156,92 @@ def test_a_longer_lag_than_the_longest_counts_as_that():
     assert with_one_more == pytest.approx(((CANDIDATES - 1) * DT,) * 2, abs=2e-4)
 
 
+def written(a, y):
+    """Residuals and found lag of rotors (roll, pitch) and joints, agreement and size, of whole records, by SciPy."""
+    steps, filters = np.arange(9), {w: ([1.0 - math.exp(-w * DT)], [1.0, -math.exp(-w * DT)]) for w in (20.0, 60.0)}
+    prices = np.minimum(0.0075 * steps, 0.05)
+
+    def band(x):
+        upper = lfilter(*filters[60.0], lfilter(*filters[60.0], x, axis=0), axis=0)
+        return upper - lfilter(*filters[20.0], upper, axis=0)
+
+    def weights(paid):
+        return (1.0 + 12.5 * (paid - paid.min()) / (paid.min() + 0.0075)) ** -8.0
+
+    believed, measured = np.vstack([np.zeros((8, 4)), band(a)]), band(y)
+    banks, clipped = [[prices, 0.0], [prices, 0.0]], 0
+    agreement, size, slow = np.full(2, 0.05), np.full(2, 0.05), np.zeros((2, 2))
+    for k, here in enumerate(measured):
+        past = believed[k + 8 - steps]
+        delay = np.clip((1.35 - (size / agreement).min()) / 0.2, 0.0, 1.0)
+        paid, scale = banks[0]
+        both = np.array([weights(paid) @ past[:, :2] / weights(paid).sum(), here[:2]])
+        expected, quick = both - slow
+        slow = slow + (1.0 - math.exp(-20.0 * DT)) * (both - slow)
+        gain = 0.3 * DT / (quick**2 + expected**2 + 4.0 * scale + 0.01)
+        for i, pace in enumerate((0.35 + 1.15 * delay, 0.5)):
+            paid, scale = banks[i]
+            squares = ((here[2 * i : 2 * i + 2] - past[:, 2 * i : 2 * i + 2]) ** 2).sum(axis=1)
+            share = squares / (squares + 4.0 * scale + 0.01)
+            paid = paid + max(pace * DT, 1.0 / (k + 20.0)) * (share + prices - paid)
+            clipped += squares.mean() > 4.0 * (scale + 0.01)
+            scale = scale + DT * (min(squares.mean(), 4.0 * (scale + 0.01)) - scale)
+            banks[i] = [np.minimum(paid, paid.min() + 0.05), scale]
+        agreement = agreement + gain * expected * quick - 0.3 * DT * agreement
+        size = size + gain * expected**2 - 0.3 * DT * size
+    assert 100 < clipped < 2 * len(measured) - 100
+    assert 0.1 < delay < 0.9
+    found = [weights(paid) @ (steps * DT) / weights(paid).sum() for paid, _ in banks]
+    return banks, agreement, size, found
+
+
+def test_the_filters_are_those_of_the_page():
+    """Rotors 3 and joints 5 periods late, accelerations 1.3 times smaller than modelled, and a burst."""
+    rng = np.random.default_rng(11)
+    a = 10.0 * rng.normal(size=(400, 4))
+    a[150:160] *= 20.0
+    y = np.column_stack([np.roll(a[:, :2], 3, axis=0), np.roll(a[:, 2:], 5, axis=0)]) / 1.3
+    y[:5] = 0.0
+    rates = np.vstack([np.zeros(4), np.cumsum(y, axis=0) * DT]) + 0.002 * rng.normal(size=(401, 4))
+    memory = GAINS.start(2)
+    for k, rate in enumerate(rates):
+        model = a[max(k - 1, 0)]
+        told = told_by(Vec3(*model[:2], 9.0), tuple(model[2:]), Vec3(0.0, 0.0, 0.0), (0.0, 0.0))
+        measured = Rates(rate=Vec3(*rate[:2], 7.0), joint_rates=tuple(rate[2:]))
+        memory = learn(GAINS, memory, told, measured, 0.0 if k == 0 else 1.0, (1.0,) * 3, 1.0, DT)
+    banks, agreement, size, found = written(a, np.diff(rates, axis=0) / DT)
+    for bank, (paid, scale) in zip((memory.base, memory.arm), banks, strict=True):
+        assert bank.paid == pytest.approx(paid, rel=1e-8)
+        assert bank.scale == pytest.approx(scale, rel=1e-8)
+    assert memory.agreement == pytest.approx(agreement, rel=1e-8)
+    assert memory.size == pytest.approx(size, rel=1e-8)
+    assert lags(memory) == pytest.approx(found, rel=1e-8)
+
+
+def test_at_a_limit_the_observers_disturbance_stands_still():
+    """Of the base for both axes, of each joint for itself."""
+    told = told_by(Vec3(0.0, 0.0, 0.0), (0.0, 0.0), Vec3(1.0, 2.0, 3.0), (4.0, 5.0))
+    still = Rates(rate=Vec3(0.0, 0.0, 0.0), joint_rates=(0.0, 0.0))
+    for free, moved in (((0.0, 1.0, 0.0), (0.0, 0.0, 4.0, 0.0)), ((1.0, 0.0, 1.0), (1.0, 2.0, 0.0, 5.0))):
+        assert learn(GAINS, GAINS.start(2), told, still, 1.0, free, 1.0, DT).disturbing == moved
+
+
+@pytest.mark.parametrize("periods", [0, 2])
+def test_the_model_answers_the_command_that_a_measurement_is_of(periods):
+    """Squares and efforts as many periods before the newest as the known delay has."""
+    heard = []
+    amid = SimpleNamespace(accelerations=lambda *told: heard.append(told) or (None, Vec3(0.0, 0.0, 0.0), (0.0, 0.0)))
+    step = SimpleNamespace(
+        told=Told(amid=amid, angular_correction=Vec3(0.0, 0.0, 0.0), joint_corrections=(0.0, 0.0)),
+        measurement=Rates(rate=Vec3(0.0, 0.0, 0.0), joint_rates=(0.0, 0.0)),
+        memory=SimpleNamespace(started=1.0, free=(1.0,) * 3), isolated=1.0, dt=DT,
+        par=SimpleNamespace(model="model", delay_periods=periods),
+        past=SimpleNamespace(squares=["oldest", "older", "newest"], efforts=["first", "second", "third"]),
+    )  # fmt: skip
+    GAINS.learn(GAINS.start(2), step)
+    assert heard == [("model", ["newest", "", "oldest"][periods], ["third", "", "first"][periods])]
+
+
 def test_without_motion_there_is_none():
     assert lags(flown(4, active=0.0, seconds=2.0)) == pytest.approx((0.0, 0.0), abs=1e-6)
 
@@ -213,6 +300,20 @@ def test_in_contact_no_lag_is_learned_and_the_observers_disturbance_is_followed(
     free, touching = (flown(4, isolated=share, seconds=1.0, disturbance=1.0) for share in (1.0, 0.0))
     assert lags(touching) == pytest.approx((0.0, 0.0), abs=1e-6)
     assert touching.disturbing == free.disturbing
+
+
+def test_a_bank_of_two_periods_a_step_compares_with_every_other_period():
+    """The third lag is that of six periods ago, where the model had what is measured now."""
+    gains = dataclasses.replace(GAINS, stride=2)
+    past, filtered = tuple((float(k),) * 4 for k in range(16)), ((5.69,) * 4, (5.69,) * 4, (0.0,) * 4)
+    bank = dataclasses.replace(gains.start(2).base, scale=100.0)
+    # 5.3 in the band a period later
+    first = dataclasses.replace(gains.start(2), past=past, measured=filtered, base=bank, arm=bank)
+    told = told_by(Vec3(0.0, 0.0, 0.0), (0.0, 0.0), Vec3(0.0, 0.0, 0.0), (0.0, 0.0))
+    still = Rates(rate=Vec3(0.0, 0.0, 0.0), joint_rates=(0.0, 0.0))
+    after = learn(gains, first, told, still, 1.0, (1.0,) * 3, 1.0, 0.0025)
+    residuals = [np.subtract(each.paid, bank.paid) for each in (after.base, after.arm)]
+    assert [int(np.argmin(each)) for each in residuals] == [3, 3]
 
 
 @pytest.mark.thorough
