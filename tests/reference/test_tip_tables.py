@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.reference import tip_plan
-from skyarm.reference.feasibility import feasibility
+from skyarm.reference.feasibility import _weakest, feasibility
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
 from skyarm.reference.waypoints import LIMITS, FlightLimits, allocate, peaks, sample_derivatives, through
@@ -68,6 +68,17 @@ def test_a_nearly_singular_arm_is_told_with_its_singular_value(shared):
     found = feasibility(straight, SIX)
     assert found.weakest < 1e-3
     assert any("the arm is nearly singular at 0 s; in one direction it moves" in line for line in found.warnings())
+
+
+def test_across_its_plane_a_planar_arm_of_three_joints_is_not_singular():
+    """Three parallel joints move no tip sideways in any posture; stretched they lose a direction of their plane."""
+    times, pitches = np.zeros(1), [1, 2, 4]
+    bent, straight = np.array([[0.0], [-0.6], [-0.97], [0.0], [-0.8], [0.0]]), np.zeros((6, 1))
+    level = np.array([1.0, 0.0, 0.0, 0.0])
+    J = skyarm.frame_jacobian(ARM6, np.zeros(3), level, bent[:, 0])[[0, 2]][:, [6 + k for k in pitches]]
+    assert _weakest(ARM6, pitches, times, bent) == (pytest.approx(np.linalg.svd(J, compute_uv=False)[1], rel=1e-9), 0.0)
+    assert _weakest(ARM6, pitches, times, bent)[0] > 0.05
+    assert _weakest(ARM6, pitches, times, straight)[0] < 1e-6
 
 
 def test_base_and_arm_share_the_way(shared):

@@ -27,6 +27,9 @@ MOST_LOOKS = 20_000
 MOST_JACOBIANS = 500
 """Instants at which the arm's Jacobian is looked at, at most."""
 
+POSTURES = 8
+"""Postures at random that show in how many directions the arm can move the tip."""
+
 SINGULAR = 0.02
 """Smallest singular value over the arm's length below which an arm is told to be nearly singular: in that direction its
 tip then moves by its own length in 50 rad or more."""
@@ -68,12 +71,20 @@ class Feasibility:
 
 
 def _weakest(vehicle: Vehicle, carriers: Sequence[int], times: Array, joints: Array) -> tuple[float, float]:
-    """Smallest singular value of the tip Jacobian over a planned motion, and its time (s)."""
+    """Smallest singular value of the tip Jacobian over a planned motion, and its time (s).
+
+    Directions in which the arm moves the tip in no posture, such as across the plane of a planar arm, do not count.
+    """
     every = -(-len(times) // MOST_JACOBIANS)
     times, joints = times[::every], joints[:, ::every].T
-    still, level = np.zeros((len(times), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(times), 1))
-    J = frame_jacobian(vehicle, still, level, joints)[:, :3, 6:][:, :, list(carriers)]
-    least = np.linalg.svd(J, compute_uv=False).min(axis=1)
+    others = np.tile(joints[0], (POSTURES, 1))
+    others[:, list(carriers)] = np.random.default_rng(0).uniform(-1.0, 1.0, (POSTURES, len(carriers)))
+    postures = np.concatenate([others, joints])
+    still, level = np.zeros((len(postures), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(postures), 1))
+    J = frame_jacobian(vehicle, still, level, postures)[:, :3, 6:][:, :, list(carriers)]
+    values = np.linalg.svd(J, compute_uv=False)
+    moved = (values[:POSTURES] > 1e-9).sum(axis=1).max()
+    least = values[POSTURES:, max(moved, 1) - 1]
     at = int(np.argmin(least))
     return float(least[at]), float(times[at])
 
