@@ -181,8 +181,8 @@ def brace_joints(par: CentroidalParameters, force: Vec3, late: Scalar) -> Centro
     A force ``F`` that pushes a hanging arm of length ``l`` from below takes the stiffness ``F l`` from its joints, and
     what the observer finds of that is late: the arm buckles where ``F l`` exceeds the stiffness of its loop. Of a law
     that measures the specific force the joints' observer is wider, too. That of other laws is not, as it would swing
-    with an upward wind: on estimated rates 13 of 5000 wrong plants were lost. Stiffness grows
-    with the power 1.5 of the damping: with its square 1 of 3000 was lost under such a wind.
+    with an upward wind: on estimated rates 13 of 5000 wrong plants were lost. Stiffness grows with the power 1.5 of the
+    damping: with its square 1 of 3000 was lost under such a wind.
     """
     share = divide(force.z, par.model.vehicle.mass * par.model.gravity)
     alone = par.observer.accelerometer is None
