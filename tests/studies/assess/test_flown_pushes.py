@@ -105,13 +105,13 @@ def test_without_force_control_or_a_push_nothing_is_flown():
     assert pressing_flights(skyarm.load_scenario("case3")) == []
 
 
-def judged(monkeypatch, off, ended=()):
+def judged(monkeypatch, off, ended=(), limited=0.0):
     """Findings for flights whose errors are such shares of the force, eight noises each; ``ended``: (share, noise)."""
     status = np.full((4, 8), "completed", dtype=object)
     for at in ended:
         status[at] = "diverged"
     mean = 1.2 * np.array([0.25, 0.5, 0.75, 1.0])[:, None] * np.broadcast_to(np.array(off).reshape(4, -1), (4, 8))
-    monkeypatch.setattr(flights, "fly_shares", lambda scenario, force: (mean, status))
+    monkeypatch.setattr(flights, "fly_shares", lambda scenario, force: (mean, status, np.full((4, 8), limited)))
     (found,) = pressing_flights(before_a_wall("pelican_arm2", (-0.45, -0.9), 1.2))
     return found
 
@@ -127,6 +127,23 @@ def test_a_force_is_held_within_a_twentieth_in_every_flight_and_else_the_most_th
     assert early.text.endswith("0.9 N are held")
     assert judged(monkeypatch, [0.01, 0.2, 0.2, 0.2]).text.endswith("0.3 N are held")
     assert judged(monkeypatch, [0.2] * 4).text.endswith("nor is a quarter of it")
+
+
+def test_rotors_at_their_limit_for_a_twentieth_of_the_time_hold_nothing_for_long(monkeypatch):
+    assert judged(monkeypatch, [0.01] * 4, limited=0.049).level == OK
+    assert judged(monkeypatch, [0.01] * 4, limited=0.051).level == FAULT
+    found = judged(monkeypatch, [0.01] * 4, limited=0.15)
+    assert found.level == FAULT
+    assert "noises, with a rotor at its limit 15 % of the time: " in found.text
+
+
+@pytest.mark.thorough
+def test_a_force_that_strains_the_rotors_is_a_fault_where_no_short_flight_is_lost():
+    """Of 16 flights of 30 s three are lost with 5.4 N, none with 4.5 N; of 10 s none."""
+    pose = (0.0, -0.8, 0.03, 0.0, 0.03)
+    found = [said_of("octo_coaxial_two_arms", pose, force, duration=10.0) for force in (4.5, 5.4)]
+    assert [each.level for each in found] == [OK, FAULT]
+    assert "with a rotor at its limit" in found[1].text
 
 
 def test_causes_are_named_by_yaw_then_reach_then_inertia(monkeypatch):

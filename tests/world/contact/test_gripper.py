@@ -283,6 +283,7 @@ def test_every_engine_gives_what_floats_give(engine, tolerance, kind):
     [
         ({"name": ""}, "gripper.name = '': must not be empty"),
         ({"kind": "glue"}, "gripper.kind = 'glue': must be one of"),
+        ({"kind": "ball", "radius": 1e308}, "gripper.radius = 1e+308: must be"),
         ({"reach": 0.0}, "gripper.reach"),
         ({"force": -1.0}, "gripper.force"),
         ({"stiffness": math.nan}, "gripper.stiffness"),
