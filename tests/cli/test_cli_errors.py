@@ -283,7 +283,7 @@ HUGE = [
     (
         "position = [0.0, 0.0, -0.15]",
         "position = [0.0, 0.0, -1e200]",
-        ("position.z = -1e+200", "at most 1e+06 in size"),
+        ("position.z = -1e+200", "at most 1e+07 in size"),
     ),
 ]
 

@@ -94,8 +94,8 @@ def test_an_error_counts_where_a_place_is_held_and_not_a_force(push, kept):
     ("table", "message"),
     [
         ({"base": {"kind": "hover", "position": [0.0, 0.0, 1e308]}}, r"base\.z = 1e\+308 m at 0 s"),
-        ({"base": {"kind": "signals", "y": {"kind": "sine", "amplitude": 2e6, "frequency_hz": 0.1}}}, r"base\.y = "),
-        ({"yaw": -2e6}, r"yaw = -2e\+06 rad at 0 s"),
+        ({"base": {"kind": "signals", "y": {"kind": "sine", "amplitude": 2e7, "frequency_hz": 0.1}}}, r"base\.y = "),
+        ({"yaw": -2e7}, r"yaw = -2e\+07 rad at 0 s"),
         (
             {"joints": [{"kind": "ramp", "start": 1.0, "duration": 1.0, "height": 1e300}]},
             r"joints\[0\] = 1e\+300 at 2 s",
@@ -103,5 +103,5 @@ def test_an_error_counts_where_a_place_is_held_and_not_a_force(push, kept):
     ],
 )
 def test_a_reference_beyond_all_lengths_is_refused(table, message):
-    with pytest.raises(ValueError, match=rf"^reference\.{message}.*must be at most 1e\+06 in size$"):
+    with pytest.raises(ValueError, match=rf"^reference\.{message}.*must be at most 1e\+07 in size$"):
         reference_from({"joints": [0.1], **table}, 1, "reference", Setting(duration=5.0))

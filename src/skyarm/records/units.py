@@ -17,8 +17,8 @@ from skyarm.records import coerce
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 
-FARTHEST = 1e6
-"""m from the origin, or between two parts: a float resolves 0.1 nm there."""
+FARTHEST = 1e7
+"""m from the origin, or between two parts: a float resolves 2 nm there, and UTM's northings end there."""
 
 LARGEST = 1e12
 """Of any other unit: the square of a product of two still has digits, and no machine is near."""

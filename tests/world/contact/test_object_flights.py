@@ -297,7 +297,7 @@ def test_objects_that_cannot_be_are_refused_in_one_line(numbers, words):
      ({"closed": "yes"}, r"world.grippers\[0\].closed = 'yes'"),
      ({"closed": {"kind": "wave"}}, r"world.grippers\[0\].closed.kind = 'wave'"),
      ({"name": ""}, r"^world.grippers\[0\].name = '': must not be empty"),
-     ({"radius": 1e308}, r"^world.grippers\[0\].radius = 1e\+308: must be at most 1e\+06"),
+     ({"radius": 1e308}, r"^world.grippers\[0\].radius = 1e\+308: must be at most 1e\+07"),
      ({"reach": -1.0}, r"grippers\[0\].reach = -1.0: must be above 0"),
      ({"name": "box"}, "world.grippers: name = 'box': must be of one only"),
      ({"stiffness": 1e11}, "world: gripper 'magnet' asks for integration steps of")],
