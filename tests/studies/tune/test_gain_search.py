@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from skyarm.studies.sweep.sobol import DIMENSIONS
 from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores
 from skyarm.studies.tune.gain_search import BOX, Effort, costs, scatter, search, with_margins
 from skyarm.studies.tune.law_knobs import Knob
@@ -56,6 +57,15 @@ def test_the_scatter_begins_with_the_law_as_it_is_and_goes_along_one_bandwidth()
     known = scatter(KNOBS, 60, seed=0, starts=np.array([[1.0] * 4, [0.0] * 4]))
     np.testing.assert_allclose(known[2:26, 0], 2.0 * known[2:26, 1], atol=1e-12)
     assert np.abs(points).max() <= BOX + 1e-6
+
+
+def test_more_gains_than_a_sobol_sequence_has_dimensions_are_scattered():
+    many = tuple(Knob(path=f"k{i}", unit="1/s", numbers=(((f"k{i}",), 2.0),)) for i in range(DIMENSIONS + 4))
+    points, few = (scatter(knobs, 200, seed=3)[-150:] for knobs in (many, many[:DIMENSIONS]))
+    np.testing.assert_array_equal(points[:, :DIMENSIONS], few)
+    np.testing.assert_array_equal(points, scatter(many, 200, seed=3)[-150:])
+    assert points[:, DIMENSIONS:].std(axis=0).min() > 0.5 * few.std(axis=0).min()
+    assert np.abs(np.corrcoef(points.T)[DIMENSIONS:, :DIMENSIONS]).max() < 0.35
 
 
 def test_a_share_of_one_never_grows_beyond_it():

@@ -20,7 +20,7 @@ import numpy as np
 from skyarm.compile.machine_code import missing_extra
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.studies.sweep.sobol import BITS, sobol
+from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
 from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores
 from skyarm.studies.tune.law_knobs import LARGEST_FACTOR, Knob
 
@@ -174,7 +174,9 @@ def scatter(knobs: Sequence[Knob], count: int, seed: int, starts: Array | None =
         line[::2] = speeds[::2, None]
     rest = max(count - len(begin) - LINE, 0)
     numbers = np.arange(1 + 4096 * seed, 1 + 4096 * seed + rest)
-    points = np.stack([(sobol(numbers, k).astype(float) + 0.5) / 2.0**BITS for k in range(len(knobs))], axis=1)
+    points = np.random.default_rng(seed).uniform(size=(rest, len(knobs)))  # of knobs beyond Sobol's dimensions
+    for k in range(min(len(knobs), DIMENSIONS)):
+        points[:, k] = (sobol(numbers, k).astype(float) + 0.5) / 2.0**BITS
     reach = np.array(REACHES)[np.arange(rest) % len(REACHES)]
     around = centres[np.arange(rest) // len(REACHES) % len(centres)] + (2.0 * points - 1.0) * (BOX * reach[:, None])
     low, high = _bounds(knobs).T
