@@ -11,11 +11,15 @@ from scipy.signal import lfilter
 import skyarm
 from law_parts import with_parts
 from skyarm.algebra import Vec3
+from skyarm.control.blocks.disturbance_observer import disturbance, first_observed, observe
+from skyarm.control.blocks.prediction import actuation
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.gust_rate import gust_rate_gains
 from skyarm.control.laws.centroidal.shift_motion import slow_force
 from skyarm.control.model import Model
+from skyarm.dynamics.actuators import Command
+from skyarm.sensing.measurement import Measurement
 from skyarm.studies.compare.envelope_axes import TIP
 from skyarm.studies.compare.envelope_setting import PAPER
 from skyarm.vehicle.linkage import BASE
@@ -30,35 +34,38 @@ def par():
     return make_centroidal(model, mode="tip", preset="gusts").par
 
 
-def gone(par, forces, torques):
-    """Rates, shares and roughness, a row each period, of rows of observed forces and torques."""
+def gone(par, forces, torques, efforts=None, free=None):
+    """Rates, shares and roughness, a row each period, of rows of observed disturbances and free actuators."""
     part, rows = par.parts.gusts, []
-    memory, before = part.start(2), Vec3(0.0, 0.0, 0.0)
-    for force, torque in zip(forces, torques, strict=True):
-        now = SimpleNamespace(force=Vec3(*map(float, force)), torque=Vec3(*map(float, torque)))
-        step = SimpleNamespace(
-            par=par, dt=DT, observed=now, memory=SimpleNamespace(observed=SimpleNamespace(torque=before))
-        )
-        memory, before = part.adjust_reference(memory, step), now.torque
+    efforts = np.zeros((len(forces), 2)) if efforts is None else efforts
+    free = np.ones((len(forces), 3)) if free is None else free
+    memory, before = part.start(2), SimpleNamespace(torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
+    for force, torque, effort, each in zip(forces, torques, efforts, free, strict=True):
+        now = SimpleNamespace(force=Vec3(*map(float, force)), torque=Vec3(*map(float, torque)), efforts=effort)
+        law = SimpleNamespace(observed=before, free=tuple(each))
+        step = SimpleNamespace(par=par, dt=DT, observed=now, memory=law, gust=1.0)
+        memory, before = part.adjust_reference(memory, step), now
         rows.append([*map(float, step.change), float(step.gust), float(step.rough)])
     return np.array(rows)
 
 
-def limit(rates, steep):
-    return rates / np.sqrt(1.0 + (rates**2).sum(axis=1, keepdims=True) / steep**2)
-
-
-def written(par, forces, torques):
-    """The same by SciPy's filters over the whole record."""
+def written(par, forces, torques, efforts, free):
+    """The same by SciPy's filters over the whole record; the means are of the periods in which rotors are free."""
     mass = float(par.model.vehicle.mass)
     low = lambda x, w: lfilter([1 - np.exp(-w * DT)], [1, -np.exp(-w * DT)], x, axis=0)  # noqa: E731
-    filtered = low(forces, 60.0)
-    rates = limit(np.diff(filtered, axis=0, prepend=0.0) / DT, 7.0 * mass)
-    turns = limit(np.diff(torques, axis=0, prepend=0.0) / DT / LENGTH, 7.0 * mass)
-    pushing, turning = ((low(each[:, :2] ** 2, 1.5)).sum(axis=1) for each in (rates, turns))
-    share = np.maximum(0.0, 1.0 - 2.0 * turning / (pushing + (0.3 * mass) ** 2))
-    rough = 1.0 + 6.0 * share * pushing / (7.0 * mass) ** 2
-    return np.column_stack([rates * share[:, None], share, rough])
+    rates = np.diff(low(forces, 60.0), axis=0, prepend=0.0) / DT
+    loads = np.column_stack([torques[:, :2], efforts])
+    arm = (np.diff(loads, axis=0, prepend=0.0) ** 2).sum(axis=1) / (DT * LENGTH) ** 2
+    size, most = (rates**2).sum(axis=1), (7.0 * mass) ** 2
+    both = 1.0 + (size + arm) / most
+    stopped = most * (1.0 - free[:, 1:]).sum(axis=1)
+    squares = np.column_stack([(rates[:, :2] ** 2).sum(axis=1) / both, arm / both + stopped])
+    last = np.cumsum(free[:, 0]).astype(int) - 1
+    means = low(squares[free[:, 0] > 0.5], 1.5)[last].T
+    share = np.maximum(0.0, 1.0 - 3.0 * means[1] / (means[0] + (0.3 * mass) ** 2))
+    rough = 1.0 + 6.0 * share * means[0] / most
+    limited = rates / np.sqrt(1.0 + size / most)[:, None]
+    return np.column_stack([limited * share[:, None], share, rough])
 
 
 @pytest.fixture(scope="module")
@@ -69,10 +76,19 @@ def record():
 
 
 def test_the_filter_is_that_of_the_page(par, record):
-    found = written(par, *record)
-    np.testing.assert_allclose(gone(par, *record), found, rtol=1e-9, atol=1e-9)
+    """With efforts, a joint at its limit for a while, and rotors at theirs later."""
+    efforts = np.cumsum(np.random.default_rng(8).normal(size=(400, 2)), axis=0) * 0.0003
+    free = np.ones((400, 3))
+    free[120:150, 2], free[250:330, 0] = 0.0, 0.0
+    forces, torques = record[0], 0.2 * record[1]
+    found = written(par, forces, torques, efforts, free)
+    assert 0.0 < found[100, 3] < 1.0
+    assert found[149, 3] < found[119, 3] < 1.0
+    assert (found[250:330, 3] == found[249, 3]).all()
+    np.testing.assert_allclose(gone(par, forces, torques, efforts, free), found, rtol=1e-9, atol=1e-9)
     half = with_parts(par, gusts=dataclasses.replace(par.parts.gusts, share=0.5))
-    np.testing.assert_allclose(gone(half, *record), found * [0.5, 0.5, 0.5, 1.0, 1.0], rtol=1e-9, atol=1e-9)
+    halved = found * [0.5, 0.5, 0.5, 1.0, 1.0]
+    np.testing.assert_allclose(gone(half, forces, torques, efforts, free), halved, rtol=1e-9, atol=1e-9)
 
 
 def test_rates_turn_with_the_axes(par, record):
@@ -87,12 +103,60 @@ def test_rates_turn_with_the_axes(par, record):
 
 
 def test_only_a_force_on_the_base_is_answered(par, record):
-    """One at the tip, 0.3 m below, turns the base by r x f."""
+    """One at the tip turns the base by r x f and loads the joints by J^T f: of a stretched arm, 0.3 m below, and a bent
+    one, whose tip is 0.1 m below both joints. A joint that is stuck loads itself alone."""
     forces, _ = record
     assert gone(par, forces, 0.0 * forces)[-1, 3] == 1.0
-    at_tip = np.cross([0.0, 0.0, -LENGTH], forces)
-    assert gone(par, forces, at_tip)[50:, 3].max() == 0.0
-    assert not gone(par, forces, at_tip)[50:, :3].any()
+    for depth in (LENGTH, 0.1):
+        at_tip = np.cross([0.0, 0.0, -depth], forces)
+        bent = depth * forces[:, [0, 0]] * [1.0, 0.0 if depth < LENGTH else 0.5]
+        found = gone(par, forces, at_tip, bent)
+        assert found[50:, 3].max() < (1e-12 if depth == LENGTH else 0.85)
+    stuck = gone(par, 0.1 * forces, 0.0 * forces, 0.1 * forces[:, :2])
+    assert stuck[50:, 3].max() == 0.0
+    assert not stuck[50:, :3].any()
+
+
+def test_a_step_on_the_base_is_a_gust(par):
+    """5 N within 20 ms, of which a tenth appears as torque: both are too steep, and their ratio counts."""
+    forces = np.zeros((200, 3))
+    forces[20:, 1] = 5.0 * np.minimum(np.arange(180) / 4.0, 1.0)
+    torques = 0.1 * LENGTH * forces[:, [1, 0, 2]]
+    assert gone(par, forces, torques)[21:, 3].min() > 0.5
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_the_share_goes_from_the_measured_velocity_alone_to_the_accelerometer(par, share):
+    """One step of the observer, and gains: at 0 those of a law without an accelerometer, linear between both ends."""
+    part = par.parts.gusts
+    memory = dataclasses.replace(part.start(2), pushing=1e6, turning=1e6 / 3.0 * (1.0 - share))
+    now = part.adjust_gains(memory, par, DT)
+    assert float(now.observer.accelerometer.share) == pytest.approx(share, abs=1e-6)
+    np.testing.assert_allclose([*now.base.attitude], [205.0 * (1 + 0.5 * share)] * 2 + [30.0], rtol=1e-6)
+
+    def observed(gains):
+        model, start = par.model, first_observed(2, (400.0,) * 4, accelerometer=True)
+        seen = Measurement(
+            time=0.0,
+            position=Vec3(0.0, 0.0, 1.0),
+            quaternion=start.quaternion,
+            velocity=Vec3(0.03, -0.02, 0.01),
+            rate=Vec3(0.1, 0.2, 0.0),
+            joints=(0.1, 0.2),
+            joint_rates=(0.3, -0.1),
+            rotor_speeds=(400.0,) * 4,
+            specific_force=Vec3(0.5, 0.4, 9.0),
+        )
+        if gains.accelerometer is None:
+            start = dataclasses.replace(start, bias=())
+        done = actuation(model, start.rotor_speeds, Command(rotor_speeds=(400.0,) * 4, efforts=(0.0, 0.0)), DT)
+        found, _ = observe(model, gains, start, seen, done, disturbance(start), 1.0, (1.0, 1.0, 1.0), DT)
+        return np.array([*found.force, *found.velocity, *found.torque, *found.efforts])
+
+    heard = dataclasses.replace(now.observer, accelerometer=dataclasses.replace(now.observer.accelerometer, share=1))
+    deaf, full = observed(dataclasses.replace(now.observer, accelerometer=None)), observed(heard)
+    assert abs(full - deaf)[:6].min() > 1e-6
+    np.testing.assert_allclose(observed(now.observer), deaf + share * (full - deaf), rtol=1e-5, atol=1e-9)
 
 
 def test_the_shift_is_calm_in_gusts_and_of_a_pushed_tip(par):

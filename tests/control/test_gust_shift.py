@@ -12,6 +12,7 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Posture
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.base_shift import FIRST_SHIFT, Acting, bounded_shift
@@ -165,22 +166,22 @@ def test_it_is_refused_where_the_tip_is_not_held_and_no_pace_is_below_nothing(mo
             )
 
 
-def test_what_is_foretold_passes_the_filter_by(model):
-    """As far as the trend is believed: the force against the mixture written out."""
+def test_what_is_predicted_is_no_gust(model):
+    """The trend's weight w leaves max(0, 1 - 3 w) to gusts, and its rate predicts over observer and filter."""
     par = make_centroidal(model, mode="tip", preset="adaptive", gust_shift=1.0).par
-    trend = dataclasses.replace(
-        par.parts.trend.start(2), level=Vec3(2.0, 1.0, 0.0), rate=Vec3(0.3, -0.2, 0.0), agreement=0.75, size=1.0
-    )
-    slow = Vec3(1.5, 0.2, 0.1)
-    adapted, rate, late = np.array([2.5, 4.8, 5.9]), np.array([0.2, -0.1, 0.05]), 2.0 / 27.0
-    steady = adapted + np.array([*slow])
-    for engaged in (0.0, 0.5, 1.0):
-        share = float(rate_weight(par.parts.trend, trend)) * (1.0 - engaged)
-        assert (share > 0.1) == (engaged < 1.0)
-        step = SimpleNamespace(rate=Vec3(*rate), trend=(trend.level, share), force=None)
-        found = steady_force(par, step, slow, Vec3(*adapted))
-        level = np.array([*trend.level])
-        np.testing.assert_allclose([*found], steady + (level - np.array([*slow])) * share + rate * late, rtol=1e-12)
+    for agreement in (0.0, 0.55, 0.6, 1.0):
+        memory = dataclasses.replace(par.parts.trend.start(2), rate=Vec3(0.3, -0.2, 0.0), agreement=agreement, size=1.0)
+        zero = Vec3(0.0, 0.0, 0.0)
+        unknown = Disturbance(force=zero, torque=zero, efforts=(0.0, 0.0))
+        step = SimpleNamespace(par=par, dt=DT, observed=SimpleNamespace(force=zero), external=0, unknown=unknown)
+        weight = float(rate_weight(par.parts.trend, par.parts.trend.adjust_reference(memory, step)))
+        assert (weight > 0.05) == (agreement > 0.5)
+        assert float(step.gust) == pytest.approx(max(0.0, 1.0 - 3.0 * weight), abs=1e-12)
+    slow, adapted = np.array([1.5, 0.2, 0.1]), np.array([2.5, 4.8, 5.9])
+    rate = np.array([*step.rate])
+    assert abs(rate[0]) > 0.1
+    found = steady_force(par, step, Vec3(*slow), Vec3(*adapted))
+    np.testing.assert_allclose([*found], slow + adapted + rate * (2.0 / 27.0 + 1.0 / 3.0), rtol=1e-12)
 
 
 def test_the_pace_is_that_of_the_arm_and_of_a_short_one_10_rad_s(model):
@@ -194,7 +195,7 @@ def test_the_pace_is_that_of_the_arm_and_of_a_short_one_10_rad_s(model):
 def test_without_the_shift_for_gusts_the_force_is_foretold_across_the_filter(model):
     """Two poles of the observer and the one that the shift follows by, no slower than 1 rad/s."""
     slow, adapted, rate = Vec3(1.5, 0.2, 0.1), Vec3(0.1, 0.0, -0.2), Vec3(0.3, -0.2, 0.05)
-    step = SimpleNamespace(rate=rate, trend=(slow, 1.0), force=Vec3(9.0, 9.0, 9.0))
+    step = SimpleNamespace(rate=rate, force=Vec3(9.0, 9.0, 9.0))
     for shift_rate, late in ((3.0, 1.0 / 3.0), (0.5, 1.0)):
         par = make_centroidal(model, mode="tip", preset="adaptive", shift_rate=shift_rate).par
         found = steady_force(par, step, slow, adapted)

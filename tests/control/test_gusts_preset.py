@@ -1,16 +1,21 @@
 """The preset for gusts flies what it is for: on seeds that nothing was chosen with, beside the preset adaptive."""
 
+import dataclasses
+
 import numpy as np
 import pytest
-from measure_gusts import LAWS, centre_height, fly, sideways_force
+from measure_gusts import HEARD, LAWS, centre_height, fly, sideways_force
 
 import skyarm
 from skyarm.control.catalogue import LAWS as CATALOGUE
-from skyarm.control.catalogue import PRESETS, make_named
+from skyarm.control.catalogue import PRESETS, make_controller, make_named
 from skyarm.control.laws.centroidal.presets import PRESETS as GAINS
 from skyarm.control.model import Model
-from skyarm.studies.compare.envelope_axes import TIP
-from skyarm.studies.compare.envelope_setting import PAPER
+from skyarm.log.metrics.windows import Window, Windows
+from skyarm.simulate.batch import Batch
+from skyarm.studies.compare.envelope_axes import AXES, TIP
+from skyarm.studies.compare.envelope_setting import PAPER, setting_of
+from skyarm.world.faults import Fault
 from thorough import sampled
 
 SEED = 431
@@ -23,18 +28,46 @@ def tip_error(name, value, law):
     return float(flown.metrics[TIP][0])
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "most"),
-    [("wind_steps", 5.0, 0.025), ("push_x", 3.0, 0.1)],
-)
-def test_it_holds_the_tip_where_adaptive_does_not(name, value, most):
-    """25 mm in steps of 5 N, 100 mm under pushes beyond the arm's strength."""
-    assert tip_error(name, value, "gusts") < most < tip_error(name, value, "adaptive")
+def test_it_holds_the_tip_where_adaptive_does_not():
+    """28 mm in steps of 5 N."""
+    assert tip_error("wind_steps", 5.0, "gusts") < 0.028 < tip_error("wind_steps", 5.0, "adaptive")
+
+
+@pytest.mark.parametrize(("name", "value"), [("push_x", 3.0), ("push_y", 3.0), ("payload", 0.2), ("circle", 3.0)])
+def test_it_is_adaptive_where_the_arm_is_loaded_or_the_force_predicted(name, value):
+    assert tip_error(name, value, "gusts") < 1.07 * tip_error(name, value, "adaptive")
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_a_stuck_joint_is_no_gust(joint):
+    """One that is held from 8 s of a swing on; the accelerometer alone has 1.6 to 15 times adaptive's error."""
+    errors = []
+    for law in ("gusts", "adaptive"):
+        told = {"mode": "tip", "delay": 0.005, **LAWS[law]}
+        setting = setting_of(PAPER, 12.0)
+        fault = Fault(joint=setting.truth.links[joint].joint.name, stuck=True, start=8.0)
+        axis = AXES["circle"] if joint == 0 else AXES["swing_amplitude"]
+        held = axis.scenario(setting, 1.0 if joint == 0 else 0.5)
+        held = held.with_words(noise=HEARD, delays=dataclasses.replace(held.delays, measurement=0.005), faults=(fault,))
+        held = dataclasses.replace(held, controller=make_controller("centroidal", held.controller.par.model, **told))
+        windows = Windows(steady=Window(8.0, 12.0), gust=Window(8.0, 12.0), last=4.0)
+        flown = Batch(held, metrics=(TIP,), windows=windows, effort=0).fly({}, seed=0, episodes=np.arange(4) + SEED)
+        assert list(flown.status) == ["completed"] * 4
+        errors.append(flown.metrics[TIP].mean())
+    assert errors[0] < 1.15 * errors[1]
 
 
 def test_both_hold_the_tip_pushed_from_below():
     """100 mm at 3 N, which only gusts held before adaptive braced its joints."""
     assert max(tip_error("push_z", 3.0, law) for law in ("gusts", "adaptive")) < 0.1
+
+
+@pytest.mark.parametrize(("vehicle", "most"), [("hexarotor_arm6", 0.7), ("quadrotor_roll_arm2", 0.8)])
+def test_other_vehicles_err_less_in_turbulence(vehicle, most):
+    """6 m/s: 22 mm for 39 with a heavy arm and slow motors, 6.5 for 11 with geared joints."""
+    flown = [fly("turbulence", 6.0, law, vehicle, [SEED, SEED + 1]) for law in ("gusts", "adaptive")]
+    assert all(list(each.status) == ["completed"] * 2 for each in flown)
+    assert flown[0].metrics[TIP].mean() < most * flown[1].metrics[TIP].mean()
 
 
 def test_it_errs_by_a_sixth_less_in_turbulence():
@@ -63,12 +96,9 @@ def test_the_force_in_turbulence_is_what_moves_the_centre_of_mass():
     assert pushed == pytest.approx(2.0 / mass * np.sqrt(2.5 / 13.5), rel=0.1)
 
 
-def test_it_is_adaptive_with_eight_other_entries():
+def test_it_is_adaptive_with_four_other_entries():
     changed = {name for name, value in GAINS["gusts"].items() if value != GAINS["adaptive"][name]}
-    assert changed == {
-        *("base", "reach", "lag_inversion", "accelerometer", "velocity_noise"),
-        *("gust_shift", "gust_rate", "shift_rate"),
-    }
+    assert changed == {"accelerometer", "velocity_noise", "gust_shift", "gust_rate"}
     assert set(LAWS) > {"gusts", "adaptive"}
     assert PRESETS["centroidal_tip_gusts"].law in CATALOGUE
 
@@ -85,5 +115,6 @@ def test_it_is_made_for_any_arm_in_both_modes(vehicle, mode):
     assert made.par.observer.accelerometer is not None
     assert (made.par.tip.shift is None) == (mode == "joint")
     assert made.par.tip.damping == adaptive.par.tip.damping
-    # motors slower than the paper's have adaptive's attitude loop
-    assert (made.par.base == adaptive.par.base) == (vehicle == "hexarotor_arm6")
+    assert made.par.base == adaptive.par.base
+    # in gusts the attitude is stiffer, less with motors slower than the paper's
+    assert float(made.par.parts.gusts.stiffer) == (0.0 if vehicle == "hexarotor_arm6" else 0.5)

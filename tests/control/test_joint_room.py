@@ -165,7 +165,7 @@ def test_only_the_adaptive_preset_bounds_and_braces_only_joints_without_limits()
     assert make_centroidal(model, preset="adaptive", joint_limits=False).par.joint_ends == ()
 
 
-@pytest.mark.parametrize(("up", "share"), [(-3.0, 1.0), (0.04, 1.0), (0.15, 1.9), (3.0, 3.2)])
+@pytest.mark.parametrize(("up", "share"), [(-3.0, 1.0), (0.04, 1.0), (0.15, 1.9), (0.25, 2.8), (3.0, 3.2)])
 def test_joints_are_braced_by_the_upward_force_over_the_weight(up, share):
     """Stiffness as the power 1.5 of the damping; the base's gains and, without an accelerometer, the observer stay."""
     par = make_centroidal(Model(vehicle=with_limits(-np.inf, np.inf)), mode="tip", preset="adaptive").par
@@ -177,7 +177,7 @@ def test_joints_are_braced_by_the_upward_force_over_the_weight(up, share):
     assert (found.base, found.observer) == (par.base, par.observer)
     gusts = make_centroidal(par.model, mode="tip", preset="gusts").par
     wider = brace_joints(gusts, Vec3(0.0, 0.0, up * weight), 0.0).observer
-    assert wider.joints == pytest.approx(np.clip(1.0 + 3.0 * (up - 0.05), 1.0, 2.0) * gusts.observer.joints)
+    assert wider.joints == pytest.approx(np.clip(1.0 + 3.0 * (up - 0.15), 1.0, 2.0) * gusts.observer.joints)
     assert dataclasses.replace(wider, joints=gusts.observer.joints) == gusts.observer
 
 

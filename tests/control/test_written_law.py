@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import written_parts
+from written_gusts import GUSTS, WrittenGusts
 from written_law import WrittenLaw
 from written_vehicle import vehicle_of
 
@@ -24,13 +25,15 @@ NOISE = {"position": 1e-3, "velocity": 1e-2, "attitude": 2e-3, "rate": 1e-2, "jo
 CLOSE = 1e-6
 
 
-def scenario_of(case: str, *, start: float | None = None, duration: float, **tables: Any) -> skyarm.Scenario:
-    """A shipped case under ``centroidal_tip``, its motion from ``start`` (s) on, with tables replaced."""
+def scenario_of(
+    case: str, *, start: float | None = None, duration: float, preset: str = "centroidal_tip", **tables: Any
+) -> skyarm.Scenario:
+    """A shipped case under a preset, its motion from ``start`` (s) on, with tables replaced."""
     file = tomllib.loads((LIBRARY / "scenario" / "library" / f"{case}.toml").read_text("utf-8"))
     motions = [file["reference"]["base"], *file["reference"]["joints"]]
     for motion in motions if start is not None else ():
         motion["start"] = start
-    file |= {"controller": {"preset": "centroidal_tip"}, "duration": duration} | tables
+    file |= {"controller": {"preset": preset}, "duration": duration} | tables
     file.pop("windows")
     return skyarm.scenario_from(file)
 
@@ -40,7 +43,7 @@ def recorded(scenario: skyarm.Scenario) -> list[tuple[Any, Any, list[Any], Any, 
     session, rows = skyarm.Session(scenario), []
     while session.running:
         seen, reference = session.measurement, session.reference
-        names = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates")
+        names = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "specific_force")
         taken = {name: np.array(getattr(seen, name), dtype=float) for name in names}
         ahead = [np.array(each, dtype=float) for each in samples_ahead(reference)]
         rows.append((SimpleNamespace(**taken), np.array(samples(reference), dtype=float), ahead))
@@ -50,12 +53,12 @@ def recorded(scenario: skyarm.Scenario) -> list[tuple[Any, Any, list[Any], Any, 
     return [(*row, *sent) for row, *sent in zip(rows, log.rotor_commands, log.efforts, strict=True)]
 
 
-def written(scenario: skyarm.Scenario) -> WrittenLaw:
+def written(scenario: skyarm.Scenario, kind: type[WrittenLaw] = WrittenLaw) -> WrittenLaw:
     """The law written from the page, for the model's file."""
     rates = scenario.rates
     vehicle = vehicle_of(LIBRARY / "vehicle" / "library" / "hummingbird_arm2.toml")
     delay = round(scenario.delays.measurement * rates.control)
-    return WrittenLaw(vehicle, 9.81, 1.0 / rates.control, 1.0 / rates.reference, delay)
+    return kind(vehicle, 9.81, 1.0 / rates.control, 1.0 / rates.reference, delay)
 
 
 def differences(rows: list[Any], law: WrittenLaw) -> Any:
@@ -124,6 +127,20 @@ def test_a_wrong_number_of_the_page_is_found(short: Any, monkeypatch: pytest.Mon
     assert differences(rows[:60], written(scenario)).max() > CLOSE
 
 
+GUSTY = {"preset": "centroidal_tip_gusts", "sensors": NOISE | {"specific_force": 0.05}}
+
+
+def test_the_preset_for_gusts_can_be_written_again() -> None:
+    """0.6 s of Case 3 in wind and noise, of which the law has the specific force; its numbers are the page's."""
+    for name, value in vars(GUSTS).items():
+        assert name == "accelerometer" or f"`{name}`** ({value:g})" in PAGE
+    assert "`accelerometer` (30, 5 rad/s)" in PAGE
+    scenario = scenario_of("case3_wind", start=0.45, duration=0.6, **GUSTY)
+    law = written(scenario, WrittenGusts)
+    assert differences(recorded(scenario), law).max() < CLOSE
+    assert 0.0 < law._share() < 1.0
+
+
 ABRUPT = {
     "base": {
         "kind": "signals",
@@ -189,3 +206,9 @@ def test_it_does_under_noise_with_known_and_unknown_delay() -> None:
     law = written(scenario)
     assert differences(recorded(scenario), law).max() < CLOSE
     assert law._lags()[1][0] > 0.01
+
+
+@pytest.mark.thorough
+def test_the_preset_for_gusts_can_be_where_actuators_are_at_their_limits() -> None:
+    scenario = scenario_of("case3_wind", duration=1.2, reference=ABRUPT, **GUSTY)
+    assert differences(recorded(scenario), written(scenario, WrittenGusts)).max() < CLOSE

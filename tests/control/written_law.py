@@ -60,7 +60,7 @@ class WrittenLaw(WrittenParts):
         self.adapted = (np.zeros(3), np.zeros(3), np.zeros(n))
         self.W = W
         self.free = np.ones(1 + n)
-        self.slow = np.zeros(3)
+        self.slow, self.drift, self.change = np.zeros(3), np.zeros(3), np.zeros(3)
         self.trim = np.zeros(len(W))
         self.size, self.mean = 0.0, np.zeros(3)
         self.y, self.sinks = np.zeros(3), np.zeros(3)
@@ -135,13 +135,15 @@ class WrittenLaw(WrittenParts):
         room = max(1 - L[0] / 0.02, 0.0)
         braced = 1.0 + room * np.clip(9 * (self.d[0][2] / (m * g) - 0.05), 0.0, 2.2)
         kp, kv = par.base[0] * r * r, par.base[1] * r
-        KR = np.array([par.base[2], par.base[2], par.yaw[0]]) * r * r
+        stiff = par.base[2] * self._stiffness()
+        KR = np.array([stiff, stiff, par.yaw[0]]) * r * r
         Kw = np.array([par.base[3], par.base[3], par.yaw[1]]) * r
         arm = par.arm[0] * j**2 * braced**1.5, par.arm[1] * j * braced
         tip = par.tip[0] * j**2 * braced**1.5, par.tip[1] * j * braced
         N2 = par.velocity_noise**2
         quiet = (N2 / max(self.noise.V * dt, N2)) ** 0.25
-        observer = par.observer[0] * r * quiet, par.observer[1] * r, par.observer[2] * j
+        observer = par.observer[0] * r * quiet, par.observer[1] * r, par.observer[2] * j * self._quicker(room)
+        earlier = self.d
         # 4. observer
         told = self._observe(x, then, observer)
         # 5. prediction
@@ -153,14 +155,16 @@ class WrittenLaw(WrittenParts):
         R, omega = matrix(now.quaternion), now.rate
         # 6. force
         rate = self._trend()
-        unknown[0] = unknown[0] + rate * 2 / observer[0]
-        self.slow = self.slow + low(par.shift_rate, dt) * (self.d[0] - self.slow)
-        F = self.slow + self.adapted[0] + rate * (2 / observer[0] + 1 / par.shift_rate)
+        lateness = self._lateness(observer)
+        unknown[0] = unknown[0] + rate * lateness
+        self._gusts(earlier, observer)
+        self.slow = self.slow + low(self._pace(), dt) * (self.d[0] - self.slow)
+        F = self.slow + self.adapted[0] + rate * (lateness + 1 / par.shift_rate)
         # 7. shift and quasi-static attitude
         base, psi, q = np.array([derivatives(s) for s in signals[:3]]).T, signals[3], signals[4:]
         com, point = v.com_tip(q)
         drag = (v.cd * now.W).sum()
-        moved = self._shift(base, psi[0], q, com, point, F, rate, drag, lead, ahead[2:])
+        *moved, drifting = self._shift(base, psi[0], q, com, point, F, rate, drag, lead, ahead[2:])
         going = [base[0], *(b + y for b, y in zip(base[1:], moved, strict=True))]
         D = [R @ v.side(now.W, R.T @ p, np.zeros(3))[0] for p in going[1:4]]
         changes = D[1] + rate, D[2]
@@ -172,7 +176,7 @@ class WrittenLaw(WrittenParts):
         qt = self._turned(q, goal, Rq, wq, aq)
         com, turned = v.com_tip(qt)
         s = self._limited_shift(goal.arm, turned, Rq, wq, aq)
-        base = [base[0] + s[0], base[1] + s[1], base[2] + s[2], base[3] + moved[2], base[4] + moved[3]]
+        base = [base[0] + s[0], base[1] + s[1], base[2] + s[2] + drifting, base[3] + moved[2], base[4] + moved[3]]
         # 9. centre of mass
         h = self._arm_turn(derivatives(com))
         carried = [
@@ -187,7 +191,9 @@ class WrittenLaw(WrittenParts):
         c, p = v.com_tip(own)
         c, p = derivatives(c), derivatives(p)
         position, velocity = now.position + R @ c[0], now.velocity + R @ (vector(omega, c[0]) + c[1])
-        f, ac = self._force(pc, position, velocity, R, omega, unknown[0], changes, kp, kv)
+        f, ac = self._force(
+            pc, position, velocity, R, omega, unknown[0], (changes[0] + self.change, changes[1]), kp, kv
+        )
         Fz = f[:, 0] @ R[:, 2]
         # 10. attitude
         Rd, wd, ad = self._attitude(self._upright(f, fq), psi)
@@ -296,12 +302,15 @@ class WrittenLaw(WrittenParts):
         errors = [a - b for a, b in zip(seen, ahead, strict=True)]
         poles = [np.exp(-each * dt) for each in bandwidths]
         slow = [(1 - b) ** 2 * e / dt for b, e in zip(poles, errors, strict=True)]
-        force, torque, efforts = v.rnea(amid, np.zeros(3), np.zeros(v.n), slow[1], R.T @ slow[0], slow[2])
+        translation = ahead[0] + (1 - poles[0] ** 2) * errors[0], slow[0], self.free[0]
+        translation = self._hear(x, R, linear, done, bandwidths[0], translation)
+        force, torque, efforts = v.rnea(amid, np.zeros(3), np.zeros(v.n), slow[1], R.T @ translation[1], slow[2])
         told = SimpleNamespace(R=R, w=w, q=amid, qd=qd, unknown=unknown, corrections=np.array([*slow[1][:2], *slow[2]]))
         if self.started:
             self.rates = tuple(a + (1 - b * b) * e for a, b, e in zip(ahead, poles, errors, strict=True))
+            self.rates = (translation[0], *self.rates[1:])
             self.d = (
-                self.d[0] + R @ force * self.free[0],
+                self.d[0] + R @ force * translation[2],
                 self.d[1] + torque * self.free[0],
                 self.d[2] + efforts * self.free[1:],
             )
@@ -467,31 +476,3 @@ class WrittenLaw(WrittenParts):
         f2 = m * (pc[4] - feedback(e, 2)) - changes[1]
         found = self._bounded(series(f, f1, f2))
         return found, (b3 * (found[:, 0] @ b3) + d) / m - g * E_Z
-
-    # 12.
-
-    def _allocate(self, torque: Any, thrust: float) -> tuple[Any, Any]:
-        """Squared rotor speeds within their limits, and those without limits."""
-        P, top = self.v.inverse, self.v.top**2
-        raw = P @ [*torque, thrust]
-        tilt, p, t = P[:, :2] @ torque[:2], P[:, 3], P[:, 2]
-        d = tilt / p
-        spread = d[:, None] - d[None, :]
-        shares = np.where(spread > 0, (top / p)[:, None] / np.where(spread > 0, spread, 1.0), 1.0)
-        tilt = tilt * min(1.0, shares.min())
-        # bounds of the yaw torque: low + slope f <= u <= high + slope f
-        ends = np.array([-tilt / t, (top - tilt) / t])
-        lows = [min(0.0, torque[2] - self.slack), *ends.min(axis=0)]
-        highs = [max(0.0, torque[2] + self.slack), *ends.max(axis=0)]
-        slopes = [0.0, *(-p / t)]
-        least, most = -1e100, 1e100
-        for low_, a in zip(lows, slopes, strict=True):
-            for high, b in zip(highs, slopes, strict=True):
-                if a > b:
-                    most = min(most, (high - low_) / (a - b))
-                elif a < b:
-                    least = max(least, (high - low_) / (a - b))
-        f, u = min(max(thrust, least), most), torque[2]
-        for low_, high, a in zip(lows, highs, slopes, strict=True):
-            u = min(max(u, low_ + a * f), high + a * f)
-        return np.clip(tilt + p * f + t * u, 0.0, top), raw

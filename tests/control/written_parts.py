@@ -64,6 +64,8 @@ class WrittenParts:
     delay: int
     d: Any
     rates: Any
+    slack: float
+    drift: Any
 
     # lag
 
@@ -100,7 +102,8 @@ class WrittenParts:
         c = (d - t.forces[2]) / 0.25
         t.A += low(0.7, dt) * (nu(c) * t.rates[2] @ c - t.A)
         t.B += low(0.7, dt) * (nu(c) * t.rates[2] @ t.rates[2] - t.B)
-        return t.rate * nu(t.rate) * np.clip(2 * t.A / (t.B + (0.1 * m) ** 2) - 1, 0.0, 1.0)
+        t.weight = nu(t.rate) * np.clip(2 * t.A / (t.B + (0.1 * m) ** 2) - 1, 0.0, 1.0)
+        return t.rate * t.weight
 
     # arm_turn
 
@@ -149,7 +152,7 @@ class WrittenParts:
     def _shift(
         self, base: Any, psi: float, q: Any, com: Any, tip: Any, F: Any, rate: Any, drag: float, lead: Any, ahead: Any
     ) -> list[Any]:
-        """First to fourth derivative of the shift; the memory goes on."""
+        """First to fourth derivative of the shift, and what its drift adds to the second; the memory goes on."""
         m, g, dt = self.v.mass, self.g, self.dt
         axes, left, rest = self._levers(q[:, 0], psi)
         lever = com[2] - tip[2]
@@ -236,7 +239,57 @@ class WrittenParts:
         self.y = self.y + step * [1.0, 1.0, 0.0]
         self.sinks = np.array(heights[1:])
         self.secants, self.falls, self.first = np.array(secants), falling, lead[0]
-        return moved
+        drifting = axes.T @ (factor[0] * (axes @ self.drift[:2])) / -(m * sweep[0][0])
+        return [*moved, np.array([*drifting, 0.0])]
+
+    # gusts: none
+
+    def _stiffness(self) -> float:
+        return 1.0
+
+    def _quicker(self, room: float) -> float:
+        return 1.0
+
+    def _lateness(self, observer: Any) -> float:
+        return float(2 / observer[0])
+
+    def _pace(self) -> float:
+        return float(self.par.shift_rate)
+
+    def _gusts(self, earlier: Any, observer: Any) -> None:
+        """``change`` and ``drift`` stay 0."""
+
+    def _hear(self, x: Any, R: Any, linear: Any, done: Any, bandwidth: float, seen: Any) -> Any:
+        """Velocity, change of the force's acceleration, and how much of it counts."""
+        return seen
+
+    # 12.
+
+    def _allocate(self, torque: Any, thrust: float) -> tuple[Any, Any]:
+        """Squared rotor speeds within their limits, and those without limits."""
+        P, top = self.v.inverse, self.v.top**2
+        raw = P @ [*torque, thrust]
+        tilt, p, t = P[:, :2] @ torque[:2], P[:, 3], P[:, 2]
+        d = tilt / p
+        spread = d[:, None] - d[None, :]
+        shares = np.where(spread > 0, (top / p)[:, None] / np.where(spread > 0, spread, 1.0), 1.0)
+        tilt = tilt * min(1.0, shares.min())
+        # bounds of the yaw torque: low + slope f <= u <= high + slope f
+        ends = np.array([-tilt / t, (top - tilt) / t])
+        lows = [min(0.0, torque[2] - self.slack), *ends.min(axis=0)]
+        highs = [max(0.0, torque[2] + self.slack), *ends.max(axis=0)]
+        slopes = [0.0, *(-p / t)]
+        least, most = -1e100, 1e100
+        for low_, a in zip(lows, slopes, strict=True):
+            for high, b in zip(highs, slopes, strict=True):
+                if a > b:
+                    most = min(most, (high - low_) / (a - b))
+                elif a < b:
+                    least = max(least, (high - low_) / (a - b))
+        f, u = min(max(thrust, least), most), torque[2]
+        for low_, high, a in zip(lows, highs, slopes, strict=True):
+            u = min(max(u, low_ + a * f), high + a * f)
+        return np.clip(tilt + p * f + t * u, 0.0, top), raw
 
     # lag, noise, adaptation
 

@@ -56,10 +56,12 @@ class AccelerometerGains:
     Attributes:
         force: at which the unknown force follows the accelerometer.
         velocity: below which the measured velocity outweighs the accelerometer.
+        share: weight of force and velocity so found against those of the measured velocity alone.
     """
 
     force: Annotated[Scalar, Unit("rad/s", "at which the unknown force follows the accelerometer")]
     velocity: Annotated[Scalar, Unit("rad/s", "below which velocities are believed more than the accelerometer")]
+    share: Annotated[Scalar, Unit("", "0 to 1, weight against the measured velocity alone")] = 1
 
 
 @immutable
@@ -123,14 +125,15 @@ def measure_translation(
     ahead = velocity + (linear + beside) * dt
     e = measurement.velocity - ahead
     fast, slow = double_pole(gains.velocity, dt)
-    moving: Scalar = 1.0
+    share: Scalar = gains.share
+    moving = share
     for each in joints:
         moving = mul(moving, each)
     return Felt(
-        velocity=ahead + e * fast,
+        velocity=(ahead + e * fast) * share + seen.velocity * (1.0 - share),
         bias=vector_data(seen.bias - R.apply_T(e) * divide(slow, dt)),
-        change=choose(moving > 0.5, beside * low_pass_share(gains.force, dt), seen.change),
-        learns=where(moving > 0.5, 1.0, seen.learns),
+        change=beside * mul(moving, low_pass_share(gains.force, dt)) + seen.change * (1.0 - moving),
+        learns=moving + mul(1.0 - moving, seen.learns),
     )
 
 

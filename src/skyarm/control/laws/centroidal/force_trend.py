@@ -31,6 +31,9 @@ HORIZON, FORGET = 0.25, 0.7
 CHANCE = 0.5
 """Slope up to which a rate is not believed: turbulence reaches it by chance."""
 
+KNOWN = 3.0
+"""Of the weight of the rate: how much less of the force is a gust."""
+
 AHEAD = 1.0
 """rad/s; no force is predicted further ahead than filters of this bandwidth are late."""
 
@@ -62,7 +65,7 @@ class TrendGains(Part):
         if type(step.external) is not int:
             free = 1.0 - step.external
             rate = rate * free
-        step.rate, step.trend = rate, (trend.level, mul(rate_weight(self, trend), free))
+        step.rate, step.gust = rate, maximum(1.0 - KNOWN * mul(rate_weight(self, trend), free), 0.0)
         step.unknown = dataclasses.replace(step.unknown, force=step.unknown.force + rate * lateness(step.par))
         return trend
 
@@ -135,10 +138,11 @@ def weighted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
 
 def lateness(par: CentroidalParameters) -> Scalar:
     """Delay (s) of the observer's force estimate behind a steadily changing force."""
-    accelerometer = par.observer.accelerometer
+    accelerometer, velocity = par.observer.accelerometer, divide(2.0, maximum(par.observer.force, AHEAD))
     if accelerometer is None:
-        return divide(2.0, maximum(par.observer.force, AHEAD))
-    return divide(1.0, maximum(accelerometer.force, AHEAD))
+        return velocity
+    share, quicker = accelerometer.share, divide(1.0, maximum(accelerometer.force, AHEAD))
+    return mul(share, quicker) + mul(1.0 - share, velocity)
 
 
 def _no_step(gains: TrendGains, rate: Vec3) -> Scalar:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, add, divide, maximum, where
+from skyarm.algebra.scalars import Scalar, add, divide, maximum, mul, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import Channel, extrapolate
@@ -143,7 +143,7 @@ def centroidal(
         memories[name] = part.adjust_reference(memories[name], step)
     slow = slow_force(par, memory.slow_force, step.force, dt, step.gust, step.rough)
     if par.tip.shift is not None and par.tip.shift.gust is not None:
-        step.drift = (slow - memory.slow_force) * divide(1.0, dt)
+        step.drift = (slow - memory.slow_force) * mul(step.gust, divide(1.0, dt))
     step.steady = steady_force(par, step, slow, adapted.force)
     step.demand = demands(step)
     output = actuate(step, step.demand)

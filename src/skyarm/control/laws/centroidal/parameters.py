@@ -25,14 +25,12 @@ SHARES = (0.125, 0.25, 0.4375, 0.6875, 1.0)
 """Of the preview, where the law takes samples for the shift of the base: closer together where they count more."""
 
 
-PRESSED = 0.05
-"""Upward force over the weight from which joints are braced."""
-
 LATEST = 0.02
 """Delay of the commands, known and found, from which they are not, s."""
 
-BRACES, BRACES_AND_OBSERVER = (9.0, 3.2), (3.0, 2.0)
-"""Growth of the joints' damping with what exceeds it, and the most; where that of their observer grows, too."""
+BRACES, QUICKER = (0.05, 9.0, 3.2), (0.15, 3.0, 2.0)
+"""Upward force over the weight from which the joints' damping grows, by how much with what exceeds it, and the most.
+The same of their observer's bandwidth with an accelerometer, where a tenth of the thrust is too little to tell."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -185,13 +183,14 @@ def brace_joints(par: CentroidalParameters, force: Vec3, late: Scalar) -> Centro
     damping: with its square 1 of 3000 was lost under such a wind.
     """
     share = divide(force.z, par.model.vehicle.mass * par.model.gravity)
-    alone = par.observer.accelerometer is None
-    growth, most = BRACES if alone else BRACES_AND_OBSERVER
     room = maximum(1.0 - late * (1.0 / LATEST), 0.0)
-    joints = 1.0 + room * minimum(maximum((share - PRESSED) * growth, 0.0), most - 1.0)
+    joints, quicker = (
+        1.0 + room * minimum(maximum((share - least) * growth, 0.0), most - 1.0)
+        for least, growth, most in (BRACES, QUICKER)
+    )
     # a load at the tip that nobody knows of divides both gains: the loop is to stay damped under its integrator
     stiffness = joints * sqrt(joints)
-    observer = par.observer if alone else _times(par.observer, joints=joints)
+    observer = par.observer if par.observer.accelerometer is None else _times(par.observer, joints=quicker)
     return dataclasses.replace(
         par,
         joint_gains=_times(par.joint_gains, stiffness=stiffness, damping=joints),

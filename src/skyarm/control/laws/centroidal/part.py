@@ -47,9 +47,9 @@ class Step:
         rate: N/s, world axes, trusted part of the observed force's.
         ahead: samples to come of the reference, each with its time from now, s.
         steady: force that the attitude balances, N, world axes. drift: its rate by the filter for gusts, N/s.
-        change: rate of gusts on the base, N/s, world axes. gust: share of the force that they are.
+        change: rate of gusts on the base, N/s, world axes. gust: share of the force that they are, not the tip's and
+            not predicted.
         rough: 1 in calm air, growth of the shift's time constant in gusts.
-        trend: level of the tracked force (N, world axes) and its trusted share; None without one.
         demand: of the step, once it is known.
     """
 
@@ -73,7 +73,6 @@ class Step:
     pressing: Pressing | None = None
     ahead: Sequence[tuple[Scalar, Sequence[Sample]]] = ()
     rate: Vec3 = ZERO3
-    trend: tuple[Vec3, Scalar] | None = None
     steady: Vec3 = ZERO3
     drift: Vec3 = ZERO3
     change: Vec3 = ZERO3

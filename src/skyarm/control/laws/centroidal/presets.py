@@ -85,10 +85,6 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "adaptive": ADAPTIVE,
     "gusts": {
         **ADAPTIVE,
-        "base": (22.0, 8.5, 250.0, 20.0),
-        "reach": 0.2,
-        "lag_inversion": 0.25,
-        "shift_rate": 1.8,
         "accelerometer": (30.0, 5.0),
         "velocity_noise": 0.0,
         "gust_shift": 0.7,
@@ -167,9 +163,6 @@ def fit_gains(
         found |= {name: gains[name] * damping_share(vehicle) for name in ("damping", "preview")}
         if not any(gains["interaction"]):
             found["tip"] = gains["tip"][0], gains["tip"][1] * tip_damping_share(vehicle)
-    if preset == "gusts" and noise_share(vehicle) < 1.0:
-        # slower motors lose a heavy arm in turbulence with less damping
-        found["base"] = PRESETS["adaptive"]["base"]
     found["velocity_noise"] = gains["velocity_noise"] * noise_share(vehicle)
     return {name: value for name, value in found.items() if name not in given or name == "arm_turn"}
 

@@ -75,13 +75,9 @@ def slow_force(
 def steady_force(par: CentroidalParameters, step: Step, slow: Vec3, adapted: Vec3) -> Vec3:
     """Predicted force that the attitude balances, N, world axes."""
     steady = (slow if par.mode == "tip" else step.force) + adapted
-    if step.trend is None:
+    if par.parts.trend is None:
         return steady
     late = lateness(par)
-    if par.mode == "tip" and par.tip.shift is not None and par.tip.shift.gust is not None:
-        # a change that can be predicted is followed as it is, the rest through the filter
-        level, share = step.trend
-        steady = steady + (level - slow) * share
-    elif par.mode == "tip":
+    if par.mode == "tip":
         late = late + divide(1.0, maximum(par.tip.shift_rate, AHEAD))
     return steady + step.rate * late
