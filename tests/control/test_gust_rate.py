@@ -15,6 +15,7 @@ from skyarm.control.blocks.disturbance_observer import disturbance, first_observ
 from skyarm.control.blocks.prediction import actuation
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.force_trend import lateness
 from skyarm.control.laws.centroidal.gust_rate import gust_rate_gains
 from skyarm.control.laws.centroidal.shift_motion import slow_force
 from skyarm.control.model import Model
@@ -79,12 +80,12 @@ def test_the_filter_is_that_of_the_page(par, record):
     """With efforts, a joint at its limit for a while, and rotors at theirs later."""
     efforts = np.cumsum(np.random.default_rng(8).normal(size=(400, 2)), axis=0) * 0.0003
     free = np.ones((400, 3))
-    free[120:150, 2], free[250:330, 0] = 0.0, 0.0
-    forces, torques = record[0], 0.2 * record[1]
+    free[120:122, 2], free[250:330, 0] = 0.0, 0.0
+    forces, torques, efforts = record[0], 0.1 * record[1], 0.3 * efforts
     found = written(par, forces, torques, efforts, free)
-    assert 0.0 < found[100, 3] < 1.0
-    assert found[149, 3] < found[119, 3] < 1.0
+    assert found[121, 3] < found[119, 3] < 1.0
     assert (found[250:330, 3] == found[249, 3]).all()
+    assert 0.0 < found[249, 3] < found[399, 3]
     np.testing.assert_allclose(gone(par, forces, torques, efforts, free), found, rtol=1e-9, atol=1e-9)
     half = with_parts(par, gusts=dataclasses.replace(par.parts.gusts, share=0.5))
     halved = found * [0.5, 0.5, 0.5, 1.0, 1.0]
@@ -132,6 +133,7 @@ def test_the_share_goes_from_the_measured_velocity_alone_to_the_accelerometer(pa
     memory = dataclasses.replace(part.start(2), pushing=1e6, turning=1e6 / 3.0 * (1.0 - share))
     now = part.adjust_gains(memory, par, DT)
     assert float(now.observer.accelerometer.share) == pytest.approx(share, abs=1e-6)
+    assert float(lateness(now)) == pytest.approx(share / 30.0 + (1.0 - share) * 2.0 / 27.0)
     np.testing.assert_allclose([*now.base.attitude], [205.0 * (1 + 0.5 * share)] * 2 + [30.0], rtol=1e-6)
 
     def observed(gains):
