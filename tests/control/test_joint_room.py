@@ -11,6 +11,7 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.laws.centroidal.demands import within_limits
 from skyarm.control.laws.centroidal.make import ends_of, make_centroidal
 from skyarm.control.laws.centroidal.parameters import brace_joints
+from skyarm.control.laws.centroidal.tip_tasks import plan_weight
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
 from skyarm.reference import Constant, Reference, Windowed
@@ -218,7 +219,7 @@ def test_a_push_from_below_folds_the_arm_by_less_than_half_a_turn():
     log = skyarm.run(dataclasses.replace(pushed, controller=law))
     assert log.status == "completed"
     assert np.abs(log.joints).max() < np.pi
-    assert np.linalg.norm(log.tip - log.tip[799], axis=1)[800:1600].mean() < 0.08
+    assert np.linalg.norm(log.tip - log.tip[799], axis=1)[800:1600].mean() < 0.09
 
 
 def test_a_reference_beyond_a_limit_is_followed_up_to_it():
@@ -267,3 +268,17 @@ def test_an_arm_takes_back_no_more_of_the_bases_error_than_it_slides():
     assert [law.par.tip.reach for law in laws] == [pytest.approx(0.07), 0.12]
     assert make_centroidal(octo, mode="tip", preset="adaptive", reach=0.1).par.tip.reach == 0.1
     assert make_centroidal(octo, mode="tip", preset="robust").par.tip.reach == 0.12
+
+
+def test_links_far_off_their_plan_outweigh_the_tip() -> None:
+    vehicle = skyarm.load_scenario("case3").plant.vehicle
+    directions = [Vec3(0.0, 1.0, 0.0)] * vehicle.n
+
+    def weight(*angles: float) -> float:
+        return float(plan_weight(vehicle, directions, [Vec3(0.3, angle, 0.2) for angle in angles]))
+
+    # errors about other axes are no joint's: a planar arm on a base that rolls keeps its tip in place
+    assert weight(0.0, 0.0) == 1.0
+    assert weight(0.07, -0.07) == pytest.approx(1.0 + 2.0 / 3.0)
+    assert weight(0.3, 0.1) == pytest.approx(weight(-0.1, -0.3))
+    assert 2.99 < weight(2.0, 2.0) < 3.0

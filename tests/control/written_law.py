@@ -213,13 +213,16 @@ class WrittenLaw(WrittenParts):
         b1 = b1 - (vector(alpha, rho[0]) + vector(omega, vector(omega, rho[0])) + 2 * vector(omega, rho[1]) + rho[2])
         rows, right = [v.tip_jacobian(now.joints) - v.com_jacobian(now.joints)], [b1]
         links, _, axes = v.still(now.joints)
+        off = 0.0
         for i, (turning, bias) in enumerate(self._turning(axes, now.joint_rates, omega, alpha)):
             rows.append(self._columns(axes, i))
+            off += (axes[i] @ R.T @ self._off(R @ links[i], goal.links[i])) ** 2 / v.n / 0.07**2
             turn_d = goal.accelerations[i] + tip[1] * goal.rates[i] + tip[0] * self._off(R @ links[i], goal.links[i])
             right.append(R.T @ turn_d - tip[1] * turning - bias)
         rows.append(np.eye(v.n))
         right.append(preferred)
-        qdd = squares(rows, right, [1.0, *[par.damping**2] * v.n, par.posture**2])
+        weight = par.damping**2 * (1 + 2 * off / (2 + off))
+        qdd = squares(rows, right, [1.0, *[weight] * v.n, par.posture**2])
         pole = max(arm[1] / 2, np.sqrt(arm[0]))
         near = 2 * q[:, 2] + 2 * pole * (q[:, 1] - now.joint_rates) + pole**2 * (q[:, 0] - now.joints)
         qdd = np.clip(qdd, near - 2.2 * pole**2, near + 2.2 * pole**2)

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin
+from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin, total
 from skyarm.algebra.scalars.taylor import Taylor, inverse_root
 from skyarm.control.blocks.attitude import Attitude, Posture, derivative, near_angles, vector_series
 from skyarm.control.blocks.center_of_mass import axes, com_columns
@@ -217,6 +217,27 @@ def turned_joints(
     return tuple(Taylor((value, rate, mul(0.5, turning), *q.c[3:])) for q, value, rate, turning in rows)
 
 
+OFF = 0.07
+"""rad, root mean square of the links' errors about their joints from which the links' orientations weigh more."""
+
+MORE = 2.0
+"""Most that they weigh more."""
+
+
+def plan_weight(vehicle: Vehicle, directions: Sequence[Vec3], errors: Sequence[Vec3]) -> Scalar:
+    """Weight of the link orientations over their nominal one, by the links' errors about their own joints.
+
+    Where the tip has no lever along the stretched arm a late elbow bends to the other side of it. The tip is then in
+    place and holds the arm there: its Jacobian points the other way. Links far off their plan turn back first.
+    """
+    turning = [a.dot(e) for link, a, e in zip(vehicle.links, directions, errors, strict=True) if link.joint.turns]
+    if not turning:
+        return 1
+    # 1 + m o / (m + o), o the mean square over OFF squared, with both sides of the fraction times `unit`
+    unit = len(turning) * OFF * OFF
+    return 1.0 + MORE - divide(MORE * MORE * unit, MORE * unit + total(mul(each, each) for each in turning))
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Now:
     """Present motion of the vehicle: attitude, body rate, joints, posture and tip.
@@ -260,13 +281,17 @@ def joint_accelerations(
         asked, against[i] = asked - against[i] * preferred[i], ZERO3
     problem.require(against, asked, 1)
     directions = axes(vehicle, poses)
+    errors = [
+        orientation_error(pose.R, R.T @ link) for pose, link in zip(poses[: vehicle.n], wanted.links, strict=True)
+    ]
+    weight = gains.damping * gains.damping * plan_weight(vehicle, directions, errors)
     for i, (rate, bias) in enumerate(link_turning(vehicle, directions, now.joint_rates, w, now.alpha)):
-        error = orientation_error(poses[i].R, R.T @ wanted.links[i])
+        error = errors[i]
         calm = gains.links[i] if gains.links else 1
         velocity, position = mul(gains.velocity, calm), mul(gains.position, mul(calm, calm))
         turn = R.apply_T(wanted.accelerations[i] + wanted.rates[i] * velocity) + error * position
         needed = turn - rate * velocity - bias
-        problem.require(orientation_rows(vehicle, directions, i), needed, gains.damping * gains.damping)
+        problem.require(orientation_rows(vehicle, directions, i), needed, weight)
     problem.prefer(preferred, gains.posture * gains.posture)
     slides = divide(gains.damping, gains.reach)
     for i, link in enumerate(vehicle.links):
