@@ -2,12 +2,14 @@
 
 import dataclasses
 import itertools
+import math
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.reference import tip_plan
 from skyarm.reference.feasibility import _weakest, feasibility
@@ -79,6 +81,13 @@ def test_across_its_plane_a_planar_arm_of_three_joints_is_not_singular():
     assert _weakest(ARM6, pitches, times, bent) == (pytest.approx(np.linalg.svd(J, compute_uv=False)[1], rel=1e-9), 0.0)
     assert _weakest(ARM6, pitches, times, bent)[0] > 0.05
     assert _weakest(ARM6, pitches, times, straight)[0] < 1e-6
+    # a joint frame of a file that writes a right angle as 1.5708 or 1.571 rad
+    for wrong in (1.5708, 1.571):
+        link = ARM6.links[2]
+        turned = Mat3(*(Vec3(*row) for row in Rotation.from_euler("x", wrong - math.pi / 2).as_matrix()))
+        frame = dataclasses.replace(link.joint, rotation=link.joint.rotation @ turned)
+        links = tuple(dataclasses.replace(each, joint=frame) if each is link else each for each in ARM6.links)
+        assert _weakest(dataclasses.replace(ARM6, links=links), pitches, times, bent)[0] > 0.05
 
 
 def test_base_and_arm_share_the_way(shared):

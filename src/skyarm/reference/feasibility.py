@@ -30,6 +30,10 @@ MOST_JACOBIANS = 500
 POSTURES = 8
 """Postures at random that show in how many directions the arm can move the tip."""
 
+ASIDE = 1e-3
+"""Share of its largest singular value below which an arm moves its tip in no direction: frames in files are rounded, a
+right angle to 1.571 rad or finer."""
+
 SINGULAR = 0.02
 """Smallest singular value over the arm's length below which an arm is told to be nearly singular: in that direction its
 tip then moves by its own length in 50 rad or more."""
@@ -83,7 +87,7 @@ def _weakest(vehicle: Vehicle, carriers: Sequence[int], times: Array, joints: Ar
     still, level = np.zeros((len(postures), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(postures), 1))
     J = frame_jacobian(vehicle, still, level, postures)[:, :3, 6:][:, :, list(carriers)]
     values = np.linalg.svd(J, compute_uv=False)
-    moved = (values[:POSTURES] > 1e-9).sum(axis=1).max()
+    moved = (values[:POSTURES] > ASIDE * values.max()).sum(axis=1).max()
     least = values[POSTURES:, max(moved, 1) - 1]
     at = int(np.argmin(least))
     return float(least[at]), float(times[at])
