@@ -270,6 +270,24 @@ def test_an_arm_takes_back_no_more_of_the_bases_error_than_it_slides():
     assert make_centroidal(octo, mode="tip", preset="robust").par.tip.reach == 0.12
 
 
+def test_a_finger_beside_the_tip_is_no_slide_of_the_arm():
+    """On the last link of the paper's arm, of 20 mm; where it carries the tip it counts, down to the option's least."""
+    arm = skyarm.load_vehicle("hummingbird_arm2")
+    last = arm.links[-1]
+
+    def gains(stroke, tip_link):
+        joint = dataclasses.replace(last.joint, name="finger", kind="prismatic", lower=0.0, upper=stroke)
+        finger = dataclasses.replace(last, name="finger", parent=1, joint=joint)
+        frames = tuple(dataclasses.replace(each, link=tip_link) for each in arm.frames)
+        held = dataclasses.replace(arm, links=(*arm.links, finger), frames=frames)
+        tip = make_centroidal(Model(vehicle=held), mode="tip", preset="adaptive").par.tip
+        return tip.reach, tip.velocity
+
+    assert gains(0.02, 1) == (0.12, 53.0)
+    assert gains(0.02, 2) == pytest.approx((0.01, 1.6 * 53.0))
+    assert gains(1e-6, 2)[0] == 1e-3
+
+
 def test_links_far_off_their_plan_outweigh_the_tip() -> None:
     vehicle = skyarm.load_scenario("case3").plant.vehicle
     directions = [Vec3(0.0, 1.0, 0.0)] * vehicle.n

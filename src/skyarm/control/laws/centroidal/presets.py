@@ -12,6 +12,7 @@ import numpy as np
 
 from skyarm.algebra import Mat3
 from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.tip_tasks import chain
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.files import number, shown
@@ -197,9 +198,7 @@ def tip_damping_share(vehicle: Vehicle) -> float:
     A load that nobody told of acts on a sliding joint in full, without a lever. It divides both gains by the inertia it
     adds, and under the observer's integrator the loop swings beyond the limits.
     """
-    joints = [link.joint for link in vehicle.links]
-    slides = any(not j.turns and math.isfinite(float(j.upper) - float(j.lower)) for j in joints)
-    return SLIDING if slides else 1.0
+    return SLIDING if math.isfinite(slide_room(vehicle)) else 1.0
 
 
 PRESETS_MOBILITY = 38.0
@@ -230,9 +229,13 @@ def tip_lightness(vehicle: Vehicle) -> float:
 
 
 def slide_room(vehicle: Vehicle) -> float:
-    """Half of the shortest range of sliding joints, m: an arm cannot take back more of the base's error."""
-    joints = [link.joint for link in vehicle.links]
-    return min((0.5 * (float(j.upper) - float(j.lower)) for j in joints if not j.turns), default=math.inf)
+    """Half of the shortest range of the sliding joints that carry the tip, m, not below the option's least.
+
+    An arm cannot take back more of the base's error. A gripper's finger or another arm does not count.
+    """
+    joints = [vehicle.links[i].joint for i in chain(vehicle, vehicle.frame().link)]
+    rooms = (0.5 * (float(j.upper) - float(j.lower)) for j in joints if not j.turns)
+    return max(min(rooms, default=math.inf), OPTIONS["reach"][1])
 
 
 def noise_share(vehicle: Vehicle) -> float:
