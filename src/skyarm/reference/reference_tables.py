@@ -208,7 +208,7 @@ def _require_force(force: Signal, at: str, duration: float, *, pulls: bool) -> N
 
 
 def _require_reach(found: Trajectory, where: str, duration: float) -> None:
-    """Refuse a reference that goes further than any number of a file may."""
+    """Refuse a reference beyond ``FARTHEST`` (m or rad) at any time of the flight."""
     signals = [(f"{where}.base.{axis}", getattr(found, axis), " m") for axis in "xyz"]
     signals += [(f"{where}.yaw", found.yaw, " rad")]
     signals += [(f"{where}.joints[{i}]", signal, "") for i, signal in enumerate(found.joints)]
