@@ -139,6 +139,21 @@ def test_the_examples_fly_as_their_first_lines_say():
     assert button.contact_force[:, 0].max() == 0.0, "the wall was not touched"
 
 
+def test_the_chamfer_of_the_example_leads_its_peg_into_the_hole():
+    """In the posture of the flight the rim lies level, and it is the chamfer that moves the tip, before the bottom."""
+    log = skyarm.run(skyarm.load_scenario(EXAMPLES / "insert_a_peg.toml", duration=3.5))
+    (plate,) = log.scenario.world.surfaces
+    _, depth, chamfer, *_ = plate.size
+    mouth = plate.position.z
+    on_chamfer = (log.contact_force > 0.01).any(axis=1) & (log.tip[:, 2] > mouth - chamfer)
+    assert on_chamfer.sum() > 3
+    assert abs(log.tip[: on_chamfer.argmax(), 1]).max() < 1e-4, "1.5 mm beside the hole's axis"
+    inside = (log.tip[:, 2] < mouth - chamfer) & (log.tip[:, 2] > mouth - 0.9 * depth)
+    assert log.tip[inside, 1].min() > 4e-4, "within the 1 mm of clearance"
+    assert log.tip[-1, 2] == pytest.approx(mouth - depth, abs=1e-3)
+    assert ((log.contact_force[-1] > 0.01).sum(), log.status) == (pytest.approx(3, abs=1), "completed")
+
+
 @pytest.mark.parametrize("kind", [pytest.param("drawer", marks=pytest.mark.thorough), "valve"])
 def test_a_gripper_on_a_handle_moves_the_mechanism_and_is_moved_by_it(kind):
     """A limp vehicle without weight that flies off with a handle: momentum along the slide, or about the hinge."""
