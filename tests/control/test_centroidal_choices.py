@@ -13,7 +13,9 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import PRESETS, make_centroidal
 from skyarm.control.laws.centroidal.presets import check_entry, periods_of
 from skyarm.control.model import Model
+from skyarm.records.files import Fields
 from skyarm.reference import Reference
+from skyarm.scenario.controller_table import controller_from
 from skyarm.sensing.measurement import blank_measurement
 from skyarm.vehicle.linkage import BASE
 
@@ -104,6 +106,24 @@ def test_a_delay_off_a_whole_number_of_periods_to_either_side_is_refused(whole, 
         if 0.0 < seconds < 0.5:
             with pytest.raises(ControllerError, match="must be a whole number of control periods"):
                 periods_of(seconds, 0.005)
+
+
+def test_a_measurement_older_than_the_whole_delay_is_refused():
+    assert make_centroidal(MODEL, delay=0.01, age=0.01).par == make_centroidal(MODEL, delay=0.01).par
+    with pytest.raises(ControllerError, match=r"^controller\.age = 0\.01: must be at most delay, 0\.005 s$"):
+        make_centroidal(MODEL, delay=0.005, age=0.01)
+
+
+@pytest.mark.parametrize("given", [{"delay": 0.005, "age": 0.01}, {"age": 0.015}])
+def test_a_table_whose_age_is_beyond_its_delay_is_refused(given):
+    """The loop's own age, 10 ms, is no more than a shorter delay that a table states as a model error."""
+    table, known = {"law": "centroidal", **given}, {"control_period": 0.005, "delay": 0.01, "age": 0.01}
+    with pytest.raises(ValueError, match=rf"^controller\.age = {given['age']}: must be at most delay, "):
+        controller_from(Fields(table, "controller"), MODEL, None, known)
+    for late in (0.0, 0.005, 0.01, 0.02):
+        told = {"law": "centroidal", "delay": late}
+        made = controller_from(Fields(told, "controller"), MODEL, None, known)
+        assert made.par == make_centroidal(MODEL, delay=late, age=min(late, 0.01)).par
 
 
 @pytest.mark.parametrize("period", [0.001, 0.0025, 0.005, 0.01])

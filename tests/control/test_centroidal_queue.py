@@ -210,9 +210,9 @@ def test_a_command_that_others_changed_teaches_nothing(monkeypatch):
     assert step_seen(monkeypatch, controller, changed)[0].free == (0.0, 0.0, 0.0)
 
 
-def test_measurements_older_than_the_delay_lead_no_reference():
-    led = [make_centroidal(MODEL, delay=DT, age=age).par.lead_periods for age in (0.0, DT, 2 * DT)]
-    assert led == [1, 0, 0]
+def test_the_delay_less_the_measurements_age_leads_the_reference():
+    led = [make_centroidal(MODEL, delay=2 * DT, age=age).par.lead_periods for age in (0.0, DT, 2 * DT)]
+    assert led == [2, 1, 0]
 
 
 def test_a_measurement_without_delay_is_the_present():

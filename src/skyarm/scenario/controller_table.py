@@ -251,6 +251,9 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mappin
         own = WORDS.get(option, option)
         if own in fields.table:
             options[option] = _read(fields, law, option, own)
+    if "age" in options and "delay" in fields.table and "age" not in fields.table:
+        # a delay that is stated shorter than the loop's is the measurement's alone
+        options["age"] = min(options["age"], number(fields.table["delay"], fields.at("delay"), low=0.0))
     _require_clock(fields, known)
     return (make_tuned if best else make_controller)(law, model, **options)
 

@@ -106,7 +106,9 @@ def make_centroidal(
     gains |= fit_gains(gains, set(changes), preset, mode, vehicle)
     if (mode == "tip" or changes.get("adaptation")) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
-    ahead = 0 if age is None else max(0, periods - periods_of(age, control_period, "age"))
+    ahead = 0 if age is None else periods - periods_of(age, control_period, "age")
+    if ahead < 0:
+        refuse("age", age, f"at most delay, {delay:g} s")
     # the observer finds a force late by its two poles and the known delay
     lead = periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0)
     kp, kv, kr, kw = gains["base"]
