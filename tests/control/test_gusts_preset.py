@@ -62,9 +62,12 @@ def test_both_hold_the_tip_pushed_from_below():
     assert max(tip_error("push_z", 3.0, law) for law in ("gusts", "adaptive")) < 0.1
 
 
-@pytest.mark.parametrize(("vehicle", "most"), [("hexarotor_arm6", 0.7), ("quadrotor_roll_arm2", 0.8)])
+@pytest.mark.parametrize(("vehicle", "most"), [("hexarotor_arm6", 0.8), ("quadrotor_roll_arm2", 0.8)])
 def test_other_vehicles_err_less_in_turbulence(vehicle, most):
-    """6 m/s: 22 mm for 39 with a heavy arm and slow motors, 6.5 for 11 with geared joints."""
+    """6 m/s: 37 mm for 54 with a heavy arm and slow motors, 6.5 for 11 with geared joints.
+
+    The heavy arm errs by 45 for 62 over eight other seeds, 0.7 to 0.76 of it in groups of four.
+    """
     flown = [fly("turbulence", 6.0, law, vehicle, [SEED, SEED + 1]) for law in ("gusts", "adaptive")]
     assert all(list(each.status) == ["completed"] * 2 for each in flown)
     assert flown[0].metrics[TIP].mean() < most * flown[1].metrics[TIP].mean()
