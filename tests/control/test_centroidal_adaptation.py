@@ -349,11 +349,11 @@ def test_slow_motion_under_a_load_is_no_friction(noisy):
 
 @pytest.mark.thorough
 def test_fast_motion_under_a_load_stays_what_it_is_without_learning():
-    """At 3 Hz the arm does not follow its plan, and what it does says nothing about it."""
+    """At 3 Hz the arm does not follow its plan, and what it does says nothing about it: only the joints err more."""
     fast = loaded(swinging(planned("case2", mode="tip", noisy=True), 0.06, 3.0, 20.0, phase=1.0), 0.05)
     learning, plain = fly(fast), fly(without(fast, load=None, friction=None))
-    for what in ("base", "joint", "tip"):
-        assert learning.mean(what) < 1.5 * plain.mean(what)
+    for what, most in (("base", 1.1), ("joint", 1.9), ("tip", 1.1)):
+        assert learning.mean(what) < most * plain.mean(what)
 
 
 @pytest.mark.thorough

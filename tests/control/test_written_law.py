@@ -62,11 +62,14 @@ def written(scenario: skyarm.Scenario, kind: type[WrittenLaw] = WrittenLaw) -> W
 
 
 def differences(rows: list[Any], law: WrittenLaw) -> Any:
-    """Largest relative difference in each period: of rotor speeds (of 1 rad/s at least), of efforts (of the limit)."""
+    """Largest relative difference in each period: of rotor speeds, of efforts (of the limit).
+
+    Speeds count as 10 rad/s at least: near a standstill they are the root of a thrust that is rounded as a large one.
+    """
     found = []
     for measurement, held, ahead, speeds, efforts in rows:
         own_speeds, own_efforts = law.step(measurement, held, ahead)
-        off = (np.abs(own_speeds - speeds) / np.maximum(speeds, 1.0)).max()
+        off = (np.abs(own_speeds - speeds) / np.maximum(speeds, 10.0)).max()
         found.append(max(off, np.abs((own_efforts - efforts) / 0.5).max()))
     return np.array(found)
 
