@@ -103,9 +103,9 @@ def test_rates_turn_with_the_axes(par, record):
         np.testing.assert_allclose(moved, np.column_stack([found[:, :3] @ M.T, found[:, 3:]]), atol=1e-12)
 
 
-def test_only_a_force_on_the_base_is_answered(par, record):
-    """One at the tip turns the base by r x f and loads the joints by J^T f: of a stretched arm, 0.3 m below, and a bent
-    one, whose tip is 0.1 m below both joints. A joint that is stuck loads itself alone."""
+def test_a_force_at_the_tip_is_answered_less_than_one_on_the_base(par, record):
+    """It turns the base by r x f and loads the joints by J^T f: not at all of a stretched arm, 0.3 m below, and less of
+    a bent one, whose tip is 0.1 m below the joints. A joint that is stuck loads itself alone, and is not answered."""
     forces, _ = record
     assert gone(par, forces, 0.0 * forces)[-1, 3] == 1.0
     for depth in (LENGTH, 0.1):

@@ -172,7 +172,7 @@ def fit_gains(
             if not gains["load"]:
                 light, (force, torque, joints, pose) = tip_lightness(vehicle), gains["observer"]
                 found["tip"] = found["tip"][0] / min(light, LIGHTEST), found["tip"][1]
-                found["observer"] = force, torque, joints * min(light, QUICKER), pose
+                found["observer"] = force, torque, joints * min(light, QUICKEST), pose
                 found["reach"] = min(gains["reach"], slide_room(vehicle))
     found["velocity_noise"] = gains["velocity_noise"] * noise_share(vehicle)
     return {name: value for name, value in found.items() if name not in given or name == "arm_turn"}
@@ -204,7 +204,7 @@ def tip_damping_share(vehicle: Vehicle) -> float:
 PRESETS_MOBILITY = 38.0
 """Mass of the vehicle over the tip's least inertia, of the vehicle that the presets were chosen on."""
 
-LIGHTEST, QUICKER = 1.6, 1.5
+LIGHTEST, QUICKEST = 1.6, 1.5
 """Most that a light tip takes from the stiffness, and gives to the bandwidth of the joints' observer: with both, of 400
 wrong plants of a hexarotor with six joints 34 are lost, 121 without; of the octocopter 3 and 34. With
 3 for 1.6 the hexarotor loses 37 and errs by a tenth more in turbulence of 6 m/s."""
