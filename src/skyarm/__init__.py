@@ -29,7 +29,7 @@ def __getattr__(name: str) -> object:
     if name == "__all__":
         return __dir__()
     if not name.startswith("_"):
-        if name in _modules():
+        if _modules().get(name, "skyarm") != "skyarm":
             value = globals()[name] = getattr(import_module(_modules()[name]), name)
             return value
         if find_spec(f"skyarm.{name}") is not None:

@@ -1,5 +1,6 @@
 # The public names and where each is defined: read by type checkers, and by __init__.py at the first use of a name.
 
+from skyarm import paper as paper
 from skyarm.algebra import Mat3 as Mat3
 from skyarm.algebra import Quaternion as Quaternion
 from skyarm.algebra import Vec3 as Vec3

@@ -24,7 +24,7 @@ def answered(words: str, place: int, monkeypatch: pytest.MonkeyPatch) -> set[str
         ("skyarm chec", 1, {"check"}),
         ("skyarm show quad", 2, {"quadrotor_roll_arm2"}),
         ("skyarm check case3", 2, {"case3", "case3_wind"}),
-        ("skyarm run case3 --controller paper", 4, {"paper_ct", "paper_pd"}),
+        ("skyarm run case3 --controller paper", 4, {"paper_ct", "paper_ct_euler", "paper_pd"}),
         ("skyarm sweep rob", 2, {"robustness"}),
         ("skyarm new s", 2, {"scenario", "study"}),
         ("skyarm run --dur", 2, {"--duration"}),

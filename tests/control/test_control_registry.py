@@ -62,6 +62,7 @@ def test_a_preset_refuses_a_vehicle_with_other_joints():
 def test_every_preset_flies_its_law_with_the_published_gains():
     laws = {
         "paper_ct": ("hybrid_computed_torque", ACCELERATION),
+        "paper_ct_euler": ("hybrid_computed_torque", ACCELERATION),
         "paper_pd": ("decoupled_pd", TORQUE),
         "rotors_sim_hummingbird": ("rotors_sim_position", None),
     }
@@ -73,6 +74,7 @@ def test_every_preset_flies_its_law_with_the_published_gains():
         assert joint_gains is None or found.par.joint_gains == joint_gains
         assert found.par.rate_error == "rotors_sim"
         assert found.par.mixer.policy == "clip"
+        assert found.par.euler == name.endswith("_euler")
 
 
 def test_published_gains_are_those_of_the_papers_tables():

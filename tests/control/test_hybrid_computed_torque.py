@@ -15,23 +15,28 @@ from paper_oracle import (
     choices,
     joint_pd,
     mixed,
+    rate_matrix,
 )
 
 import euler_lagrange as el
+import skyarm
 from euler_form import hybrid_computed_torque_euler
 from flown import MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, unlimited
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import ControllerError, make_controller
-from skyarm.control.laws.paper import hybrid_computed_torque
+from skyarm.control.laws.paper import geometric_accelerations, joint_accelerations
 from skyarm.control.model import Model, Terms
+from skyarm.dynamics.actuators import mix
 
 CASES = cases(40, seed=11)
 FREE = Model(vehicle=unlimited(), gravity=G)
-FORMS = (hybrid_computed_torque, hybrid_computed_torque_euler)
+FORMS = ("body", "euler", "8x8")
 
 
 def of_form(form, model=MODEL, **options):
-    """The law in body coordinates, or the paper's own Euler form of it."""
-    return dataclasses.replace(controller("hybrid_computed_torque", model, **options), law=form)
+    """The law in body coordinates, in Euler coordinates, or by the oracle's 8x8 blocks in Euler coordinates."""
+    made = controller("hybrid_computed_torque", model, euler=form == "euler", **options)
+    return dataclasses.replace(made, law=hybrid_computed_torque_euler) if form == "8x8" else made
 
 
 def assert_command(found, expected_squares, expected_torques, tolerance):
@@ -59,8 +64,9 @@ def test_each_form_is_pinocchios_inverse_dynamics_of_the_papers_accelerations(pi
         assert_command(step(flown, case.measurement(), case.reference()), mixed(torque, force[2]), efforts, 1e-11)
 
 
-def test_euler_form_and_body_form_agree():
-    body, euler = (unclipped(of_form(form, FREE)) for form in FORMS)
+@pytest.mark.parametrize("form", FORMS[1:])
+def test_euler_form_and_body_form_agree(form):
+    body, euler = (unclipped(of_form(each, FREE)) for each in ("body", form))
     for case in CASES:
         a, b = (step(flown, case.measurement(), case.reference()) for flown in (body, euler))
         assert np.abs(raw_squares(a) - raw_squares(b)).max() < 1e-9 * np.abs(raw_squares(a)).max()
@@ -76,12 +82,52 @@ def test_each_ablation_of_the_body_form_is_the_8x8_form_with_its_blocks_zeroed(t
         assert_command(found, *ablated(case, **terms), 1e-10)
 
 
+@pytest.mark.parametrize("form", FORMS[1:])
 @pytest.mark.parametrize("terms", choices("coriolis", "feedforward"))
-def test_each_ablation_of_the_euler_form_is_the_8x8_form_less_its_term(terms):
-    flown = unclipped(of_form(hybrid_computed_torque_euler, FREE, terms=Terms(**terms)))
+def test_each_ablation_of_the_euler_form_is_the_8x8_form_less_its_term(terms, form):
+    flown = unclipped(of_form(form, FREE, terms=Terms(**terms)))
     for case in CASES[:5]:
         found = step(flown, case.measurement(), case.reference())
         assert_command(found, *ablated_euler(case, **terms), 1e-10)
+
+
+@pytest.mark.parametrize("terms", choices("coupling", "full_gravity"))
+def test_the_other_ablations_of_the_euler_form_are_those_of_the_body_form(terms):
+    flown = unclipped(of_form("euler", FREE, terms=Terms(**terms)))
+    for case in CASES[:3]:
+        found = step(flown, case.measurement(), case.reference())
+        assert_command(found, *ablated(case, coriolis=True, feedforward=True, **terms), 1e-10)
+
+
+def test_the_euler_form_is_m_and_c_of_the_papers_equations():
+    """tau = M(q) qdd_des + C(q, qd) qd, (88), by the public matrices; a six-joint arm, which the 8x8 form has not."""
+    vehicle = skyarm.load_vehicle("hexarotor_arm6").with_joints(effort_limit=np.inf)
+    flown = unclipped(controller("hybrid_computed_torque", Model(vehicle=vehicle, gravity=G), euler=True))
+    case = cases(1, seed=88, joints=6)[0]
+    Q = rate_matrix(case.euler)
+    rates = np.linalg.solve(Q, case.w)
+    q, qd = (np.concatenate(parts) for parts in ((case.p, case.euler, case.q), (case.v, rates, case.qd)))
+    state, reference = case.measurement(), case.reference()
+    R, a_d, alpha = geometric_accelerations(flown.par, state, reference, feedforward=True)
+    Q_rate = rate_matrix(case.euler + 1e-30j * rates).imag / 1e-30
+    second = np.linalg.solve(Q, np.array(tuple(alpha)) - Q_rate @ rates)  # (95)
+    wanted = np.array([*(-a_d), *second, *joint_accelerations(flown.par, state, reference)])
+    tau = skyarm.paper.mass_matrix(vehicle, q) @ wanted + skyarm.paper.coriolis_matrix(vehicle, q, qd) @ qd
+    torque, thrust = np.linalg.solve(Q.T, tau[3:6]), tau[:3] @ np.array([float(row.z) for row in R.rows])
+    found = step(flown, state, reference)
+    np.testing.assert_allclose(found.efforts, tau[6:], atol=1e-9 * np.abs(tau[6:]).max())
+    squares = np.array(mix(flown.par.mixer, Vec3(*torque.tolist()), float(thrust))[1][:6], dtype=float)
+    assert np.abs(raw_squares(found) - squares).max() < 1e-9 * np.abs(squares).max()
+
+
+@pytest.mark.parametrize("degrees", [90.0, 89.9999])
+def test_the_euler_form_says_where_it_is_undefined(degrees):
+    half = np.radians(degrees) / 2
+    pitched = Quaternion(np.cos(half), 0.0, np.sin(half), 0.0)
+    euler, body = (controller("hybrid_computed_torque", FREE, euler=each) for each in (True, False))
+    assert euler.margin(pitched) < 0.0 < euler.margin(Quaternion(1.0, 0.0, 0.0, 0.0))
+    assert "pitch near 90 degrees" in euler.limit
+    assert body.margin is None
 
 
 @pytest.mark.parametrize("name", ["coriolis", "coupling", "full_gravity", "feedforward"])

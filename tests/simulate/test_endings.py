@@ -108,8 +108,9 @@ def _pitched(degrees: float, controller: str) -> Scenario:
     return dataclasses.replace(base, initial=start)
 
 
-def test_the_euler_form_is_undefined_at_a_pitch_of_90_degrees_and_says_so() -> None:
-    log = run(_pitched(90.0, "bulut2019"))
+@pytest.mark.parametrize("controller", ["bulut2019", "paper_ct_euler"])
+def test_the_euler_form_is_undefined_at_a_pitch_of_90_degrees_and_says_so(controller: str) -> None:
+    log = run(_pitched(90.0, controller))
     _same_ending(log, "controller_undefined")
     assert "pitch near 90 degrees" in log.info["cause"]
 

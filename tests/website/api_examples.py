@@ -382,6 +382,17 @@ True
 >>> len(skyarm.normals([0.2, 0.7, 0.4, 0.9]))  # as many as uniform numbers
 4
 
+## paper
+>>> paper_vehicle, q = skyarm.load_vehicle("hummingbird_arm2"), [0, 0, 1, 0.1, -0.2, 0.3, 0.5, -0.4]
+>>> skyarm.paper.mass_matrix(paper_vehicle, q)[6:, 6:].round(6).tolist()
+[[0.003193, 0.001147], [0.001147, 0.000525]]
+>>> skyarm.paper.coriolis_matrix(paper_vehicle, q, [0, 0, 0, 0, 0, 0, 1.0, -0.5])[6:, 6:].round(6).tolist()
+[[-0.000131, 0.000131], [-0.000263, 0.0]]
+>>> skyarm.paper.gravity_vector(paper_vehicle, q)[2:].round(3).tolist()  # N, N m
+[7.907, 0.013, 0.026, 0.0, 0.026, -0.004]
+>>> list(skyarm.paper.forward_kinematics(paper_vehicle, q))
+['base', 'link1', 'link2', 'tip']
+
 ## plot
 >>> figure = skyarm.plot(skyarm.run(scenario), "flight.png", kind="tip")  # doctest: +SKIP
 

@@ -37,8 +37,8 @@ def homes() -> dict[str, tuple[str, ...]]:
             continue
         thing = getattr(skyarm, name)
         if inspect.ismodule(thing):
-            # a form of the dynamics of its own, with the functions that it names
-            found.setdefault("dynamics", []).extend(f"{thing.__name__}.{each}" for each in thing.__all__)
+            # a room whose functions are named with it, as their names are taken
+            found.setdefault(name, []).extend(f"{thing.__name__}.{each}" for each in thing.__all__)
             continue
         module, called = thing.__module__, getattr(thing, "__qualname__", name)
         if name == "register":
@@ -61,9 +61,10 @@ def reference_pages() -> dict[str, str]:
             continue
         names = ", ".join(f"[`{path.rpartition('.')[2]}`]({room}.md#{path})" for path in rooms[room])
         listed.append(f"* [{title}]({room}.md): {names}")
-        parts = [f"# {title}"]
+        parts = [f"# {title}", shown_example(room)]
         for path in rooms[room]:
-            parts += [f"::: {path}", shown_example(path.rpartition(".")[2])]
+            of_room = path.count(".") == 2  # named with its room, and shown in the room's example
+            parts += [f"::: {path}", "" if of_room else shown_example(path.rpartition(".")[2])]
         pages[f"api/{room}.md"] = "\n\n".join(part for part in parts if part) + "\n"
     pages["api/index.md"] = "\n".join(listed) + "\n"
     return pages

@@ -163,6 +163,11 @@ PRESETS: Mapping[str, Preset] = {
         "hybrid_computed_torque",
         {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION},
     ),
+    "paper_ct_euler": Preset(
+        "the same in the paper's Euler angles, undefined at a pitch of 90 degrees",
+        "hybrid_computed_torque",
+        {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION, "euler": True},
+    ),
     "paper_pd": Preset(
         "the paper's baseline, gains of its Table A2",
         "decoupled_pd",

@@ -82,6 +82,7 @@ def law_maker(
     memory: Callable[[Any], Any] | None = None,
     torque_gains: bool = False,
     rate_error: str = "corrected",
+    bounds: Callable[[Any], Mapping[str, Any]] | None = None,
     **of_controller: Any,
 ) -> Callable[..., Controller]:
     """Make the function (model, **options) -> Controller of a control law.
@@ -100,6 +101,7 @@ def law_maker(
         memory: first memory, from the constants.
         torque_gains: joint gains act on torque.
         rate_error: where that is no option.
+        bounds: further fields of :class:`Controller` that follow from the constants, such as ``margin``.
         of_controller: further fields of :class:`Controller`.
     """
     readers = readers or {}
@@ -128,7 +130,8 @@ def law_maker(
             values[option] = checked_option(kind, option, value, model, readers)
         _require_fitting(values, model.vehicle.n)
         par = kind(model=model, mixer=mixer, **values)
-        return Controller(name=name, law=law, par=par, memory=memory(par) if memory else (), **of_controller)
+        own = {**of_controller, **(bounds(par) if bounds else {})}
+        return Controller(name=name, law=law, par=par, memory=memory(par) if memory else (), **own)
 
     make.__name__, make.__doc__ = f"make_{name}", f"The law {name!r} for a model."
     make.__signature__ = signature  # type: ignore[attr-defined]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from dataclasses import field
 from typing import Annotated, Any, ClassVar, Self
 
 from skyarm.algebra import Vec3
@@ -12,6 +13,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -98,6 +100,7 @@ class Parameters:
             inertia matrix; () compensates none.
         rate_weights: for each joint, weight of its desired rate in the difference of rates (set-point weighting of the
             derivative, Astrom, Hagglund 2006, section 3.4); () is 1.
+        euler: the computed torque on the paper's Euler angles, which are undefined at a pitch of 90 degrees.
     """
 
     model: Model
@@ -108,6 +111,7 @@ class Parameters:
     terms: Terms = Terms()
     friction_compensation: Annotated[tuple[float, ...], Unit(low=0.0)] = ()
     rate_weights: Annotated[tuple[float, ...], Unit(low=0.0)] = ()
+    euler: bool = field(default=False, metadata=WRITTEN_IF_ANY)
 
 
 @immutable

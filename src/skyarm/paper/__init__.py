@@ -1,1 +1,5 @@
-"""Reproduction of Barakou et al. 2026 (Drones 10, 274): cases, published numbers, tables, report."""
+"""Barakou et al. 2026 (Drones 10, 274): its equations of motion, cases, published numbers, tables and report."""
+
+from skyarm.paper.equations import coriolis_matrix, forward_kinematics, gravity_vector, mass_matrix
+
+__all__ = ["coriolis_matrix", "forward_kinematics", "gravity_vector", "mass_matrix"]

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
-from skyarm.algebra.scalars import Scalar, add, mul
+from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Quaternion, Vec3
+from skyarm.algebra.quaternion import euler_angles
+from skyarm.algebra.scalars import Scalar, add, cos, mul
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd, turn_towards
 from skyarm.control.blocks.geometric import body_thrust, downward_acceleration
@@ -21,6 +22,7 @@ from skyarm.control.law_maker import law_maker
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.drive import friction
+from skyarm.dynamics.euler_coordinates import rate_matrix, rate_matrix_inverse, rate_matrix_rate
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
@@ -74,7 +76,8 @@ def hybrid_computed_torque(
     """Hybrid geometric computed torque: geometric accelerations through the coupled inverse dynamics, body axes.
 
     [-a_d; alpha_d; etadd_d] -> recursive Newton-Euler = M qdd + C qd + G of (49), (88); thrust is the force along body
-    z (103), the torque goes to the rotors through the mixer, joint torques are limited.
+    z (103), the torque goes to the rotors through the mixer, joint torques are limited. The option ``euler`` is the
+    paper's own form, on [p, Phi, eta].
 
     Source: Barakou et al. 2026, eq. (86)-(96). Gravity stands in -a_d once, for base and joints alike.
     """
@@ -83,7 +86,10 @@ def hybrid_computed_torque(
     R, a_d, alpha = geometric_accelerations(par, measurement, reference, feedforward=terms.feedforward)
     base = Motion(alpha, R.apply_T(-a_d))
     wanted = joint_accelerations(par, measurement, with_weighted_rates(par, reference))
-    force, torques = generalized_force(par, R, measurement, base, wanted)
+    if par.euler:
+        force, torques = force_by_euler_rates(par, R, measurement, base, wanted)
+    else:
+        force, torques = generalized_force(par, R, measurement, base, wanted)
     torques = with_friction(par, measurement, reference, torques)
     speeds, _ = mix(par.mixer, force.torque, force.force.z)
     return memory, Command(rotor_speeds=speeds, efforts=limit_efforts(par, torques))
@@ -111,6 +117,39 @@ def generalized_force(
         level = level_joint_gravity(par.model, q)
         torques = tuple(add(a, b) for a, b in zip(torques, level, strict=True))
     return force, torques
+
+
+def force_by_euler_rates(
+    par: Parameters, R: Mat3, measurement: Measurement, base: Motion, qdd: tuple[Scalar, ...]
+) -> tuple[Force, tuple[Scalar, ...]]:
+    """Inverse dynamics M qdd + C qd in the paper's coordinates [p, Phi, eta], as force on the base and joint torques.
+
+    alpha_d passes (95), Phidd = Q^-1 (alpha_d - Qdot Phid); the dynamics is the tree's, by w = Q Phid, so that an
+    ablation without C leaves Qdot Phid out; torque on Phi is tau_Phi = Q^T tau, and (94) gives tau = Q^-T tau_Phi.
+
+    Source: Barakou et al. 2026, eq. (88), (94), (95).
+    """
+    phi, theta, _ = euler_angles(R)
+    Q, inverse = rate_matrix(phi, theta), rate_matrix_inverse(phi, theta)
+    rates = inverse.apply(measurement.rate)
+    turning = rate_matrix_rate(phi, theta, rates).apply(rates)
+    alpha = Q.apply(inverse.apply(base.angular - turning))
+    if par.terms.coriolis:
+        alpha = alpha + turning
+    force, torques = generalized_force(par, R, measurement, Motion(alpha, base.linear), qdd)
+    return Force(inverse.apply_T(Q.apply_T(force.torque)), force.force), torques
+
+
+SINGULAR = 1e-6
+"""Squared cosine of the pitch below which Euler rates are given up."""
+
+SINGULAR_PITCH = "pitch near 90 degrees: Euler angles are singular; use hybrid_computed_torque (body coordinates)"
+
+
+def euler_margin(quaternion: Quaternion) -> Scalar:
+    """Squared cosine of the pitch less its bound: distance of an attitude to where Euler rates are given up."""
+    cosine = cos(euler_angles(quaternion.rotation())[1])
+    return cosine * cosine - SINGULAR
 
 
 def level_joint_gravity(model: Model, joints: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
@@ -178,6 +217,9 @@ make_decoupled_pd = law_maker("decoupled_pd", decoupled_pd, shared=("rate_error"
 """Maker of the paper's baseline."""
 
 make_hybrid_computed_torque = law_maker(
-    "hybrid_computed_torque", hybrid_computed_torque, shared=("rate_error", "terms", *OF_JOINTS)
+    "hybrid_computed_torque",
+    hybrid_computed_torque,
+    shared=("rate_error", "terms", "euler", *OF_JOINTS),
+    bounds=lambda par: {"margin": euler_margin, "limit": SINGULAR_PITCH} if par.euler else {},
 )
 """Maker of the paper's law."""

@@ -18,15 +18,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
+from skyarm.algebra import E_Z, Motion, Quaternion, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import Scalar, atan2, clip, cos, divide, maximum, mul, neg, sin
+from skyarm.algebra.scalars import Scalar, atan2, clip, cos, divide, maximum, sin
 from skyarm.control.blocks.common import coupled_forces, make_command, wanted_specific_force
 from skyarm.control.blocks.geometric import angular_acceleration
 from skyarm.control.law_maker import law_maker
-from skyarm.control.laws.paper import joint_accelerations
+from skyarm.control.laws.paper import SINGULAR_PITCH, euler_margin, joint_accelerations
 from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.euler_coordinates import rate_matrix, rate_matrix_inverse, rate_matrix_rate
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
@@ -35,9 +36,6 @@ STEEPEST = 0.6
 
 FLATTEST = 0.3
 """Least cosine of the tilt by which the thrust is divided."""
-
-SINGULAR = 1e-6
-"""Squared cosine of the pitch below which Euler rates are given up."""
 
 
 def bulut_computed_torque(
@@ -66,8 +64,7 @@ def _angular(par: Parameters, measurement: Measurement, reference: Reference, wa
     pitch = clip((wanted.x * c + wanted.y * s) * per_gravity, -STEEPEST, STEEPEST)
     turn = psi - reference.yaw
     error = Vec3(phi - roll, theta - pitch, atan2(sin(turn), cos(turn)))
-    Q, inverse = rate_matrices(phi, theta)
-    rates = inverse.apply(measurement.rate)
+    Q, rates = rate_matrix(phi, theta), rate_matrix_inverse(phi, theta).apply(measurement.rate)
     pull = angular_acceleration(
         par.gains, par.model.vehicle.base.inertia, error, rates - Vec3(0, 0, reference.yaw_rate)
     )
@@ -76,35 +73,14 @@ def _angular(par: Parameters, measurement: Measurement, reference: Reference, wa
     return alpha
 
 
-def rate_matrices(phi: Scalar, theta: Scalar) -> tuple[Mat3, Mat3]:
-    """Matrix Q of w_B = Q [phi', theta', psi'], and its inverse (singular at a pitch of 90 degrees).
-
-    Source: Barakou, Tzafestas, Valavanis 2026, (3)-(4).
-    """
-    sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
-    s_over, c_over = divide(sp, ct), divide(cp, ct)
-    Q = Mat3(Vec3(1, 0, neg(st)), Vec3(0, cp, mul(sp, ct)), Vec3(0, neg(sp), mul(cp, ct)))
-    return Q, Mat3(Vec3(1, mul(s_over, st), mul(c_over, st)), Vec3(0, cp, neg(sp)), Vec3(0, s_over, c_over))
-
-
-def rate_matrix_rate(phi: Scalar, theta: Scalar, rates: Vec3) -> Mat3:
-    """Time derivative dQ/dt of the Euler angle rate matrix, for rates in rad/s."""
-    sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
-    by_phi = Mat3(ZERO3, Vec3(0, neg(sp), mul(cp, ct)), Vec3(0, neg(cp), neg(mul(sp, ct))))
-    by_theta = Mat3(Vec3(0, 0, neg(ct)), Vec3(0, 0, neg(mul(sp, st))), Vec3(0, 0, neg(mul(cp, st))))
-    changed: Mat3 = by_phi * rates.x + by_theta * rates.y
-    return changed
-
-
-def _margin(quaternion: Any) -> Scalar:
-    cosine = cos(euler_angles(quaternion.rotation())[1])
-    return cosine * cosine - SINGULAR
+def _margin(quaternion: Quaternion) -> Scalar:
+    return euler_margin(quaternion)  # under the name that logs of flights hold
 
 
 make_bulut = law_maker(
     "bulut2019",
     bulut_computed_torque,
     margin=_margin,
-    limit="pitch near 90 degrees: Euler angles are singular; use hybrid_computed_torque (body coordinates)",
+    limit=SINGULAR_PITCH,
 )
 """Maker for any arm; gains of the attitude on the Euler angles, joint gains on acceleration."""
