@@ -170,7 +170,7 @@ RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     },
     "law": {
         "a preset": (
-            *("paper_ct", "paper_pd", "rotors_sim_hummingbird"),
+            *("paper_ct", "paper_ct_euler", "paper_pd", "rotors_sim_hummingbird"),
             *("centroidal_joint", "centroidal_joint_robust", "centroidal_joint_stiff", "centroidal_joint_gusts"),
             *("centroidal_tip", "centroidal_tip_robust", "centroidal_tip_stiff", "centroidal_tip_gusts"),
         ),
