@@ -6,7 +6,7 @@ import dataclasses
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -39,6 +39,7 @@ from skyarm.records.files import (
     taken_back,
 )
 from skyarm.records.files.names import picture_file
+from skyarm.records.files.writing import one_writer
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import Log
@@ -117,7 +118,7 @@ def run(
         say_suspicious(planned)
         with bar(planned.name) as advance:
             log, interrupted, live = _fly(planned, ros, pace, advance, hint)
-        with earlier_kept([] if force else files) as kept:
+        with earlier_kept(files, replace=force) as kept:
             written = [save_log(log, file) for file in files]
     found = facts(log)
     tell(
@@ -201,26 +202,45 @@ def log_files(names: Sequence[str]) -> list[Path]:
     return [Path(name) for name in names]
 
 
+NAMING, PATIENCE = ".naming", 60.0
+"""File of the lock under which logs get their names, and s to wait for others who write theirs into the folder."""
+
+
 @contextmanager
-def earlier_kept(files: Sequence[Path]) -> Iterator[list[Path]]:
+def earlier_kept(files: Sequence[Path], *, replace: bool = False) -> Iterator[list[Path]]:
     """Context manager that renames existing files NAME.npz to NAME_1.npz while new ones are written.
 
     The newest flight has the plain name, so that what reads it need not search. Links and devices stay: they are
-    written through. Where the writing fails, the files get their names back. Yields the numbered names.
+    written through. Where the writing fails, the files get their names back. Yields the numbered names. From the look
+    at the names to the last file's end no other process names logs in these folders.
+
+    Args:
+        files: of one flight.
+        replace: rename none.
 
     Raises:
+        TakenError: another process writes its logs there for longer than a minute.
         OSError: one cannot be renamed.
     """
-    there = [file for file in files if file.is_file() and not file.is_symlink()]
-    number = next(k for k in count(1) if not any(os.path.lexists(_numbered_file(file, k)) for file in files))
-    renamed = {file: file.rename(_numbered_file(file, number)) for file in there}
-    try:
-        yield list(renamed.values())
-    except BaseException:
-        for file, name in renamed.items():
-            if not os.path.lexists(file):
-                name.rename(file)
-        raise
+    with ExitStack() as locks:
+        # in one order everywhere, so that no two processes wait for each other
+        for folder in sorted({Path(os.path.realpath(file)).parent for file in files if not _is_device(file)}):
+            folder.mkdir(parents=True, exist_ok=True)  # a flight that failed beside may have taken it back
+            locks.enter_context(one_writer(folder, name=NAMING, patience=PATIENCE))
+        there = [] if replace else [file for file in files if file.is_file() and not file.is_symlink()]
+        number = next(k for k in count(1) if not any(os.path.lexists(_numbered_file(file, k)) for file in files))
+        renamed = {file: file.rename(_numbered_file(file, number)) for file in there}
+        try:
+            yield list(renamed.values())
+        except BaseException:
+            for file, name in renamed.items():
+                if not os.path.lexists(file):
+                    name.rename(file)
+            raise
+
+
+def _is_device(file: Path) -> bool:
+    return file.exists() and not file.is_file()
 
 
 def _numbered_file(file: Path, number: int) -> Path:

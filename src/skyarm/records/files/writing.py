@@ -10,6 +10,7 @@ import secrets
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -245,6 +246,9 @@ def _with_parents(paths: tuple[str | os.PathLike[str], ...]) -> list[Path]:
 LOCK = ".writing"
 """Name of the lock's file, which is there while someone writes; one that a killed process left holds nobody up."""
 
+POLL = 0.02
+"""s between two tries of a process that waits for a lock."""
+
 TAKEN = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
 """What systems answer of a file that another process has locked; any other answer is that they have no locks there."""
 
@@ -256,7 +260,7 @@ class TakenError(ValueError):
 
 
 @contextmanager
-def one_writer(folder: Path) -> Iterator[None]:
+def one_writer(folder: Path, *, name: str = LOCK, patience: float = 0.0) -> Iterator[None]:
     """Context manager that locks a folder, so that only one process at a time writes there.
 
     The lock is the system's (flock, on Windows a locked byte), not the file's being there: it goes when the process
@@ -264,14 +268,21 @@ def one_writer(folder: Path) -> Iterator[None]:
 
     Args:
         folder: that is there.
+        name: of the lock's file: who holds one name does not keep others from another.
+        patience: s to wait for another process's end.
 
     Raises:
         TakenError: another process holds it; one line that names the folder and the process.
         OSError: the lock's file cannot be made, or is something else.
     """
-    path, handle = folder / LOCK, None
+    path, handle, last = folder / name, None, time.monotonic() + patience
     while handle is None:  # a holder removes the file when it ends
-        handle = _lock_file(path, folder)
+        try:
+            handle = _lock_file(path, folder)
+        except TakenError:
+            if time.monotonic() >= last:
+                raise
+            time.sleep(POLL)
     try:
         with contextlib.suppress(OSError):  # on a full disk the process stays unnamed
             os.ftruncate(handle, 0)
@@ -289,7 +300,10 @@ def one_writer(folder: Path) -> Iterator[None]:
 def _lock_file(path: Path, folder: Path) -> int | None:
     """Open and lock a folder's lock file; None if another file has replaced it at the path."""
     try:
-        handle = os.open(path, _OPEN, 0o666)
+        try:
+            handle = os.open(path, _OPEN, 0o666)
+        except PermissionError:  # what another user's process left can be locked without being written
+            handle = os.open(path, _OPEN & ~(os.O_RDWR | os.O_CREAT))
     except OSError as error:
         raise OSError(f"file = {shown(str(path))}: must be writable ({error.strerror})") from None
     if not stat.S_ISREG(os.fstat(handle).st_mode):
