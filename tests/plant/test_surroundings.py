@@ -13,10 +13,12 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Truth
+from skyarm.plant.loads import wind_at
 from skyarm.plant.rigid_body import derivative
-from skyarm.plant.surroundings import Surroundings, wind_at
+from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import run
+from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world import MovingAir
 from vehicles_random import TWINS, random_state, random_vehicle
 
@@ -74,6 +76,33 @@ def test_the_log_keeps_the_force_on_the_base_and_the_air_at_its_origin():
     sample = wind_at(around, Truth(vehicle=vehicle), state)
     assert list(sample.force_W) == [2.0, 4.0, 6.0]
     assert list(sample.air_velocity_W) == [2.0 * state.position.z, 0.0, 0.0]
+
+
+def drag_in_numpy(vehicle, state, air):
+    """Drag of rotors and airframe in world axes: -c W v_perp of each, and -1/2 rho area |v| v."""
+    R = np.array([list(row) for row in state.quaternion.rotation().rows])
+    v = R.T @ (np.array(list(state.velocity)) - air)
+    total = -0.5 * vehicle.drag.air_density * np.array(list(vehicle.drag.area)) * np.linalg.norm(v) * v
+    for rotor, speed in zip(vehicle.rotors, state.rotor_speeds, strict=True):
+        axis, at = np.array(list(rotor.axis)), v + np.cross(list(state.rate), list(rotor.position))
+        total = total - rotor.drag_coefficient * speed * (at - axis * (axis @ at))
+    return R @ total
+
+
+@pytest.mark.parametrize("name", ["hexarotor_arm6", "tilted_hexarotor", "hummingbird_arm2_rotors"])
+def test_the_force_of_moving_air_is_its_drag_less_that_in_calm_air(name):
+    vehicle, rng = load_vehicle(name), np.random.default_rng(8)
+    state = record(random_state(rng, vehicle.n), len(vehicle.rotors))
+    state = dataclasses.replace(state, rotor_speeds=tuple(rng.uniform(200.0, 600.0, len(vehicle.rotors)).tolist()))
+    air = np.array([3.0, -2.0, 1.5])
+    blown = around_of((MovingAir(velocity_W=tuple(air)), ()), (SteadyWrench(force=Vec3(0.5, 0.0, 0.0)), ()))
+    found = np.array(list(wind_at(blown, Truth(vehicle=vehicle), state).force_W))
+    wanted = drag_in_numpy(vehicle, state, air) - drag_in_numpy(vehicle, state, np.zeros(3)) + [0.5, 0.0, 0.0]
+    assert found == pytest.approx(wanted, abs=1e-12)
+    assert np.linalg.norm(found) > 0.6
+    # in air that moves as the vehicle does it is the whole drag of still air, taken away; in calm air none
+    calm = around_of((MovingAir(velocity_W=(0.0, 0.0, 0.0)), ()))
+    assert list(wind_at(calm, Truth(vehicle=vehicle), state).force_W) == [0.0, 0.0, 0.0]
 
 
 def test_a_part_logs_with_the_gravity_that_it_acts_with():

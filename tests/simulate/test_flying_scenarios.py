@@ -128,7 +128,8 @@ def test_turbulence_moves_the_vehicle_and_depends_on_the_seed_alone() -> None:
     assert np.abs(first.position - other.position).max() > 1e-3
     # 7.7 m/s at 20 ft: sigma_w = 0.77 m/s; 5 s are two scales of 10 m at 4 m/s
     assert 0.2 < first.air_velocity[:, 2].std() < 1.6
-    assert not first.wind_force.any(), "moving air pushes through drag, not as a force"
+    rotors = 8.06428e-05 * first.rotor_speeds.sum(axis=1)
+    assert first.wind_force[:, 0] == pytest.approx(rotors * first.air_velocity[:, 0], rel=0.02), "the rotors' drag"
     assert first.position[-200:, 0].mean() > 0.005, "the wind blows towards +x"
 
 

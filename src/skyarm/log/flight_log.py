@@ -48,7 +48,8 @@ class Log:
         position_reference, joints_reference, yaw_reference: the continuous reference.
         tool: (N, 3) the tip. tool_held, tool_reference: where a level base on reference would put it. ``tip``,
             ``tip_held`` and ``tip_reference`` are the same arrays; files keep the first names.
-        wind_force, air_velocity: (N, 3).
+        wind_force: (N, 3) of wind and forces on the base, with what the motion of the air changes of the drag of rotors
+            and airframe. air_velocity: (N, 3) at the base origin.
         lag_found: (N, 2) s, estimated lags of the rotors' and the joints' loops beyond the law's nominal delay
             (:mod:`skyarm.control.laws.centroidal.lag_estimate`); without columns for a law that estimates none.
         load_mass_found, load_place_found: (N,) kg, (N, 3) m, of the load that the law learned: mass, and centre in the

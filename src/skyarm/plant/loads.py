@@ -6,17 +6,19 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra import ZERO3, Force
-from skyarm.algebra.scalars import Scalar, add, mul
+from skyarm.algebra import ZERO3, Force, Vec3
+from skyarm.algebra.scalars import Scalar, add, data, mul
 from skyarm.dynamics.actuators import Command, joint_force, rotor_forces, speeds_after, stop_force
 from skyarm.dynamics.actuators.rotor import spin_torque
 from skyarm.dynamics.actuators.tilting import angles_after, turn_rotors
 from skyarm.dynamics.body_drag import body_drag
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
+from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import Surroundings
+from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world import Effectiveness, Wrench
+from skyarm.world import Effectiveness, WindSample, Wrench
 
 LOCKED = 1e12
 """kg m^2 or kg: inertia of a stuck joint's motion. A torque of 1 N m moves it by 5e-13 rad in a second, less than what
@@ -73,12 +75,10 @@ def applied_force(
     """
     vehicle = turn_rotors(vehicle, state.tilts)
     motion = PointMotion(vehicle, state, around.air_velocity, step=step)
-    v_air = motion.rotation.apply_T(state.velocity - around.air_velocity(state.position))
     speeds = state.rotor_speeds
     total, pushed = _outside(around.wrenches(motion, speeds), motion)
-    total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))
     left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
-    total = total + rotor_forces(vehicle.rotors, speeds, v_air, state.rate, left.rotors)
+    total = _with_aerodynamics(total, motion, around.air_velocity(state.position), left)
     turning = around.rotor_commands(vehicle.rotors, command.rotor_speeds) if command.rotor_speeds else ()
     total = total + Force(spin_torque(vehicle.rotors, speeds, turning, state.rate), ZERO3)
     torques = []
@@ -90,6 +90,39 @@ def applied_force(
         stop = stop_force(link.joint, state.joints[i], rate)
         torques.append(add(add(joint_force(link.joint, effort, rate, share), stop), push))
     return total, tuple(torques)
+
+
+def _with_aerodynamics(total: Force, motion: PointMotion, air_W: Vec3, left: Effectiveness) -> Force:
+    """Sum of a force on the base, the drag of the airframe and the forces of the rotors in moving air."""
+    vehicle, state = motion.vehicle, motion.state
+    v_air = motion.rotation.apply_T(state.velocity - air_W)
+    total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))
+    return total + rotor_forces(vehicle.rotors, state.rotor_speeds, v_air, state.rate, left.rotors)
+
+
+def wind_at(around: Surroundings, world: Truth, state: State) -> WindSample:
+    """Force on the base and air velocity at its origin, with all logged numbers of the environment models.
+
+    The force is that of the environment models on the base, and what the motion of the air changes of the forces of
+    rotors and airframe: their sum less that in calm air.
+    """
+    motion = PointMotion(turn_rotors(world.vehicle, state.tilts), state, around.air_velocity, gravity=world.gravity)
+    force = ZERO3
+    for component, memory in zip(around.components, around.memories, strict=True):
+        if component.coupled:
+            continue  # has columns of its own
+        for wrench in component.wrenches(memory, around.time, motion, state.rotor_speeds):
+            if wrench.body == BASE:
+                force = force + wrench.force_W
+    air = around.air_velocity(state.position)
+    if any(type(c) is not int for c in air):
+        left = around.effectiveness or Effectiveness((1,) * len(world.vehicle.rotors), (1,) * world.vehicle.n)
+        none = Force(ZERO3, ZERO3)
+        moved, calm = (_with_aerodynamics(none, motion, each, left).force for each in (air, ZERO3))
+        force = force + motion.to_world(moved - calm)
+    pairs = zip(around.components, around.memories, strict=True)
+    own = tuple(data(c) for each, memory in pairs if each.columns for c in each.logged(memory, motion))
+    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), numbers=own)
 
 
 def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Sequence[Scalar]]:

@@ -7,16 +7,15 @@ from dataclasses import replace
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, data, logical_and, maximum
+from skyarm.algebra.scalars import Scalar, logical_and, maximum
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
-from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Rotor
-from skyarm.world import Component, Effectiveness, WindSample, Wrench
+from skyarm.world import Component, Effectiveness, Wrench
 from skyarm.world.component import moved_by
 
 Memories = tuple[Any, ...]
@@ -115,22 +114,6 @@ class Surroundings:
         if not self.drives:
             return TORQUE_DRIVE.effort((), setpoint, position, rate)
         return self.drives[index].effort(self.drive_memories[index], setpoint, position, rate)
-
-
-def wind_at(around: Surroundings, world: Truth, state: State) -> WindSample:
-    """Force on the base and air velocity at its origin, with all logged numbers of the environment models."""
-    motion = PointMotion(world.vehicle, state, around.air_velocity, gravity=world.gravity)
-    force = ZERO3
-    for component, memory in zip(around.components, around.memories, strict=True):
-        if component.coupled:
-            continue  # has columns of its own
-        for wrench in component.wrenches(memory, around.time, motion, state.rotor_speeds):
-            if wrench.body == BASE:
-                force = force + wrench.force_W
-    air = around.air_velocity(state.position)
-    pairs = zip(around.components, around.memories, strict=True)
-    own = tuple(data(c) for each, memory in pairs if each.columns for c in each.logged(memory, motion))
-    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), numbers=own)
 
 
 def slopes_of(world: Truth, state: State, around: Surroundings) -> Memories:

@@ -15,7 +15,8 @@ from skyarm.control.controller import autopilot_of
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
-from skyarm.plant.surroundings import Surroundings, wind_at
+from skyarm.plant.loads import wind_at
+from skyarm.plant.surroundings import Surroundings
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import mismatch

@@ -19,8 +19,8 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.loads import rigid_loads
-from skyarm.plant.surroundings import Memories, Surroundings, wind_at
+from skyarm.plant.loads import rigid_loads, wind_at
+from skyarm.plant.surroundings import Memories, Surroundings
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, field_names, leaves
 from skyarm.reference import Reference

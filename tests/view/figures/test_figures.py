@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import skyarm
 from logs_synthetic import WINDOWS, all_logs, synthetic_log
+from simulate_flights import document
 from skyarm.view.figures.flight_facts import end_time, gust_interval
 from skyarm.view.figures.paper_figures import (
     PAPER_CATALOGUE,
@@ -213,6 +215,16 @@ def test_by_hold_gives_the_mean_of_four_control_instants() -> None:
 def test_a_constant_wind_is_no_gust() -> None:
     assert gust_interval(synthetic_log("case3_wind", "rigid_body", "CT")) is None
     assert gust_interval(synthetic_log("case1", "rigid_body", "CT")) is None
+
+
+def test_gusts_of_moving_air_are_shaded_from_the_first_to_the_last() -> None:
+    gusts = [{"velocity": [2.0, 0.0, 0.0], "start": start, "duration": 0.1} for start in (0.1, 0.25)]
+    air = {"mode": "moving_air", "velocity": [1.0, 0.0, 0.0]}
+    blown = [document("case1", duration=0.5, environment={"wind": {**air, **more}}) for more in ({}, {"gust": gusts})]
+    constant, gusty = (skyarm.run(skyarm.scenario_from(each)) for each in blown)
+    assert constant.wind_force[:, 0].all()
+    assert gust_interval(constant) is None
+    assert gust_interval(gusty) == pytest.approx((0.1, 0.35))
 
 
 def test_quantities_are_errors_against_the_held_reference() -> None:

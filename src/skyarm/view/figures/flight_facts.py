@@ -44,7 +44,16 @@ def end_time(log: Log) -> float:
 
 
 def gust_interval(log: Log) -> tuple[float, float] | None:
-    """Time interval, s, of a wind gust; None without wind or for constant wind."""
+    """Time interval, s, from the first gust of air or force to the last; None without gusts within the flight.
+
+    Of a log without a scenario it is where the wind's force is not zero, unless it is so throughout.
+    """
+    scenario = scenario_of(log)
+    if scenario is not None and log.time.size:
+        last = float(log.time[-1])
+        gusts = [each[1:] for part in scenario.components for each in part.events if each[0] == "gust"]
+        gusts = [(start, stop) for start, stop in gusts if start <= last]
+        return (min(start for start, _ in gusts), min(last, max(stop for _, stop in gusts))) if gusts else None
     blowing = np.flatnonzero(np.linalg.norm(log.wind_force, axis=1) > 0.0)
     if not blowing.size or blowing.size == log.time.size:
         return None

@@ -275,12 +275,16 @@ def desired_path(flight: FilmedFlight, width: float) -> list[Mark]:
 
 
 def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
-    """Make an arrow along the wind near the vehicle, with a length by wind force or air speed."""
-    length = np.zeros(3)
-    if np.linalg.norm(flight.force[k]) > LEAST_FORCE:
-        length = ARROW_PER_NEWTON * flight.force[k]
-    elif np.linalg.norm(flight.air[k]) > LEAST_SPEED:
-        length = ARROW_PER_SPEED * flight.air[k]
+    """Make an arrow along the wind near the vehicle, with a length by wind force or air speed, the longer one."""
+    seen = [
+        scale * each[k]
+        for each, scale, least in (
+            (flight.force, ARROW_PER_NEWTON, LEAST_FORCE),
+            (flight.air, ARROW_PER_SPEED, LEAST_SPEED),
+        )
+        if np.linalg.norm(each[k]) > least
+    ]
+    length = max(seen, key=lambda each: float(np.linalg.norm(each)), default=np.zeros(3))
     size = float(np.linalg.norm(length))
     if not size:
         return []
