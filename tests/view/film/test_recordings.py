@@ -5,6 +5,8 @@ from __future__ import annotations
 import base64
 import dataclasses
 import re
+import socket
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -143,6 +145,17 @@ def test_a_recording_is_small(two: Recording) -> None:
 def test_the_same_flights_give_the_same_recording(two: Recording) -> None:
     again = record([flight(), flight("centroidal_tip")], FilmSettings(fps=FPS))
     assert unpacked(again.content) == unpacked(two.content)
+
+
+def test_nothing_listens_while_a_recording_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened = []
+    for name in ("bind", "listen"):
+        usual = getattr(socket.socket, name)
+        monkeypatch.setattr(socket.socket, name, lambda own, *at, usual=usual: opened.append(at) or usual(own, *at))
+    before = threading.active_count()
+    assert record(flight(), FilmSettings(fps=2)).content
+    assert opened == []
+    assert threading.active_count() == before
 
 
 def test_a_page_holds_all_that_it_needs(two: Recording, tmp_path: Path) -> None:

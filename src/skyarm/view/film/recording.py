@@ -6,11 +6,11 @@ The extra ``studio`` (viser) writes it and brings the player, one page without a
 from __future__ import annotations
 
 import base64
-import contextlib
-import io
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from threading import RLock
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -97,8 +97,7 @@ def record(
     logs = [flights] if isinstance(flights, Log) else list(flights)
     times = frame_times(logs, chosen)
     filmed = film_flights(logs, times, labels)
-    with _server() as server:
-        content = _serialize(server, filmed, times, chosen, progress)
+    content = _serialize(filmed, times, chosen, progress)
     return Recording(content, len(times) / chosen.fps, lambda: page_with(content))
 
 
@@ -109,27 +108,47 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
     return write_atomically(target, content)
 
 
-@contextlib.contextmanager
-def _server() -> Iterator[Any]:
-    """Context manager with a local viser server, in which a scene is built."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        server = import_viser().ViserServer(host="127.0.0.1", port=0, verbose=False)
-    try:
-        yield server
-    finally:
-        with contextlib.redirect_stdout(io.StringIO()):
-            server.stop()
+class _Stage:
+    """Scene of viser whose messages are recorded, with a camera, without a server: nothing listens.
+
+    viser offers its scene on a running server only, so its parts are put together here: what a server sends to all
+    pages (owner "") goes into a buffer that no page empties.
+    """
+
+    def __init__(self) -> None:
+        viser = import_viser()
+        from viser.infra._async_message_buffer import AsyncMessageBuffer
+
+        # nobody waits for a message, so the event loop's only call wakes nobody
+        loop: Any = SimpleNamespace(call_soon_threadsafe=lambda *_: None)
+        self._sent = AsyncMessageBuffer(loop, persistent_messages=True)
+        self._messages = viser.infra.WebsockMessageHandler()
+        self._messages.get_message_buffer = lambda: self._sent
+        everyone = SimpleNamespace(
+            client_id="",
+            _websock_connection=self._messages,
+            _viser_server=SimpleNamespace(_scene_lifecycle_lock=RLock()),
+        )
+        self.scene = viser.SceneApi(everyone, None, loop)
+        self.scene.set_background_image(None)
+        self.initial_camera = viser.InitialCameraConfig(self._messages.queue_message)
+
+    def get_scene_serializer(self) -> Any:
+        """Make viser's serializer of all messages of the scene, those so far and those to come."""
+        serializer = self._messages.get_message_serializer(lambda message: message.include_in_scene_serialization)
+        for message in list(self._sent.message_from_id.values()):
+            serializer._insert_message(message)
+        return serializer
 
 
 def _serialize(
-    server: Any,
     flights: Sequence[FilmedFlight],
     times: Array,
     settings: FilmSettings,
     progress: Callable[[int, int], None] | None,
 ) -> bytes:
     """Build a 3D scene of flights and play it once; returns the recording as bytes."""
-    shifts = _shifts(flights, settings)
+    server, shifts = _Stage(), _shifts(flights, settings)
     _surroundings(server, flights, shifts, times, settings)
     vehicles = [
         _RecordedFlight(server.scene, f"/flight{i + 1}", flight, shift, times, settings)
@@ -235,7 +254,7 @@ def _add_path(scene: Any, name: str, places: Array, color: tuple[int, ...], widt
 
 
 def _surroundings(
-    server: Any, flights: Sequence[FilmedFlight], shifts: Sequence[Array], times: Array, settings: FilmSettings
+    server: _Stage, flights: Sequence[FilmedFlight], shifts: Sequence[Array], times: Array, settings: FilmSettings
 ) -> None:
     """Set up ground, light and initial camera of a recording."""
     scene = server.scene
