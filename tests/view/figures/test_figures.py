@@ -183,6 +183,16 @@ def test_threads_draw_the_same_pixels() -> None:
     assert found[0][:8] == b"\x89PNG\r\n\x1a\n"
 
 
+@pytest.mark.parametrize("kind", ["svg", "pdf"])
+def test_two_pictures_of_one_flight_are_the_same_file(kind: str) -> None:
+    logs = {"case1": all_logs()["rigid_body"]["case1"]}
+    before = mpl.rcParams["svg.hashsalt"]
+    one, other = (image_bytes(paper_figures(logs, WINDOWS)[5], kind) for _ in range(2))
+    assert one == other
+    assert b"<dc:date>" not in one
+    assert mpl.rcParams["svg.hashsalt"] == before
+
+
 def test_a_diverged_episode_is_named_and_does_not_flatten_the_other() -> None:
     good = synthetic_log("case1", "rigid_body", "CT")
     wild = synthetic_log("case1", "rigid_body", "PD", seconds=12.0)

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import matplotlib
@@ -253,14 +255,33 @@ def plain_numbers(axis: Axis) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
+SALT, _SALTING = "svg.hashsalt", Lock()
+
+
+@contextmanager
+def _repeatable_names() -> Iterator[None]:
+    """Context manager in which Matplotlib draws no random names of an SVG file's parts; a user's own salt stays.
+
+    For this there is a global parameter only, so one thread at a time sets it, for as long as it writes.
+    """
+    with _SALTING:
+        usual = matplotlib.rcParams[SALT]
+        matplotlib.rcParams[SALT] = usual or "skyarm"
+        try:
+            yield
+        finally:
+            matplotlib.rcParams[SALT] = usual
+
+
 def image_bytes(figure: Figure, kind: str = "png", dpi: float = 160.0) -> bytes:
-    """Encode a figure as PNG, SVG or PDF without dates, so that equal figures give equal files."""
+    """Encode a figure as PNG, SVG or PDF without dates and random names, so that equal figures give equal files."""
     stamp = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         # a name in letters that the fonts lack is drawn as boxes: no reason for a line for each of them
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        figure.savefig(buffer, format=kind, dpi=dpi, metadata=stamp[kind])
+        with _repeatable_names():
+            figure.savefig(buffer, format=kind, dpi=dpi, metadata=stamp[kind])
     return buffer.getvalue()
 
 
