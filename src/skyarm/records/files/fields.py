@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Iterable, Sequence
+from itertools import islice
 from typing import Any
 
 from skyarm.records.files.messages import comma_list, did_you_mean, must_be_one_of, shown
 
 _REQUIRED: Any = object()
+
+MOST_COMPARED = 1000
+"""Fields of a table that are searched for one that is spelt wrongly."""
 
 
 class Fields:
@@ -42,7 +46,7 @@ class Fields:
         if default is not _REQUIRED:
             return default
         other = (word for word in self.table if word not in self._asked and word not in self._known)
-        near = next((word for word in other if did_you_mean(word, [name])), "")
+        near = next((word for word in islice(other, MOST_COMPARED) if did_you_mean(word, [name])), "")
         there = f"is it {near!r}? " if near else ""
         there += f"there are {comma_list(sorted(self.table))}" if self.table else "there are no fields"
         raise ValueError(f"{self.at(name)}: is missing; {there}")

@@ -16,6 +16,12 @@ DEEPEST = 64
 LARGEST_BITS = 1024
 """Of a whole number: one above 1.8e308 fits into no field, and Python refuses to write out one of 4300 digits."""
 
+MOST_KEYS = 50_000
+"""Of a file: the time for reading grows with them, and no file of ours needs a thousand."""
+
+_KEY = re.compile(r"=|^[ \t]*\[[^\],\n]*\]", re.MULTILINE)
+"""A key's value, or the head of a table; a row of several numbers is none."""
+
 _CHAIN = re.compile(rf"""(?<![\w-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
 """A key of too many parts: the library's time grows with their square."""
 
@@ -33,6 +39,8 @@ def read_toml(content: bytes) -> dict[str, Any]:
     deep = f"TOML = tables in tables: must be nested at most {DEEPEST} deep"
     if _CHAIN.search(text):
         raise ValueError(deep)
+    if (keys := len(_KEY.findall(text))) > MOST_KEYS:
+        raise ValueError(f"TOML = {keys} keys: must be at most {MOST_KEYS}")
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -255,7 +255,7 @@ def plain_numbers(axis: Axis) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-SALT, _SALTING = "svg.hashsalt", Lock()
+_SALTING = Lock()
 
 
 @contextmanager
@@ -265,12 +265,12 @@ def _repeatable_names() -> Iterator[None]:
     For this there is a global parameter only, so one thread at a time sets it, for as long as it writes.
     """
     with _SALTING:
-        usual = matplotlib.rcParams[SALT]
-        matplotlib.rcParams[SALT] = usual or "skyarm"
+        usual = matplotlib.rcParams["svg.hashsalt"]
+        matplotlib.rcParams["svg.hashsalt"] = usual or "skyarm"
         try:
             yield
         finally:
-            matplotlib.rcParams[SALT] = usual
+            matplotlib.rcParams["svg.hashsalt"] = usual
 
 
 def image_bytes(figure: Figure, kind: str = "png", dpi: float = 160.0) -> bytes:
