@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm import load_vehicle
-from skyarm.control.controller import autopilot_of
+from skyarm.control.controller import autopilot_of, innermost, with_innermost
 from skyarm.links.autopilots.px4 import PX4
 from skyarm.links.autopilots.px4_ports import open_ports
 from skyarm.links.transcript import Tape
@@ -71,7 +71,9 @@ def scenario_of(
     file.write_text(text.replace('autopilot = "px4"\n', 'autopilot = "px4"\n' + lines), "utf-8")
     scenario = load_scenario(file)
     par = scenario.controller.par
-    started = dataclasses.replace(par, autopilot=dataclasses.replace(par.autopilot, program=program))
+    own = innermost(par)
+    own = dataclasses.replace(own, autopilot=dataclasses.replace(own.autopilot, program=program))
+    started = with_innermost(par, own)
     return scenario.with_words(controller=dataclasses.replace(scenario.controller, par=started))
 
 

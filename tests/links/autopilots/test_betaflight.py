@@ -289,6 +289,11 @@ FAILURES = {
 }
 
 
+def test_a_start_that_is_silent_is_tried_again(tmp_path, ports, soon):
+    log = flown(scenario_with(stand_in(tmp_path, "drowsy"), patience=1.0).with_words(duration=0.2))
+    assert (log.status, log.info["cause"]) == ("completed", "")
+
+
 NIGHTLY = {"garbage", "numbers", "motors"}
 """Failures that tests without a program show as well."""
 
@@ -298,7 +303,7 @@ NIGHTLY = {"garbage", "numbers", "motors"}
 )
 def test_failure_is_a_result_of_one_line_with_ports_free_and_no_process(way, tmp_path, ports, soon):
     session = open_session(
-        scenario_with(stand_in(tmp_path, way), patience={"silent": 0.5, "garbage": 0.5, "deaf": 1.0}.get(way, 3.0))
+        scenario_with(stand_in(tmp_path, way), patience={"silent": 0.5, "garbage": 0.5, "deaf": 0.15}.get(way, 3.0))
     )
     link = session._link
     try:

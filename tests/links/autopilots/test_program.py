@@ -86,6 +86,16 @@ def test_a_program_that_ends_says_its_last_words_without_colours(tmp_path: Path)
     assert wait_until_gone(guards) == []
 
 
+def test_last_words_name_a_line_once_and_the_last_ones_at_the_end(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    script = r"echo 'Frame: HEXA'; for k in 1 2 3; do echo 'Loaded defaults'; done; echo Killed; echo 'Loaded defaults'"
+    child = Child(["/bin/sh", "-c", script], folder)
+    child._process.wait(10)
+    assert child.last_words == "Frame: HEXA | Killed | Loaded defaults"
+    child.close()
+
+
 @pytest.mark.parametrize(
     ("script", "words"),
     [

@@ -137,13 +137,58 @@ def test_the_rate_loop_has_the_bandwidth_between_a_locked_and_a_free_arm(name: s
         assert math.sqrt(free * locked) == pytest.approx(bandwidth, rel=0.03)
 
 
-def test_slow_rotors_have_slow_loops_all_the_way_out() -> None:
-    fast, slow = skyarm.load_vehicle(PLUS), skyarm.load_vehicle(TABLED)
-    assert rate_bandwidth(fast) == 18.0
-    assert rate_bandwidth(slow) == pytest.approx(LAG_SHARE / 0.06)
-    default = {"MC_ROLL_P": 4.0, "MC_PITCH_P": 4.0, "MPC_XY_VEL_P_ACC": 1.8, "MPC_XY_VEL_I_ACC": 0.4, "MPC_XY_P": 0.95}
-    assert outer_gains(fast) == pytest.approx(default)
-    assert all(value < default[name] for name, value in outer_gains(slow).items())
+DEFAULT = {"MC_ROLL_P": 4.0, "MC_PITCH_P": 4.0, "MPC_XY_VEL_P_ACC": 1.8, "MPC_XY_VEL_I_ACC": 0.4, "MPC_XY_P": 0.95}
+"""PX4's own outer gains."""
+
+
+def of_lag(seconds: float) -> Vehicle:
+    """Hexarotor whose rotors have one time constant."""
+    vehicle = skyarm.load_vehicle("hexarotor_arm6")
+    rotors = [dataclasses.replace(r, time_constant_up=seconds, time_constant_down=seconds) for r in vehicle.rotors]
+    return dataclasses.replace(vehicle, rotors=tuple(rotors))
+
+
+def cascade(vehicle: Vehicle, lag: float) -> tuple[np.ndarray, np.ndarray]:
+    """PX4's position, velocity, attitude and rate loops along one axis around rotors of a lag: x' = A x + b(s) p.
+
+    x is position, velocity, acceleration by tilt, its rate and second rate (first-order rotors), and the integral of
+    the velocity error; b is the forcing at s = j by a reference position of 1, with its velocity and acceleration.
+    """
+    g, rate = outer_gains(vehicle), rate_bandwidth(vehicle)
+    attitude, velocity, integral = g["MC_PITCH_P"], g["MPC_XY_VEL_P_ACC"], g["MPC_XY_VEL_I_ACC"]
+    slope, position = g.get("MPC_XY_VEL_D_ACC", 0.2), g["MPC_XY_P"]  # 0.2 is PX4's own
+    A, b = np.diag([1.0, 1.0, 1.0, 1.0, 0.0], 1), np.zeros(6, complex)
+    wanted = np.array([-velocity * position, -velocity, -slope - 1.0, 0.0, 0.0, integral])
+    A[4] = (rate * (attitude * wanted - np.eye(6)[3]) - np.eye(6)[4]) / lag
+    A[5] = [-position, -1.0, 0.0, 0.0, 0.0, 0.0]
+    b[4], b[5] = rate * attitude * (1j * 1j + velocity * (1j + position)) / lag, 1j + position
+    return A, b
+
+
+def test_outer_gains_are_no_weaker_than_px4_s_own_where_the_rotors_allow() -> None:
+    for vehicle in (skyarm.load_vehicle(PLUS), skyarm.load_vehicle(TABLED), of_lag(0.04)):
+        gains = outer_gains(vehicle)
+        assert all(gains[name] >= value for name, value in DEFAULT.items())
+        assert gains["MPC_XY_VEL_P_ACC"] <= 5.0  # PX4's ranges
+        assert gains["MPC_XY_P"] <= 2.0
+    assert rate_bandwidth(skyarm.load_vehicle(PLUS)) == 18.0
+    assert rate_bandwidth(skyarm.load_vehicle(TABLED)) == pytest.approx(LAG_SHARE / 0.06)
+    assert outer_gains(of_lag(0.2))["MPC_XY_P"] < DEFAULT["MPC_XY_P"]
+
+
+@pytest.mark.parametrize("lag", [0.02, 0.03, 0.04, 0.05, 0.06, 0.1, 0.2])
+def test_the_cascade_is_damped_whatever_the_rotors_lag(lag: float) -> None:
+    poles = np.linalg.eigvals(cascade(of_lag(lag), lag)[0])
+    assert (-poles.real / abs(poles)).min() > 0.4
+    fast = 0.8 if lag < 0.07 else 0.1  # rad/s of the slowest pole, that of the integral among them
+    assert -poles.real.max() > fast * 0.25
+
+
+@pytest.mark.parametrize("lag", [0.02, 0.03, 0.04, 0.05, 0.06])
+def test_a_circle_of_a_metre_at_a_metre_a_second_is_flown_within_eleven_centimetres(lag: float) -> None:
+    A, b = cascade(of_lag(lag), lag)
+    flown = np.linalg.solve(1j * np.eye(6) - A, b)[0]
+    assert abs(1.0 - flown) < 0.11
 
 
 def test_yaw_is_no_faster_than_roll_and_pitch_of_slow_rotors() -> None:

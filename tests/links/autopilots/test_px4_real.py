@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from px4_flights import scenario_of
 
+from skyarm import load_vehicle
 from skyarm.links.autopilots.flight import PilotedSession
 from skyarm.log.flight_log import Log
+from skyarm.reference import circle
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.session import open_session
 
@@ -56,6 +58,16 @@ def test_flights_of_case_3_differ_by_less_than_two_centimetres() -> None:
         flights.append(log.position)
     apart = [np.linalg.norm(one - flights[0], axis=1).max() for one in flights[1:]]
     assert max(apart) < 0.02  # 1.3 cm at most of five flights, on a quiet and on a loaded machine
+
+
+@pytest.mark.parametrize("vehicle", ["hexarotor_arm6", "octo_coaxial_two_arms"])
+def test_px4_flies_a_circle_of_a_metre_at_a_metre_a_second(tmp_path: Path, vehicle: str) -> None:
+    joints = (0.0,) * load_vehicle(vehicle).n
+    path = circle(radius=1.0, frequency_hz=0.5 / np.pi, center=(0.0, 0.0, 2.0), joints=joints)
+    log = open_session(scenario_of(tmp_path, vehicle, 25.0).with_words(reference=path)).run()
+    require_calm(log)
+    error = np.linalg.norm(log.position - log.position_reference, axis=1)[log.time > 10.0]
+    assert error.mean() < 0.11
 
 
 def test_another_instance_takes_commands_too(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from skyarm.algebra import ZERO3, Motion
 from skyarm.algebra.scalars import Scalar, add
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd
-from skyarm.control.controller import Controller, ControllerError, innermost
+from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_maker import default_joint_gains, fitting_mixer
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics.actuators import Command, Mixer
@@ -266,7 +266,7 @@ class AutopilotMaker:
 
 def model_of(scenario: Scenario) -> Model:
     """Model of the vehicle from which an autopilot's parameters follow; the plant may differ from it."""
-    found: Model = innermost(scenario.controller.par).model
+    found: Model = scenario.controller.par.model
     return found
 
 

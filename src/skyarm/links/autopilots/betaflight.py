@@ -18,7 +18,9 @@ import math
 import socket
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -40,6 +42,7 @@ from skyarm.links.autopilots.betaflight_process import (
     RADIO_PORT,
     STATE_PORT,
     Guard,
+    SilentStartError,
     await_boot,
     open_port,
     program_of,
@@ -55,7 +58,7 @@ from skyarm.links.autopilots.betaflight_settings import (
     state_message,
     vehicle_loops,
 )
-from skyarm.links.autopilots.program import ProgramLink
+from skyarm.links.autopilots.program import Child, ProgramLink
 from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
 from skyarm.records.immutable import immutable
@@ -105,11 +108,11 @@ class Betaflight(Autopilot):
 make_betaflight = AutopilotMaker(Betaflight)
 
 
-STARTS = 4
-"""Starts of the program until motors answer."""
+START_TIME = 8.0
+"""Time by the wall clock within which a silent program is started again, in parts of the patience."""
 
-WARM, WARM_STEP = 0.4, 0.001
-"""s of states before the flight's first, and between them."""
+WARM, WARM_STEP, WARM_WAIT = 0.4, 0.002, 0.02
+"""s of states before the flight's first, between them, and that each waits for its answer by the wall clock."""
 
 LEVEL = (1500, 1500, 1000, 1500)
 """Sticks at rest."""
@@ -167,36 +170,63 @@ class BetaflightLink(ProgramLink):
             self._out = self._held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
             folder = self._make_folder()
             command = [str(program), "127.0.0.1"]
-            child = self._launch(command, folder)
-            set_up(child, lines, self._record.patience)
-            for _ in range(STARTS):
-                child.end()
-                child = self._launch(command, folder)
-                await_boot(child, self._record.patience)
-                if self._warm_up():
-                    break
-                if not child.running:
-                    raise LinkError(f"Betaflight ended while it started{child.ending('Betaflight')}")
-            else:
-                raise LinkError(f"Betaflight has sent no motors in {STARTS} starts{self._ending}")
+            until = time.monotonic() + START_TIME * self._record.patience
+            self._repeat(partial(self._set_up, command, folder, lines), until)
+            child = self._repeat(partial(self._boot, command, folder), until)
             self._guard = Guard(child.pid)
             self._held.callback(self._guard.close)
 
-    def _warm_up(self) -> bool:
-        """Send states of a vehicle at rest for ``WARM`` s at real time; True if motors answer the last of them.
+    def _repeat(self, start: Callable[[], Child], until: float) -> Child:
+        """Start the program until it answers, at least once, and up to a time by the monotonic clock.
 
-        Betaflight's clock stands still for the first state's answer, and now and then does not start again.
+        Raises:
+            LinkError: it never answers, or ends.
         """
-        assert self._motors is not None
+        count = 1
+        while True:
+            try:
+                return start()
+            except SilentStartError as error:
+                if time.monotonic() > until:
+                    raise LinkError(f"{error}, in {count} start{'s' * (count > 1)}") from None
+            count += 1
+            if self._child is not None:
+                self._child.end()
+
+    def _set_up(self, command: Sequence[str], folder: Path, lines: Sequence[str]) -> Child:
+        """Program that has saved its settings, which ends it."""
+        (folder / "eeprom.bin").unlink(missing_ok=True)  # of a start that was given up
+        child = self._launch(command, folder)
+        set_up(child, lines, self._record.patience)
+        child.end()
+        return child
+
+    def _boot(self, command: Sequence[str], folder: Path) -> Child:
+        """Program whose motors answer states."""
+        child = self._launch(command, folder)
+        await_boot(child, self._record.patience)
+        if self._warm_up():
+            return child
+        if child.running:
+            raise SilentStartError(f"Betaflight has sent no motors{self._ending}")
+        raise LinkError(f"Betaflight ended while it started{child.ending('Betaflight')}")
+
+    def _warm_up(self) -> bool:
+        """Send states of a vehicle at rest for ``WARM`` s at real time or slower; True if motors answer the last ones.
+
+        Betaflight's clock stands still for the first state's answer, and now and then does not start again. Each state
+        waits for the answer to the one before: of states that queue up on a busy machine the clock leaps.
+        """
         level = ((0.0,) * 6 + (9.8,), (0.0,) * 4 + (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
-        begun, answered, count = time.monotonic(), 0, round(WARM / WARM_STEP)
+        answered, count, sent = 0, round(WARM / WARM_STEP), 0.0
         self._peer = None
         for k in range(count):
-            time.sleep(max(begun + k * WARM_STEP - time.monotonic(), 0.2 * WARM_STEP))
+            time.sleep(max(sent + WARM_STEP - time.monotonic(), 0.0))
+            sent = time.monotonic()
             self._send(RADIO.pack(k * WARM_STEP, *LEVEL, *(OFF,) * 12), RADIO_PORT)
             self._send(state_message(k * WARM_STEP, *level), STATE_PORT)
-            answered += (2 * k > count) * len(self._motors_of(drain(self._motors)))
-        return answered > 0.1 * count
+            answered += (2 * k > count) * bool(self._await_motors(sent + WARM_WAIT))
+        return answered > 0.25 * count
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -302,21 +332,24 @@ class BetaflightLink(ProgramLink):
 
     def _read(self) -> bytes:
         """Newest motor message, empty if none comes in time."""
+        found, now = self._await_motors(self._sent + ANSWER), time.monotonic()
+        if found:
+            self._waits.append(now - self._sent)
+            self._silent_since = now
+        else:
+            self._check_alive(now)
+        return found
+
+    def _await_motors(self, until: float) -> bytes:
+        """Newest motor message; empty if none comes by a time of the monotonic clock."""
         assert self._motors is not None
-        until, found = self._sent + ANSWER, b""
-        left = ANSWER
+        found, left = b"", 1.0
         while not found and left > 0.0:
             left = until - time.monotonic()
             with contextlib.suppress(TimeoutError, BlockingIOError, ConnectionError):
                 self._motors.settimeout(max(left, 1e-4))
                 first = self._motors.recvfrom(2048)
                 found = (self._motors_of([first, *drain(self._motors)]) or [b""])[-1]
-        now = time.monotonic()
-        if found:
-            self._waits.append(now - self._sent)
-            self._silent_since = now
-        else:
-            self._check_alive(now)
         return found
 
     def _motors_of(self, datagrams: Sequence[tuple[bytes, Any]]) -> list[bytes]:

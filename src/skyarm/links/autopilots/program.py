@@ -12,6 +12,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 
 from skyarm.links.autopilots.autopilot import Autopilot, Link, LinkError
@@ -115,9 +116,10 @@ class Child:
 
     @property
     def last_words(self) -> str:
-        """End of what the program printed, in one line without control characters."""
-        lines = [_printable(line) for line in self.output[-LAST_WORDS:].splitlines()[-3:]]
-        return " | ".join(line for line in lines if line)
+        """Last three different lines that the program printed, each at its last place, without control characters."""
+        lines = filter(None, map(_printable, reversed(self.output.splitlines())))
+        words = " | ".join(reversed(list(islice(dict.fromkeys(lines), 3))))
+        return words[-LAST_WORDS:]
 
     def ending(self, title: str) -> str:
         """Last words in brackets; of a program that has ended without any its exit code; else empty."""

@@ -36,14 +36,19 @@ LAG_SHARE = 0.5
 YAW_BANDWIDTH = 6.0
 """rad/s; PX4 filters the yaw torque at 2 Hz."""
 
-ATTITUDE_RATIO = 4.0
-"""Bandwidth of the rate loop over the gain of the attitude loop around it."""
+ATTITUDE_RATIO = 2.0
+"""Bandwidth of the rate loop over the gain of the attitude loop around it: the damping optimum of a cascade, in which
+each loop is half as fast as the one inside it. Source: Kessler 1955; Naslin 1960, characteristic ratios of 2."""
 
-VELOCITY_RATIO = 2.2
-"""Gain of the attitude loop over that of the velocity loop around it, at least: PX4's default gains."""
+ATTITUDE_P = 6.0
+"""1/s, the largest gain of the attitude loop; with it the velocity and position gains stay in PX4's ranges."""
 
-ATTITUDE_P, VELOCITY_P, VELOCITY_I, POSITION_P = 4.0, 1.8, 0.4, 0.95
-"""Default gains of PX4: 1/s, 1/s, 1/s^2, 1/s. They are the largest that are set."""
+VELOCITY_D = 0.2
+"""PX4's default gain of the measured acceleration. It makes the response of the acceleration 1 + D times as fast and as
+small, so the damping optimum of the velocity and position loops is attitude gain (1 + D)^2 / 2 and (1 + D) / 4."""
+
+VELOCITY_P, VELOCITY_I = 1.8, 0.4
+"""PX4's default gains, 1/s and 1/s^2, whose ratio in parts of the velocity gain is retained."""
 
 
 def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
@@ -90,16 +95,16 @@ def rate_gains(vehicle: Vehicle) -> dict[str, float]:
 
 
 def outer_gains(vehicle: Vehicle) -> dict[str, float]:
-    """Gains of PX4's attitude, velocity and position loops: its defaults, or less around a slow rate loop."""
+    """Gains of PX4's attitude, velocity and position loops: the damping optimum around the rate loop."""
     attitude = min(ATTITUDE_P, rate_bandwidth(vehicle) / ATTITUDE_RATIO)
-    velocity = min(VELOCITY_P, attitude / VELOCITY_RATIO)
-    share = velocity / VELOCITY_P
+    velocity = 0.5 * attitude * (1.0 + VELOCITY_D) ** 2
     return {
         "MC_ROLL_P": attitude,
         "MC_PITCH_P": attitude,
         "MPC_XY_VEL_P_ACC": velocity,
-        "MPC_XY_VEL_I_ACC": VELOCITY_I * share * share,
-        "MPC_XY_P": POSITION_P * share,
+        "MPC_XY_VEL_I_ACC": VELOCITY_I * (velocity / VELOCITY_P) ** 2,
+        "MPC_XY_VEL_D_ACC": VELOCITY_D,
+        "MPC_XY_P": 0.25 * attitude * (1.0 + VELOCITY_D),
     }
 
 
