@@ -2,20 +2,21 @@
 PYTHON ?= python3
 VENV := .venv
 LOWEST := .venv-lowest
+PEERS := .venv-peers
 BIN := $(VENV)/bin
 PIP := -m pip install --quiet --disable-pip-version-check
 OUT ?= out/paper
 BENCH ?= out/bench.json
 WORKERS ?= 2
 TESTS ?=
-GATES := types test docs thorough attack digests browser
+GATES := types test docs thorough attack digests browser peers
 
-.PHONY: all reproduce test types pytest test-lowest docs films envelope fresh browser thorough attack digests mutants bench lint hooks clean help
+.PHONY: all reproduce test types pytest test-lowest docs films envelope fresh browser thorough attack digests mutants bench peers lint hooks clean help
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
 	@echo "make test         lint, and most tests (thorough, attack, digests: the rest); TESTS='tests/plant -k wind' runs these only"
-	@echo "make all          test, docs, thorough, attack, digests, browser, one after the other; a line for each: an hour or two"
+	@echo "make all          test, docs, thorough, attack, digests, browser, peers, one after the other; a line for each: an hour or two"
 	@echo "make pytest       these tests without lint; TESTS as above"
 	@echo "make test-lowest  every test on the lowest versions of pyproject.toml, in $(LOWEST); PYTHON must be 3.11"
 	@echo "make docs         build the documentation site, out/docs/site/index.html; run all that README, docs and examples show"
@@ -28,6 +29,7 @@ help:
 	@echo "make digests      every flight of the paper's cases against the digest it had: some twenty minutes"
 	@echo "make mutants      change 300 drawn lines, one at a time, and name those no test sees: hours; WORKERS=$(WORKERS) processes"
 	@echo "make bench        measure every engine on this machine; BENCH=$(BENCH) is the file of the numbers"
+	@echo "make peers        fly the other libraries of the bench once, in $(PEERS): two minutes; docs/performance.md has the long form"
 	@echo "make lint         ruff, import contract"
 	@echo "make types        mypy"
 	@echo "make hooks        run lint's quick parts before each commit (pre-commit, in $(VENV))"
@@ -144,9 +146,20 @@ mutants: $(VENV)/.test
 bench: $(VENV)/.core
 	$(BIN)/python tests/studies/bench/measure_engines.py --out $(BENCH)
 
+# PyFlyt asks for NumPy 1 and flies on 2, which another of them needs
+$(PEERS)/.installed: pyproject.toml tests/studies/bench/peers.txt
+	rm -rf $(PEERS)
+	$(PYTHON) -m venv $(PEERS)
+	$(PEERS)/bin/python $(PIP) -r tests/studies/bench/peers.txt -e ".[gym]"
+	$(PEERS)/bin/python $(PIP) --no-deps PyFlyt==0.29.0
+	@touch $@
+
+peers: $(PEERS)/.installed
+	$(PEERS)/bin/python tests/studies/bench/measure_peers.py --small
+
 hooks: $(VENV)/.types
 	$(BIN)/python $(PIP) -c constraints.txt pre-commit
 	$(BIN)/pre-commit install
 
 clean:
-	rm -rf $(VENV) $(LOWEST) out build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) $(LOWEST) $(PEERS) out build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -12,7 +12,7 @@ from __future__ import annotations
 import importlib.util
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -75,12 +75,7 @@ def pinocchio(vehicle: Vehicle, calls: int = 4000) -> list[Contender]:
 
 def guests(vehicle: Vehicle) -> list[Contender]:
     """All that are installed."""
-    makers: dict[str, Callable[[], Contender]] = {
-        "crazyflow": crazyflow,
-        "mujoco.mjx": lambda: mjx(vehicle),
-        "rotorpy": rotorpy,
-    }
-    return [make() for name, make in makers.items() if installed(name)]
+    return [make(vehicle) for name, make in GUESTS.items() if installed(name)]
 
 
 def crazyflow(worlds: int = 4096, steps: int = 50) -> Contender:
@@ -173,19 +168,16 @@ def stepped(envs: Any, name: str, words: str) -> Contender:
     return Contender(name, f"{words}, f32, {envs.num_envs} worlds, 1 thread", run)
 
 
-def peers() -> list[list[Contender]]:
-    """A list for each installed peer: the peer, and ours beside it; nothing without Gymnasium.
+def peers() -> Iterator[list[Contender]]:
+    """A list for each installed peer: the peer, and ours beside it; nothing without Gymnasium."""
+    if installed("gymnasium"):
+        yield from (make() for name, make in PEERS.items() if installed(name))
 
-    A peer of a version that has not the parts which are flown here counts as one that is not installed.
-    """
-    if not installed("gymnasium"):
-        return []
-    found = []
-    for name, make in PEERS.items():
-        if installed(name):
-            with suppress(ImportError, AttributeError):
-                found.append(make())
-    return found
+
+def absent() -> list[str]:
+    """Libraries that would be measured and are not installed."""
+    names = ("gymnasium", "jax", "pinocchio", *GUESTS, *PEERS)
+    return [name for name in dict.fromkeys(names) if not installed(name)]
 
 
 def beside_crazyflow() -> list[Contender]:
@@ -299,6 +291,13 @@ def _single(env: Any, action: Any, name: str, words: str, *, begins_anew: bool =
 
     return Contender(name, f"single environment, {words}", run)
 
+
+GUESTS: dict[str, Callable[[Vehicle], Contender]] = {
+    "crazyflow": lambda _: crazyflow(),
+    "mujoco.mjx": mjx,
+    "rotorpy": lambda _: rotorpy(),
+}
+"""Name of a library as it is imported -> its simulation of the paper's vehicle, or of its own."""
 
 PEERS: dict[str, Callable[[], list[Contender]]] = {
     "crazyflow": beside_crazyflow,

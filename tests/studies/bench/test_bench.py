@@ -91,11 +91,14 @@ def test_operations_of_the_truth_vehicle_do_not_creep_up():
 
 
 def test_operations_of_the_flagship_do_not_creep_up():
-    """A period of the loop, plant and sensors included: raise it only with a reason."""
+    """A period of the loop, plant and sensors included: raise it only with a reason.
+
+    47 of them are the logged force of moving air; code that writes no log leaves them out.
+    """
     scenario = load_scenario("case3_wind")
     flagship = scenario.with_words(controller=controller_by_name(scenario, "centroidal_tip"))
     program = EpisodeCode(flagship, commands=False, effort=0).loop.program
-    assert operations(program.nodes) <= 11248
+    assert operations(program.nodes) <= 11248 + 47
 
 
 def test_growth_measures_arms_of_any_length():

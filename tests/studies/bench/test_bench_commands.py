@@ -6,15 +6,18 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import bench_engines as engines
 import measure_engines
+import measure_peers
+import peers
 import pytest
 from bench_timing import Contender
 
 
-def shell(*arguments: str, seconds: float = 60) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-W", "error", measure_engines.__file__, *arguments]
+def shell(*arguments: str, seconds: float = 60, of: ModuleType = measure_engines) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-W", "error", str(of.__file__), *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=seconds, check=False)
 
 
@@ -63,3 +66,38 @@ def test_a_quick_bench_measures_everything(tmp_path: Path):
     found = json.loads((tmp_path / "bench.json").read_text("utf-8"))
     assert all(found.values()), {name for name in found if not found[name]}
     assert found["accuracy_m"]["rk4 f64 exact"] < found["accuracy_m"]["rk4 f32"]
+
+
+def test_peers_are_measured_by_a_program_as_its_page_says():
+    done = shell("--help", of=measure_peers)
+    assert done.returncode == 0, done.stderr
+    assert "--small" in done.stdout
+
+
+@pytest.mark.usefixtures("instant")
+def test_every_group_of_peers_has_a_contest_and_absent_ones_are_named(monkeypatch, capsys):
+    def one(name: str):
+        return lambda *_: [Contender(name, "done at once", lambda: 1.0)]
+
+    for module, name in (
+        (peers, "pinocchio"),
+        (peers, "jax"),
+        (peers, "environments"),
+        (engines, "mujoco_rollout"),
+        (measure_peers.contact_speed, "standing_contenders"),
+    ):
+        flown = one(name)
+        monkeypatch.setattr(module, name, flown if name != "mujoco_rollout" else lambda *_, each=flown: each()[0])
+    monkeypatch.setattr(peers, "PEERS", {"away": pytest.fail, "there": one("there")})
+    monkeypatch.setattr(peers, "GUESTS", {"crazyflow": lambda _: one("crazyflow")()[0]})
+    monkeypatch.setattr(peers, "crazyflow", lambda worlds: one(f"crazyflow {worlds}")()[0])
+    monkeypatch.setattr(peers, "bare_quadrotor", lambda *_: one("bare")()[0])
+    monkeypatch.setattr(peers, "installed", lambda name: name in ("gymnasium", "crazyflow", "there"))
+    monkeypatch.setattr(measure_peers.growth, "growth", lambda *_: [])
+    for size in ("WORLDS", "STEPS", "SINGLE_STEPS"):
+        monkeypatch.setattr(peers, size, getattr(peers, size))
+    measure_peers.main(["--small"])
+    out = capsys.readouterr().out
+    for name in ("pinocchio", "jax", "crazyflow", "crazyflow 16", "bare", "standing_contenders", "there"):
+        assert f"  {name} " in out
+    assert out.endswith("not installed, not measured: jax, pinocchio, away\n")

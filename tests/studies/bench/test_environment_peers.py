@@ -43,9 +43,11 @@ def test_only_peers_that_are_installed_are_flown_and_the_others_are_named(monkey
     peers_known = environment_peers.PEERS
     monkeypatch.setattr(environment_peers, "PEERS", {"there": lambda: ["flown"], "away": pytest.fail})
     monkeypatch.setattr(environment_peers, "installed", lambda name: name in ("gymnasium", "there"))
-    assert environment_peers.peers() == [["flown"]]
+    assert list(environment_peers.peers()) == [["flown"]]
+    assert "away" in environment_peers.absent()
+    assert "there" not in environment_peers.absent()
     monkeypatch.setattr(environment_peers, "installed", lambda name: name == "there")
-    assert environment_peers.peers() == []
+    assert list(environment_peers.peers()) == []
     assert set(peers_known) == {"crazyflow", "PyFlyt", "gym_pybullet_drones"}
 
 
