@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from skyarm.flight_data.clocks import _inside, _Means, _robust, align, align_poses, clock_offset, join_flights
+from skyarm.flight_data.clocks import (
+    _inside,
+    _Means,
+    _robust,
+    align,
+    align_poses,
+    clock_offset,
+    join_flights,
+    rotation_steps,
+)
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.raw_tables import attitude_at, turn_vectors
 
@@ -194,3 +205,29 @@ def test_residuals_weigh_less_beyond_two_standard_deviations() -> None:
     size = np.abs(residual) / np.std(residual)
     assert (weights[size < 1.9] == 1.0).all()
     assert weights[size > 2.1] == pytest.approx(2.0 / size[size > 2.1], rel=0.05)
+
+
+def test_steps_between_attitudes_of_either_sign_are_those_of_scipy() -> None:
+    rng = np.random.default_rng(5)
+    first = Rotation.random(200, random_state=1)
+    steps = rng.normal(size=(200, 3)) * np.geomspace(1e-9, 1.0, 200)[:, None]
+    pairs = np.stack([first.as_quat(), (first * Rotation.from_rotvec(steps)).as_quat()], axis=1)[..., [3, 0, 1, 2]]
+    pairs *= rng.choice([-1.0, 1.0], (200, 2, 1))
+    found = [rotation_steps(pair)[0] for pair in pairs]
+    np.testing.assert_allclose(found, steps, rtol=1e-9, atol=1e-15)  # rounding of a unit quaternion
+
+
+@pytest.mark.parametrize("stream", ["quaternion", "velocity", "position"])
+def test_a_pose_measured_in_a_turned_world_has_the_same_clock(stream: str) -> None:
+    """Attitudes far from rest, in quaternions of either sign: turned about z alone where gravity is measured."""
+    level = flight(2, offset=0.137, drift=2e-5)
+    about = Rotation.from_euler("xz", [np.pi if stream == "quaternion" else 0.0, 2.0])
+    own = Rotation.from_quat(level["quaternion"].values[:, [1, 2, 3, 0]])
+    signs = np.where(np.arange(level["quaternion"].time.size) // 7 % 2, 1.0, -1.0)[:, None]
+    values = {name: about.apply(level[name].values) for name in ("position", "velocity")}
+    values["quaternion"] = (about * own).as_quat()[:, [3, 0, 1, 2]] * signs
+    turned = {name: dataclasses.replace(level[name], values=each) for name, each in values.items()}
+    before, after = clock_offset(level, stream), clock_offset(level.with_channels(turned), stream)
+    assert after.offset == pytest.approx(before.offset, abs=1e-6)
+    assert after.correlation == pytest.approx(before.correlation, abs=1e-6)
+    assert abs(after.offset - 0.137) < 0.002

@@ -239,6 +239,35 @@ def test_a_damaged_bag_is_one_line(kind: str, tmp_path: Path) -> None:
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("variances", "turns", "known"),
+    [
+        ([-1.0, -1.0], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], False),  # REP 145: -1 in the first entry
+        ([0.0, 0.0], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], True),
+        ([0.02, 0.02], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], True),
+        ([-1.0, 0.02], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], True),
+        ([0.02, 0.02], [[0, 0, 0, 0], [0, 0, 0, 0]], False),
+    ],
+)
+def test_an_attitude_of_an_inertial_unit_is_known_by_its_covariance(
+    variances: list[float], turns: list[list[float]], known: bool, tmp_path: Path
+) -> None:
+    def messages(store: Any, kind: str) -> list[tuple[str, str, int, Any]]:
+        make, found = Messages(store, kind), []
+        for k, (variance, turn) in enumerate(zip(variances, turns, strict=True)):
+            stamp = START + k * 10**7
+            covariance = np.array([variance, *8 * [0.0]])
+            made = make.imu(stamp, [0.1, 0.2, 0.3], [0.0, 0.0, 9.8])
+            made = dataclasses.replace(made, orientation=make.turn(turn), orientation_covariance=covariance)
+            found.append(("/imu", "sensor_msgs/msg/Imu", stamp, made))
+        return found
+
+    flight = load_flight(write("mcap", tmp_path, messages))
+    assert set(flight) == {"gyro", "accelerometer"} | ({"quaternion"} if known else set())
+    if known:
+        np.testing.assert_allclose(flight["quaternion"].values, turns)
+
+
 def test_a_bag_without_measurements_lists_its_topics(tmp_path: Path) -> None:
     def messages(store: Any, kind: str) -> list[tuple[str, str, int, Any]]:
         return [("/text", "std_msgs/msg/String", START, store.types["std_msgs/msg/String"](data="a"))]

@@ -236,6 +236,40 @@ def test_the_rows_behind_damage_are_read(tmp_path: Path) -> None:
     assert flight.notes == ("file: is damaged at 2 places; messages there are left out.",)
 
 
+def test_a_file_cut_at_any_byte_of_its_last_message_is_said_to_be_cut_and_not_damaged(tmp_path: Path) -> None:
+    data = packed([combined(1_500_000 + 4000 * k) for k in range(4)])
+    size = 3 + 2 + struct.calcsize(PACKED["sensor_combined"])
+    for left in range(1, size):
+        flight = load_flight(written(tmp_path, data[: len(data) - size + left]))
+        assert flight["gyro"].time.size == 3
+        assert flight.notes == ("file: ends within a message; it is cut off.",), left
+    whole = load_flight(written(tmp_path, data[:-size]))
+    assert (whole["gyro"].time.size, whole.notes) == (3, ())
+
+
+TAILS = [b"\x02\x00?xy", b"\xff\xff?", b"\x00\x00D" + bytes(9), message("D", bytes([9, 9, 1]))]
+
+
+@pytest.mark.parametrize("tail", TAILS)
+def test_bytes_that_begin_no_message_at_the_end_of_a_file_are_damage(tmp_path: Path, tail: bytes) -> None:
+    rows = [combined(1_500_000 + 4000 * k) for k in range(4)]
+    flight = load_flight(written(tmp_path, packed(rows, more=tail)))
+    assert flight["gyro"].time.size == 4
+    assert flight.notes == ("file: is damaged at 1 places; messages there are left out.",)
+
+
+def test_a_file_that_is_damaged_and_then_cut_is_said_to_be_both(tmp_path: Path) -> None:
+    data = bytearray(packed([combined(1_500_000 + 4000 * k) for k in range(12)])[:-5])
+    size = 3 + 2 + struct.calcsize(PACKED["sensor_combined"])
+    data[-7 * size + 1 + 5] = 0xFF  # the length of a message, which is now beyond the end
+    flight = load_flight(written(tmp_path, bytes(data)))
+    assert flight["gyro"].time.size == 10
+    assert flight.notes == (
+        "file: is damaged at 1 places; messages there are left out.",
+        "file: ends within a message; it is cut off.",
+    )
+
+
 def test_data_that_were_appended_after_a_crash_are_read(tmp_path: Path) -> None:
     whole = packed([combined(1_500_000 + 4000 * k) for k in range(10)])
     later = message("D", struct.pack("<H", 0) + struct.pack(PACKED["sensor_combined"], *combined(2_000_000)[1]))

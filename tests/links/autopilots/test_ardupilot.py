@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
@@ -569,6 +569,23 @@ def test_it_holds_its_place_in_real_time_for_a_program_outside(stand_in, monkeyp
     assert log.status == "completed", log.info["cause"]
     words = note.read_text().splitlines()
     assert words[words.index("--serial1") + 1] == "udpclient:127.0.0.1:14540"
+
+
+@pytest.mark.parametrize("outside", [False, True])
+def test_only_a_program_outside_changes_how_ardupilot_takes_thrust_rates_and_silence(outside, tmp_path, monkeypatch):
+    """GUID_OPTIONS 8: thrust of a set point is a thrust, not a climb rate; GUID_TIMEOUT: s until it levels."""
+    program, parameters = tmp_path / "arducopter", tmp_path / "parameters"
+    copied = shlex.quote(str(parameters))
+    program.write_text(f'#!/bin/sh\nwhile [ "$1" != --defaults ]; do shift; done\ncp "$2" {copied}\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("SKYARM_ARDUPILOT", str(program))
+    with suppress(LinkError):  # it ends before it answers
+        open_session(scenario(outside=outside, parameters=(("SCHED_LOOP_RATE", 300.0),))).close()
+    given = dict(line.split() for line in parameters.read_text().splitlines())
+    assert given["SCHED_LOOP_RATE"] == "300"
+    wanted = {"GUID_OPTIONS": "8", "GUID_TIMEOUT": "0.2", "SERIAL1_PROTOCOL": "2", "ATC_RAT_YAW_FLTE": "0"}
+    wanted |= {f"ATC_ACCEL_{axis}_MAX": "0" for axis in "RPY"}
+    assert {name: given.get(name) for name in wanted} == (wanted if outside else dict.fromkeys(wanted))
 
 
 # The program itself

@@ -13,7 +13,9 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.interface import Truth
 from skyarm.plant.mujoco import MujocoPlant
+from skyarm.plant.surroundings import Surroundings
 from skyarm.reference import Sine
 from skyarm.world import SignalVector
 from skyarm.world.contact import Contact, ContactPoint, Material, Surface
@@ -221,3 +223,19 @@ def test_steps_are_finer_the_faster_a_hit_and_calm_down_within_a_tenth_of_a_seco
     assert float(steps(memory, 1.0, speed)) == 1.0
     after = dataclasses.replace(memory, finer=(10.0,))
     assert float(steps(after, 1.0, speed)) == pytest.approx(10.0 * math.exp(-0.2))
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 100])
+def test_a_hit_is_flown_in_as_many_steps_as_are_stated(most):
+    """One is the step itself: no state of how fine it is, and the plant counts no more."""
+    vehicle = limp()
+    contact = Contact(surfaces=(ground(),), points=SKIDS, hit_steps=most)
+    memory = contact.start(0.005, ())
+    world = Surroundings(components=(contact,), memories=(memory,))
+    assert RigidBodyPlant(Truth(vehicle=vehicle), world).substeps(0.005).most == most
+    state = at_rest(vehicle, (0.0, 0.0, 0.121), velocity=Vec3(0.0, 0.0, -5.0))
+    assert len(memory.finer) == (most > 1)
+    if most > 1:
+        assert float(contact.hurry(memory, PointMotion(vehicle, state, gravity=GRAVITY), 0.02)[1]) == most
+    if most < 100:
+        assert np.isfinite(fall(vehicle, state, world, 0.01)).all()
