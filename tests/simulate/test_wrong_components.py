@@ -36,6 +36,14 @@ class Counting(Air):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Drawing(Air):
+    uniforms = 2
+
+    def start(self, period: float, draws: Any) -> Any:
+        return (draws[4],)  # twice as many
+
+
+@dataclass(frozen=True, kw_only=True)
 class Growing(Air):
     def start(self, period: float, draws: Any) -> Any:
         return (0.0,)
@@ -107,6 +115,8 @@ def drive(record: Any) -> Any:
 WRONG: dict[str, tuple[Any, str, Any]] = {
     "int": (with_(air=(Counting(),)), "environment.air[0] (Counting) has memory[0] = 0: an int never changes in a "
             "program; must be 0.0", Counting.advance),
+    "draws": (with_(air=(Drawing(),)), "environment.air[0] (Drawing) cannot start from 4 draws, which are twice its "
+              "uniforms: list index out of range", "# twice as many"),
     "grows": (with_(air=(Tether(), Growing())), "environment.air[1] (Growing) changes the structure of its memory: "
               "memory is a tuple of 2, must stay a tuple of 1", Growing.advance),
     "tuple": (with_(air=(Tuple(),)), "environment.air[0] (Tuple) gives the velocity of the air as a tuple of 3: must "

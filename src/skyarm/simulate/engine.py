@@ -205,6 +205,7 @@ class Engine:
     Attributes:
         first: the loop before its first period. tick: control periods flown.
         ended: why the episode has ended before its time, or None. begun: number of the first period under the scenario.
+        commanded: True if a command from outside has taken the law's place.
     """
 
     def __init__(
@@ -221,7 +222,7 @@ class Engine:
         self._write_to(np.empty((self._steps, code.loop.logged)))  # takes memory as it is written
         self.tick = self.begun = 0
         self.ended: Ended | None = None
-        self._stretch, self._commanded = 1, False
+        self._stretch, self.commanded = 1, False
 
     def _make_stepper(self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False) -> Any:
         """Make the evaluator of a traced program: machine code if the flight is compiled, else Python."""
@@ -257,8 +258,8 @@ class Engine:
             return False
         if command is not None:
             self._rows[k, self._width :] = (2.0 if rotors_only else 1.0, *command)
-            self._commanded = True
-        elif self._commanded:
+            self.commanded = True
+        elif self.commanded:
             self._rows[k, self._width] = 0.0
         return self._fly(k + 1)
 
@@ -268,7 +269,7 @@ class Engine:
             return False
         stop = min(stop, self.tick + self._stretch, self._steps)
         begun, before = perf_counter(), self.tick
-        if self._commanded:
+        if self.commanded:
             self._rows[before:stop, self._width] = 0.0
         going = self._fly(stop)
         size, seconds = self.tick - before, max(perf_counter() - begun, 1e-6)
@@ -377,6 +378,26 @@ class Engine:
         calls = self.code.calls
         return None if calls is None or self.scenario.controller.compiled else calls.memory
 
+    @property
+    def has_nan(self) -> bool:
+        """True if a number of the loop's state is NaN."""
+        return bool(np.isnan(self._stepper.carry).any())
+
+    def evaluate(self, now: LoopState) -> LoopState:
+        """Evaluate the control period that begins with a loop state by calls with floats; return the following state.
+
+        Plants that cannot be traced are replaced by the rigid body. The floats are NumPy's, which divide by 0.
+        """
+        scenario, tick = self.scenario, round(now.ticks)
+        stages = Stages(scenario)
+        plant = RigidBodySteps(stages, Substeps(rigid_body_plant(scenario, self.first)))
+        row, ticks = self.inputs.row_at(tick, now), np.array([tick])
+        if scenario.controller.compiled:  # the memory of another law may hold anything
+            now, row = (rebuild(each, iter(np.array(leaves(each), dtype=float))) for each in (now, row))
+        draws = [uniforms(scenario.seed, scenario.episode, each, ticks, count)[0] for each, count in self.code.draws]
+        with np.errstate(all="ignore"):
+            return make_period(stages, plant)(now, row, tuple(np.concatenate([[], *draws])))[0]
+
     def state(self) -> State:
         """Current true state of the vehicle."""
         state: State = rebuild(self.first.state, iter(self._stepper.carry[2:].tolist()))
@@ -448,3 +469,4 @@ class Engine:
             kept = replace(kept, memory=PushAlone.of(self.code.calls.memory))
         self._stepper.carry[:] = leaves(kept)
         self.begun, self.tick, self.ended = other.tick, other.tick, other.ended
+        self.commanded = other.commanded

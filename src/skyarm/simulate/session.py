@@ -21,6 +21,7 @@ from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
+from skyarm.scenario.endings import NOT_FINITE
 from skyarm.scenario.in_flight import NONE, Overrides, require_changes, try_changes, try_coming
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_checks import require_flight
@@ -30,9 +31,11 @@ from skyarm.simulate.assemble_log import Piece, join_pieces, state_arrays
 from skyarm.simulate.check_endings import Ended, running_status
 from skyarm.simulate.command_line import numbers_of_command, rotor_numbers
 from skyarm.simulate.engine import Engine, EpisodeCode
+from skyarm.simulate.first_not_finite import first_line
 from skyarm.simulate.lane_numbers import require_paths
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.reference_clock import is_other_reference
+from skyarm.simulate.user_code import has_own
 from skyarm.world import WindSample
 
 
@@ -252,7 +255,7 @@ class Session:
             going = self._engine.step(None if command is None else numbers_of_command(command, *self._sizes))
         if self._course.coming and going:
             self._apply_due_changes()
-        return going
+        return going or self._end()
 
     def run(self) -> Log:
         """Simulate to the end of the flight and return the log of the whole session."""
@@ -270,7 +273,22 @@ class Session:
         going = self._engine.fly(stop)
         if self._course.coming and going:
             self._apply_due_changes()
-        return going
+        return going or self._end()
+
+    def _end(self) -> bool:
+        """Add to the cause of an end by a number that is not finite the line of the user's code that gave it."""
+        engine, ended = self._engine, self._engine.ended
+        if ended and NOT_FINITE in ended.cause and self.returns and not engine.commanded and has_own(self.scenario):
+            again = type(self)(self.plan, machine_code=self._compiles)
+            before, again.returns = again._engine, False
+            now = before.now
+            # a number may be on its way for some periods, as in a sensor's delay
+            while again.tick < self.tick and again.step() and not again._engine.has_nan:
+                before, now = again._engine, again.now
+            line = first_line(lambda: before.evaluate(before.evaluate(now)))
+            if line:
+                engine.ended = dataclasses.replace(ended, cause=f"{ended.cause}; first in {line}")
+        return False
 
     @property
     def log(self) -> Log:

@@ -113,6 +113,11 @@ def require_shapes(scenario: Scenario) -> None:
         check(scenario, part)
 
 
+def has_own(scenario: Scenario) -> bool:
+    """True if the law, air, a force, sensor, drive, estimator or ending of a scenario is user-defined."""
+    return is_own(scenario.controller) or next(_parts(scenario), None) is not None
+
+
 def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part], None]]]:
     """List the user-defined models of a scenario, each with the function that checks it."""
     groups: list[tuple[str, Callable[..., None], list[tuple[str, Any]]]] = [
@@ -166,8 +171,12 @@ def _check_component(index: int, scenario: Scenario, part: Part) -> None:
                 raise part.refusal(f"gives the rates of its memory in another structure: {different}")
         return following
 
-    draws = start_draws(scenario, scenario.seed, scenario.episode)[index]
-    memory = component.start(period, draws.tolist())
+    draws = start_draws(scenario, scenario.seed, scenario.episode)[index].tolist()
+    try:
+        memory = component.start(period, draws)
+    except (ValueError, IndexError) as error:
+        words = f"cannot start from {len(draws)} draws, which are twice its uniforms: {error}"
+        raise part.refusal(words, place_of_error(error)) from error
     part.trace(step, memory, first_state(scenario), draw_plan(scenario).components[index][1])
 
 

@@ -1,0 +1,73 @@
+"""Search for the line of a user's code that gave the first number of a control period that is not finite."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skyarm.algebra import Vec3
+from skyarm.records.files.user_code import is_own
+from skyarm.records.leaves import leaves
+
+CONSTANTS = "self", "par"
+"""Arguments whose numbers a period does not change: limits among them may be infinite."""
+
+
+def first_line(period: Callable[[], object]) -> str:
+    """First line of user code in a function called with floats that gives inf or NaN from finite arguments.
+
+    Args:
+        period: it may raise; the user's own 1 / 0 is such a line.
+
+    Returns:
+        ``file.py:12 (law): name is nan``, with the variable where there is one; empty without such a line.
+    """
+    found, debugger = list[str](), sys.gettrace()
+
+    def enter(frame: Any, _event: str, _value: Any) -> Any:
+        module = str(frame.f_globals.get("__name__", ""))
+        given = [value for name, value in frame.f_locals.items() if name not in CONSTANTS]
+        if not is_own(frame.f_code, module) or any(map(_kind, given)):
+            return None
+        line, last, begun, first = frame.f_lineno, "", len(found), dict[str, str]()
+
+        def step(frame: Any, event: str, value: Any) -> Any:
+            nonlocal line, last
+            function = frame.f_code.co_qualname.replace("<locals>.", "")
+            place = f"{Path(frame.f_code.co_filename).name}:{line} ({function})"
+            for name, each in frame.f_locals.items():
+                if isinstance(each, (float, tuple, Vec3, np.ndarray)) and (kind := _kind(each)):
+                    first.setdefault(kind, f"{place}: {name} is {kind}")
+            if event == "exception" and issubclass(value[0], ArithmeticError):
+                found.append(f"{place}: {value[1]}")
+            elif event == "return" and last != "exception":
+                del found[begun:]  # what was not finite on the way to a finite result is meant
+                if kind := _kind(value):
+                    found.append(first.get(kind, place))
+            line, last = frame.f_lineno, event
+            return step
+
+        return step
+
+    sys.settrace(enter)
+    try:
+        with suppress(Exception):
+            period()
+    finally:
+        sys.settrace(debugger)
+    return found[0] if found else ""
+
+
+def _kind(value: Any) -> str:
+    """The worst number of a value that is not finite, "nan" or "inf"; else empty."""
+    value = value.tolist() if isinstance(value, np.ndarray) else getattr(value, "state", value)  # of a motion
+    if isinstance(value, float):
+        return "" if math.isfinite(value) else str(abs(value))
+    parts = [*value.values()] if isinstance(value, dict) else value if isinstance(value, list) else leaves(value)
+    return max((_kind(part) for part in parts if part is not value), default="")
