@@ -60,7 +60,9 @@ def with_typed_options(planned: Scenario, typed: str) -> Scenario:
     allowed = [option for option in entry_of(name).options() if option not in PYTHON_ONLY]
     for option, value in options.items():
         if option not in allowed:
-            raise ValueError(f"--autopilot = {shown(typed)}: {option} = {shown(value)}: {no_option(name, allowed)}")
+            raise ValueError(
+                f"--autopilot = {shown(typed)}: {option} = {shown(value)}: {no_option(name, allowed, option)}"
+            )
     controller, par = planned.controller, innermost(planned.controller.par)
     table = Fields({"autopilot": name, **options}, "controller")
     made = innermost(by_words(table, plain_model(controller.par.model), {}).par)

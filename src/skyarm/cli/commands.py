@@ -22,6 +22,7 @@ from typer.core import TyperGroup
 from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, say, say_warning
 from skyarm.cli.output import console, with_output_options
 from skyarm.records.files import shown
+from skyarm.records.files.messages import renamed
 from skyarm.records.registry.plugins import load_plugin, register_law_of_file
 from skyarm.records.registry.registrations import registrations
 
@@ -84,7 +85,14 @@ def top(
 
 
 class Grouped(TyperGroup):
-    """Typer group whose help lists the commands in sections."""
+    """Typer group whose help lists the commands in sections, and whose errors name what a former one is now."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the command that the first argument names."""
+        now = renamed("command").get(args[0])
+        if now and args[0] not in self.commands:
+            ctx.fail(f"command {args[0]!r}: is now {now}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write each section of the help with its commands."""

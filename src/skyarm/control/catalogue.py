@@ -12,7 +12,7 @@ import inspect
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from functools import lru_cache
 from importlib import resources
 from typing import Any
@@ -109,7 +109,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     entry = entry_of(name)
     for option, value in options.items():
         if option not in entry.options():
-            raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, entry.options())}")
+            raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, entry.options(), option)}")
     made = call_maker(entry.function(), name, model, options)
     # a maker may return another law's controller
     return dataclasses.replace(made, name=name) if made.name in LAWS else made
@@ -318,6 +318,7 @@ def must_be_named(name: Any, others: str = "") -> str:
     return f"{hint}must be {others}{allowed}"
 
 
-def no_option(law: str, options: Iterable[str]) -> str:
+def no_option(law: str, options: Sequence[str], option: str) -> str:
     """Error text for an option that a law does not have."""
-    return f"{'autopilot' if law in AUTOPILOTS else 'law'} {law!r} has no such option; it has {', '.join(options)}"
+    law = f"{'autopilot' if law in AUTOPILOTS else 'law'} {law!r}"
+    return f"{law} has no such option; {did_you_mean(option, options)}it has {', '.join(options)}"

@@ -245,7 +245,7 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mappin
         )
     for other, value in fields.table.items():
         if other not in (*words, word) and (other, value) != ("tuned", False):
-            raise ValueError(f"{fields.at(other)} = {shown(value)}: {no_option(law, words)}")
+            raise ValueError(f"{fields.at(other)} = {shown(value)}: {no_option(law, words, other)}")
     options = suitable_options(law, known)
     for option in entry_of(law).options():
         own = WORDS.get(option, option)

@@ -28,10 +28,6 @@ LONG = 2.0
 """A quaternion with a part beyond this has lost its unit length."""
 
 
-NOT_FINITE = "is not finite"
-"""Ends the cause of an episode that a number ended."""
-
-
 class Ending:
     """Base class of termination conditions of an episode, whose subclasses are frozen dataclasses of numbers."""
 
@@ -79,7 +75,7 @@ class Divergence(Ending):
         words, x = state_words(scenario.plant.vehicle), leaves(state)
         for name, value in zip(words, x, strict=True):
             if not math.isfinite(value):
-                return f"{name} {NOT_FINITE}"
+                return f"{name} is not finite"
         limits = [math.inf] * 3 + [LONG] * 4 + [FAR] * (len(x) - 7)
         for name, value, limit in zip(words, x, limits, strict=True):
             if not -limit < value < limit:
@@ -266,7 +262,7 @@ def command_words(vehicle: Vehicle) -> list[str]:
 def not_finite(vehicle: Vehicle, command: Sequence[float]) -> str | None:
     """Message naming the first number of a command that is not finite; None if all are finite."""
     pairs = zip(command_words(vehicle), command, strict=True)
-    return next((f"{name} {NOT_FINITE}" for name, value in pairs if not math.isfinite(value)), None)
+    return next((f"{name} is not finite" for name, value in pairs if not math.isfinite(value)), None)
 
 
 def apart(value: float, limit: float) -> tuple[str, str]:

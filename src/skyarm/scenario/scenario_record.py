@@ -21,7 +21,7 @@ from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.records import coerce, leaves
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields, defaults, require_fields
-from skyarm.records.files import must_be_one_of, number, shown
+from skyarm.records.files import did_you_mean, must_be_one_of, number, shown
 from skyarm.records.files.names import ALLOWED, is_result_name
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
@@ -495,7 +495,8 @@ def _group_fields(words: dict[str, Any]) -> dict[str, Any]:
         else:
             found[name] = default
     if words:
-        raise TypeError(f"Scenario: has no field {', '.join(words)}")
+        near = did_you_mean(next(iter(words)), field_names(Agent) or ())
+        raise TypeError(f"Scenario: {near}has no field {', '.join(words)}")
     return found
 
 

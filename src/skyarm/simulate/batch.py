@@ -122,6 +122,13 @@ class Batch:
             self._legs.append(Leg(scenario, stretch.overrides, range(stretch.start, stop), options, self._legs))
         self.base = np.array(self._legs[0].base)
 
+    def __enter__(self) -> Batch:
+        """The batch itself: ``with Batch(...) as batch`` works, and leaves nothing open at the end."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Nothing: its threads end with each call, its code with the batch."""
+
     def fly(
         self, values: Mapping[str, Array], *, seed: int = 0, episodes: Array | None = None, threads: int = 1
     ) -> Outcome:

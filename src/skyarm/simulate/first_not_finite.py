@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -31,18 +30,17 @@ def first_line(period: Callable[[], object]) -> str:
     found, debugger = list[str](), sys.gettrace()
 
     def enter(frame: Any, _event: str, _value: Any) -> Any:
-        module = str(frame.f_globals.get("__name__", ""))
         given = [value for name, value in frame.f_locals.items() if name not in CONSTANTS]
-        if not is_own(frame.f_code, module) or any(map(_kind, given)):
+        if not is_own(frame.f_code, frame.f_globals.get("__name__", "")) or any(map(_kind, given)):
             return None
         line, last, begun, first = frame.f_lineno, "", len(found), dict[str, str]()
 
         def step(frame: Any, event: str, value: Any) -> Any:
             nonlocal line, last
-            function = frame.f_code.co_qualname.replace("<locals>.", "")
-            place = f"{Path(frame.f_code.co_filename).name}:{line} ({function})"
+            code = frame.f_code
+            place = f"{Path(code.co_filename).name}:{line} ({code.co_qualname.replace('<locals>.', '')})"
             for name, each in frame.f_locals.items():
-                if isinstance(each, (float, tuple, Vec3, np.ndarray)) and (kind := _kind(each)):
+                if isinstance(each, (float, Vec3, np.ndarray)) and (kind := _kind(each)):
                     first.setdefault(kind, f"{place}: {name} is {kind}")
             if event == "exception" and issubclass(value[0], ArithmeticError):
                 found.append(f"{place}: {value[1]}")
@@ -57,8 +55,9 @@ def first_line(period: Callable[[], object]) -> str:
 
     sys.settrace(enter)
     try:
-        with suppress(Exception):
-            period()
+        period()
+    except Exception:
+        pass
     finally:
         sys.settrace(debugger)
     return found[0] if found else ""
@@ -69,5 +68,5 @@ def _kind(value: Any) -> str:
     value = value.tolist() if isinstance(value, np.ndarray) else getattr(value, "state", value)  # of a motion
     if isinstance(value, float):
         return "" if math.isfinite(value) else str(abs(value))
-    parts = [*value.values()] if isinstance(value, dict) else value if isinstance(value, list) else leaves(value)
+    parts = value if isinstance(value, list) else leaves(value)
     return max((_kind(part) for part in parts if part is not value), default="")

@@ -21,7 +21,6 @@ from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
-from skyarm.scenario.endings import NOT_FINITE
 from skyarm.scenario.in_flight import NONE, Overrides, require_changes, try_changes, try_coming
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_checks import require_flight
@@ -278,7 +277,13 @@ class Session:
     def _end(self) -> bool:
         """Add to the cause of an end by a number that is not finite the line of the user's code that gave it."""
         engine, ended = self._engine, self._engine.ended
-        if ended and NOT_FINITE in ended.cause and self.returns and not engine.commanded and has_own(self.scenario):
+        if (
+            ended
+            and "is not finite" in ended.cause
+            and self.returns
+            and not engine.commanded
+            and has_own(self.scenario)
+        ):
             again = type(self)(self.plan, machine_code=self._compiles)
             before, again.returns = again._engine, False
             now = before.now

@@ -115,7 +115,7 @@ def require_shapes(scenario: Scenario) -> None:
 
 def has_own(scenario: Scenario) -> bool:
     """True if the law, air, a force, sensor, drive, estimator or ending of a scenario is user-defined."""
-    return is_own(scenario.controller) or next(_parts(scenario), None) is not None
+    return is_own(scenario.controller) or bool([*_parts(scenario)])
 
 
 def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part], None]]]:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import tomllib
 from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 LONGEST = 100
@@ -59,15 +62,27 @@ NEAREST = 4
 
 
 def did_you_mean(word: object, known: Iterable[str]) -> str:
-    """Suggestion at the start of a message, such as ``did you mean 'case3'? ``; empty if no name is similar."""
+    """Suggestion at the start of a message, such as ``did you mean 'case3'? ``; empty if no name is similar.
+
+    Of a word of an earlier version it is the present one.
+    """
     if not isinstance(word, str):
         return ""
     names = [name for name in known if name != word]
+    now = renamed("word").get(word)
+    if now and now.split("'")[1] in names:
+        return f"is now {now}; "
     near = difflib.get_close_matches(word, names, n=1, cutoff=LIKE)
     if not near:
         lower = {name.lower(): name for name in names}
         near = [lower[each] for each in difflib.get_close_matches(word.lower(), lower, n=1, cutoff=LIKE)]
     return f"did you mean {near[0]!r}? " if near else ""
+
+
+@cache
+def renamed(kind: str) -> Any:
+    """Table old name -> text on what it is now, of kind ``module``, ``command`` or ``word`` (of a file)."""
+    return tomllib.loads(Path(__file__).with_name("renamed.toml").read_text("utf-8"))[kind]
 
 
 def nearest(word: object, known: Iterable[str]) -> list[str]:
