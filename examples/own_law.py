@@ -5,13 +5,12 @@ from dataclasses import dataclass
 import skyarm
 from skyarm.algebra import E_Z, Motion, Vec3
 from skyarm.dynamics import inverse_dynamics
-from skyarm.dynamics.actuators import Mixer, make_mixer, mix
 
 
 @dataclass(frozen=True, kw_only=True)
 class Constants:
     model: skyarm.Model
-    mixer: Mixer
+    mixer: skyarm.Mixer
     base: tuple[float, float]  # 1/s^2, 1/s
     tilt: tuple[float, float] = (180.0, 25.0)
     joints: tuple[float, float] = (200.0, 25.0)
@@ -28,12 +27,12 @@ def law(memory, seen, wanted, dt, *, par):
     arm = [q + kd * (a - b) for q, a, b in zip(arm, wanted.joint_rates, seen.joint_rates, strict=True)]
     motion = Motion(turn, R.apply_T(push))
     force, torques = inverse_dynamics(par.model.vehicle, seen.joints, seen.rate, seen.joint_rates, motion, arm)
-    speeds, _ = mix(par.mixer, force.torque, force.force.z)
+    speeds, _ = skyarm.mix(par.mixer, force.torque, force.force.z)
     return memory, skyarm.Command(rotor_speeds=speeds, efforts=torques)
 
 
 def make_lqr(model: skyarm.Model, *, weight: float = 16.0) -> skyarm.Controller:
     """Gains that minimise the integral of weight e^2 + v^2 + a^2 along each axis."""
     base = (weight**0.5, (1.0 + 2.0 * weight**0.5) ** 0.5)
-    par = Constants(model=model, mixer=make_mixer(model.vehicle), base=base)
+    par = Constants(model=model, mixer=skyarm.make_mixer(model.vehicle), base=base)
     return skyarm.Controller(name="lqr", law=law, par=par)

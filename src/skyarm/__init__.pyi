@@ -11,6 +11,9 @@ from skyarm.control.catalogue import preset as preset
 from skyarm.control.model import Model as Model
 from skyarm.dynamics import State as State
 from skyarm.dynamics.actuators import Command as Command
+from skyarm.dynamics.actuators import Mixer as Mixer
+from skyarm.dynamics.actuators import make_mixer as make_mixer
+from skyarm.dynamics.actuators import mix as mix
 from skyarm.dynamics.actuators.drive import Drive as Drive
 from skyarm.dynamics.array_front import (
     center_of_mass as center_of_mass,

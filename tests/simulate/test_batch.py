@@ -134,7 +134,8 @@ def test_a_batch_without_paths_repeats_the_scenario_with_other_noise(scenario):
 def test_every_lane_flies_through_turbulence_of_its_own():
     wind = {"mode": "moving_air", "velocity": [1.0, 0.0, 0.0], "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}
     scenario = scenario_from(document("case2", duration=0.2, environment__wind=wind), "test")
-    outcome = Batch(scenario, (MASS,), bit_exact=True).fly({MASS: np.full(3, float(scenario.plant.vehicle.base.mass))})
+    with Batch(scenario, (MASS,), bit_exact=True) as batch:
+        outcome = batch.fly({MASS: np.full(3, float(scenario.plant.vehicle.base.mass))})
     for k in range(3):
         alone = run(dataclasses.replace(scenario, episode=k, duration=0.205))
         assert [float(c[k]) for c in outcome.state.position] == alone.position[-1].tolist()

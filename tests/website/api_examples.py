@@ -150,6 +150,10 @@ TEXT = """
 ...     def result(self, memory, instants, period):
 ...         return memory[0]
 
+## Mixer
+>>> len(skyarm.make_mixer(vehicle).inverse)  # a row for each rotor
+4
+
 ## Model
 >>> skyarm.Model(vehicle=vehicle, gravity=9.81).gravity  # m/s^2
 9.81
@@ -366,6 +370,10 @@ True
 >>> skyarm.make_controller("indi", skyarm.Model(vehicle=vehicle), cutoff=20.0).par.cutoff  # Hz
 20.0
 
+## make_mixer
+>>> skyarm.make_mixer(vehicle, policy="priority").policy
+'priority'
+
 ## margins
 >>> hover = skyarm.margins(scenario, instants=1).instants[0]  # doctest: +SKIP
 >>> hover.delay  # doctest: +SKIP
@@ -373,6 +381,11 @@ True
 ## mass_matrix
 >>> skyarm.mass_matrix(vehicle, *pose).shape  # of [v_W, w_B, joint rates]; kg, kg m, kg m^2
 (8, 8)
+
+## mix
+>>> speeds, squares = skyarm.mix(skyarm.make_mixer(vehicle), skyarm.Vec3(0.0, 0.0, 0.0), 8.0)  # N m, N
+>>> [round(speed) for speed in speeds]  # rad/s
+[484, 484, 484, 484]
 
 ## momentum
 >>> skyarm.momentum(vehicle, *pose, rates).shape  # N s; N m s about the centre of mass, world axes

@@ -30,7 +30,7 @@ def first_line(period: Callable[[], object]) -> str:
     found, debugger = list[str](), sys.gettrace()
 
     def enter(frame: Any, _event: str, _value: Any) -> Any:
-        given = [value for name, value in frame.f_locals.items() if name not in CONSTANTS]
+        given = (value for name, value in frame.f_locals.items() if name not in CONSTANTS)
         if not is_own(frame.f_code, frame.f_globals.get("__name__", "")) or any(map(_kind, given)):
             return None
         line, last, begun, first = frame.f_lineno, "", len(found), dict[str, str]()

@@ -277,13 +277,8 @@ class Session:
     def _end(self) -> bool:
         """Add to the cause of an end by a number that is not finite the line of the user's code that gave it."""
         engine, ended = self._engine, self._engine.ended
-        if (
-            ended
-            and "is not finite" in ended.cause
-            and self.returns
-            and not engine.commanded
-            and has_own(self.scenario)
-        ):
+        repeats = ended and self.returns and not engine.commanded
+        if ended and repeats and ended.cause.endswith("is not finite") and has_own(self.scenario):
             again = type(self)(self.plan, machine_code=self._compiles)
             before, again.returns = again._engine, False
             now = before.now
