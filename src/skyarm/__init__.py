@@ -46,14 +46,14 @@ def __dir__() -> list[str]:
 
 
 class _FormerNames:
-    """Finder that Python asks last: an import of a module's former name fails with its present one."""
+    """Last finder of Python's imports, which refuses a module's former name with its present one."""
 
     @staticmethod
     def find_spec(name: str, *_: object) -> None:
         if name.startswith("skyarm."):
-            from skyarm.records.files.messages import renamed
+            from skyarm.records.files.messages import present_names
 
-            if now := renamed("module").get(name):
+            if now := present_names("module").get(name):
                 raise ModuleNotFoundError(f"{name}: is now {now}")
 
 

@@ -151,7 +151,7 @@ def test_a_thrust_coefficient_that_varies_scales_the_table(tmp_path):
         ({"amps": [1.0]}, r"amps.*unknown field; allowed: speed, thrust, torque, current"),
         (
             {"throttle": [0.1]},
-            r"unknown field; is now of no use beside 'current': leave the column out; allowed: speed, th",
+            r"unknown field; is now of no use beside 'current': leave the column out; all",
         ),
         ({"thrust": [float("nan"), *THRUST[1:]]}, r"thrust\[0\] = nan: must be a finite number"),
     ],

@@ -22,7 +22,7 @@ from typer.core import TyperGroup
 from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, say, say_warning
 from skyarm.cli.output import console, with_output_options
 from skyarm.records.files import shown
-from skyarm.records.files.messages import renamed
+from skyarm.records.files.messages import present_names
 from skyarm.records.registry.plugins import load_plugin, register_law_of_file
 from skyarm.records.registry.registrations import registrations
 
@@ -89,8 +89,7 @@ class Grouped(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command that the first argument names."""
-        now = renamed("command").get(args[0])
-        if now and args[0] not in self.commands:
+        if args[0] not in self.commands and (now := present_names("command").get(args[0])):
             ctx.fail(f"command {args[0]!r}: is now {now}")
         return super().resolve_command(ctx, args)
 

@@ -320,5 +320,7 @@ def must_be_named(name: Any, others: str = "") -> str:
 
 def no_option(law: str, options: Sequence[str], option: str) -> str:
     """Error text for an option that a law does not have."""
-    law = f"{'autopilot' if law in AUTOPILOTS else 'law'} {law!r}"
-    return f"{law} has no such option; {did_you_mean(option, options)}it has {', '.join(options)}"
+    return (
+        f"{'autopilot' if law in AUTOPILOTS else 'law'} {law!r} has no such option; "
+        f"{did_you_mean(option, options)}it has {', '.join(options)}"
+    )

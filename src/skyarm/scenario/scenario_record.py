@@ -495,8 +495,8 @@ def _group_fields(words: dict[str, Any]) -> dict[str, Any]:
         else:
             found[name] = default
     if words:
-        near = did_you_mean(next(iter(words)), field_names(Agent) or ())
-        raise TypeError(f"Scenario: {near}has no field {', '.join(words)}")
+        meant = did_you_mean(next(iter(words)), field_names(Agent) or ())
+        raise TypeError(f"Scenario: {meant}has no field {', '.join(words)}")
     return found
 
 

@@ -388,10 +388,10 @@ class Engine:
 
         Plants that cannot be traced are replaced by the rigid body. The floats are NumPy's, which divide by 0.
         """
-        scenario, tick = self.scenario, round(now.ticks)
+        scenario, ticks = self.scenario, np.array([round(now.ticks)])
         stages = Stages(scenario)
         plant = RigidBodySteps(stages, Substeps(rigid_body_plant(scenario, self.first)))
-        row, ticks = self.inputs.row_at(tick, now), np.array([tick])
+        row = self.inputs.row_at(ticks[0], now)
         if scenario.controller.compiled:  # the memory of another law may hold anything
             now, row = (rebuild(each, iter(np.array(leaves(each), dtype=float))) for each in (now, row))
         draws = [uniforms(scenario.seed, scenario.episode, each, ticks, count)[0] for each, count in self.code.draws]

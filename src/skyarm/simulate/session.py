@@ -276,17 +276,18 @@ class Session:
 
     def _end(self) -> bool:
         """Add to the cause of an end by a number that is not finite the line of the user's code that gave it."""
-        engine, ended = self._engine, self._engine.ended
-        repeats = ended and self.returns and not engine.commanded
-        if ended and repeats and ended.cause.endswith("is not finite") and has_own(self.scenario):
+        engine = self._engine
+        ended = engine.ended
+        if not ended or engine.commanded or not self.returns or not has_own(self.scenario):
+            return False
+        if ended.cause.endswith("is not finite"):
             again = type(self)(self.plan, machine_code=self._compiles)
             before, again.returns = again._engine, False
             now = before.now
             # a number may be on its way for some periods, as in a sensor's delay
             while again.tick < self.tick and again.step() and not again._engine.has_nan:
                 before, now = again._engine, again.now
-            line = first_line(lambda: before.evaluate(before.evaluate(now)))
-            if line:
+            if line := first_line(lambda: before.evaluate(before.evaluate(now))):
                 engine.ended = dataclasses.replace(ended, cause=f"{ended.cause}; first in {line}")
         return False
 

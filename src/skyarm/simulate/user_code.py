@@ -175,8 +175,9 @@ def _check_component(index: int, scenario: Scenario, part: Part) -> None:
     try:
         memory = component.start(period, draws)
     except (ValueError, IndexError) as error:
-        words = f"cannot start from {len(draws)} draws, which are twice its uniforms: {error}"
-        raise part.refusal(words, place_of_error(error)) from error
+        raise part.refusal(
+            f"cannot start from {len(draws)} draws, which are twice its uniforms: {error}", place_of_error(error)
+        ) from error
     part.trace(step, memory, first_state(scenario), draw_plan(scenario).components[index][1])
 
 

@@ -13,10 +13,10 @@ import skyarm
 from skyarm.cli.commands import COMMANDS
 from skyarm.control.catalogue import LAWS, PRESETS, ControllerError, make_controller
 from skyarm.records.files import did_you_mean, must_be_one_of
-from skyarm.records.files.messages import renamed
+from skyarm.records.files.messages import present_names
 from skyarm.records.registry.shipped import SHIPPED
 
-MODULES = renamed("module")
+MODULES = present_names("module")
 ROOT = Path(skyarm.__file__).parent
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 WORDS = "".join(path.read_text("utf-8") for path in (*DOCS.glob("*.md"), *ROOT.glob("control/blocks/*.py")))
@@ -43,21 +43,21 @@ def test_the_present_module_or_name_exists() -> None:
 
 
 def test_other_missing_modules_and_names_are_as_python_says_them() -> None:
-    with pytest.raises(ModuleNotFoundError, match="^No module named 'skyarm.nothing'$"):
+    with pytest.raises(ModuleNotFoundError, match=r"^No module named 'skyarm\.nothing'$"):
         importlib.import_module("skyarm.nothing")
-    with pytest.raises(AttributeError, match="^module 'skyarm' has no attribute 'nothing'$"):
+    with pytest.raises(AttributeError, match=r"^module 'skyarm' has no attribute 'nothing'$"):
         skyarm.nothing  # noqa: B018
 
 
 def test_former_commands_are_none_and_lead_to_one() -> None:
-    for former, now in renamed("command").items():
+    for former, now in present_names("command").items():
         assert former not in COMMANDS
-        assert {word for word in re.findall(r"skyarm ([a-z]+)", now)} <= {*COMMANDS}
+        assert set(re.findall(r"skyarm ([a-z]+)", now)) <= {*COMMANDS}
 
 
 def test_former_words_lead_to_one_there_is() -> None:
     laws = {*LAWS, *PRESETS, *(name for rows in SHIPPED.values() for name in rows)}
-    for former, now in renamed("word").items():
+    for former, now in present_names("word").items():
         assert former not in laws
         present = now.split("'")[1]
         assert present in laws or re.search(rf"\b{present}\b", WORDS), former
@@ -68,11 +68,9 @@ def test_former_words_lead_to_one_there_is() -> None:
 
 def test_a_former_word_is_explained_where_it_is_met() -> None:
     model = skyarm.load_scenario("case1").controller.par.model
-    with pytest.raises(
-        ControllerError, match="^controller.law = 'ct_observer': is now 'ct_ladder' with steps = 3; must"
-    ):
+    with pytest.raises(ControllerError, match=r"= 'ct_observer': is now 'ct_ladder' with steps = 3; must"):
         make_controller("ct_observer", model)
-    with pytest.raises(ControllerError, match="no such option; is now 'observer'; it has"):
+    with pytest.raises(ControllerError, match=r"no such option; is now 'observer'; it has"):
         make_controller("ct_ladder", model, observation=1.0)
-    with pytest.raises(TypeError, match="^Scenario: is now 'reference'; has no field trajectory$"):
+    with pytest.raises(TypeError, match=r"^Scenario: is now 'reference'; has no field trajectory$"):
         skyarm.load_scenario("case1").with_words(trajectory=1)

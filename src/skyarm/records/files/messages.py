@@ -69,7 +69,7 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
     if not isinstance(word, str):
         return ""
     names = [name for name in known if name != word]
-    now = renamed("word").get(word)
+    now = present_names("word").get(word)
     if now and now.split("'")[1] in names:
         return f"is now {now}; "
     near = difflib.get_close_matches(word, names, n=1, cutoff=LIKE)
@@ -80,7 +80,7 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
 
 
 @cache
-def renamed(kind: str) -> Any:
+def present_names(kind: str) -> Any:
     """Table old name -> text on what it is now, of kind ``module``, ``command`` or ``word`` (of a file)."""
     return tomllib.loads(Path(__file__).with_name("renamed.toml").read_text("utf-8"))[kind]
 
