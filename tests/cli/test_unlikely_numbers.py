@@ -198,7 +198,7 @@ def test_air_that_moves_about_a_vehicle_without_drag_is_told_of() -> None:
     calm = dataclasses.replace(calm, plant=dataclasses.replace(calm.plant, vehicle=still))
     air = MovingAir(velocity_W=(3.0, 0.0, 0.0))
     told = unlikely_numbers(dataclasses.replace(calm, wind=air))
-    assert [line for line in told if line.startswith("environment.wind: moves the air about a vehicle without drag")]
+    assert [line for line in told if line.startswith("environment.wind: moves the air along x, where ")]
     told = unlikely_numbers(dataclasses.replace(calm, air=(air,)))
     assert [line for line in told if line.startswith("environment.air[0]: moves the air")]
     assert unlikely_numbers(dataclasses.replace(calm, wind=MovingAir())) == ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable
 from typing import Annotated, Any
 
@@ -16,6 +17,7 @@ from skyarm.cli.lines import DIFFERENT
 from skyarm.cli.output import bar, give, heading, shown_number, tell
 from skyarm.records.files import printable
 from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.without_effect import WithoutEffectWarning
 from skyarm.studies.assess.assessment import Assessment, assess_scenario, assess_vehicle
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -42,7 +44,8 @@ def check(
     its reference against limits. Exit code 1 if a fault was found.
     """
     options: dict[str, Any] = {"payload": payload, "poses": poses}
-    with bar(f"{what}: checking"):
+    with bar(f"{what}: checking"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", WithoutEffectWarning)  # a finding below
         if not is_scenario(what):
             found = assess_vehicle(load_vehicle(what), gravity=9.81 if gravity is None else gravity, **options)
         elif gravity is not None:
@@ -71,8 +74,8 @@ def _sheet(found: Assessment) -> list[RenderableType]:
     parts += ["", _rows(notes)] if notes else []
     short = "; ".join(dict.fromkeys(map(_in_short, well)))
     parts += ["", Text(printable(f"{len(well)} without an alarm: {short}"), style=STYLES[OK]), ""]
-    faults, warnings = (sum(each.level == level for each in found.findings) for level in (FAULT, WARNING))
-    counted = f"{warnings} warning{'s' if warnings != 1 else ''}"
+    faults, milder = (sum(each.level == level for each in found.findings) for level in (FAULT, WARNING))
+    counted = f"{milder} warning{'s' if milder != 1 else ''}"
     verdict = f"cannot fly as described: {faults} fault{'s' if faults != 1 else ''}" if faults else "can fly: no fault"
     return [*parts, heading(f"{verdict}, {counted}")]
 

@@ -27,8 +27,13 @@ def say(message: str, code: int = 0) -> int:
     return code
 
 
+_said: set[str] = set()
+"""Python's warnings that were printed, as of a scenario when it is loaded: no command repeats them."""
+
+
 def say_unlikely(name: str, lines: Sequence[str]) -> None:
     """Print warnings about suspicious values in a file, such as ones in wrong units."""
+    lines = [line for line in lines if f"{name}: {line}" not in _said]
     for line in lines[:MOST_WARNINGS]:
         say(f"warning: {name}: {line}")
     if len(lines) > MOST_WARNINGS:
@@ -36,12 +41,13 @@ def say_unlikely(name: str, lines: Sequence[str]) -> None:
 
 
 def say_suspicious(scenario: Scenario) -> None:
-    """Print warnings about suspicious values in a scenario before it is flown."""
-    from skyarm.scenario.unlikely_numbers import unlikely_numbers
+    """Print warnings about a scenario before it is flown: those of its check that need no flights."""
+    from skyarm.studies.assess.before_flight import warnings_before_flight
 
-    say_unlikely(scenario.name, unlikely_numbers(scenario))
+    say_unlikely(scenario.name, warnings_before_flight(scenario))
 
 
 def say_warning(message: Warning | str, category: type[Warning], *_where: object, **_more: object) -> None:
     """Print a Python warning on one line, without its source location."""
+    _said.add(str(message))
     say(f"{'warning' if issubclass(category, RuntimeWarning | UserWarning) else category.__name__}: {message}")

@@ -17,7 +17,7 @@ from rich.console import RenderableType
 
 from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
 from skyarm.cli.autopilot_option import load_under_autopilot, outside_command
-from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
+from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious, say_unlikely
 from skyarm.cli.output import Advance, bar, give, heading, say_cause, shown_number, table_of, tell
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators.rotor import push
@@ -45,6 +45,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import Log
 from skyarm.simulate import run as fly
 from skyarm.simulate.loop import run_until_interrupted
+from skyarm.studies.assess.pressing_flights import lost_force
 
 if TYPE_CHECKING:
     from skyarm.links.ros.live_flight import LiveFlight
@@ -121,6 +122,7 @@ def run(
         with earlier_kept(files, replace=force) as kept:
             written = [save_log(log, file) for file in files]
     found = facts(log)
+    say_unlikely(planned.name, lost_force(planned, log))
     tell(
         *summary(log, found),
         *(live.lines if live else []),
@@ -379,7 +381,11 @@ def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
     lines.append(table_of((f"error, {start:.4g} to {stop:.4g} s", "mean", "max", "max, whole flight"), rows))
     jitter, limited = (found[name] for name in COMMANDS)
     if jitter is not None:
-        words = "" if limited is None else f", a rotor at its limit in {100.0 * limited:.3g} % of the periods"
+        words = (
+            ""
+            if limited is None or _has_battery(log)
+            else f", a rotor at its limit in {100.0 * limited:.3g} % of the periods"
+        )
         lines.append(f"rotor commands then: jitter {shown_number(jitter, 4)} rad/s a period{words}")
     if found["peak_thrust"] is not None:
         cut = "" if found["saturation"] or _has_battery(log) else "; no command at a limit"

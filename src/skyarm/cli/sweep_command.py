@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -68,12 +69,16 @@ def sweep(
 def _fly(study: str, controllers: list[str] | None, out: str | None, threads: int, part: str | None) -> None:
     """Run the missing episodes of a study, and write them to its folder."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
+    from skyarm.scenario.without_effect import WithoutEffectWarning
     from skyarm.studies.sweep import load_study, run_sweep
+    from skyarm.studies.sweep.plan import largest_episode
 
     require_not_another(study, "study")
-    loaded = load_study(study, controllers)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", WithoutEffectWarning)  # of the file's numbers, in place of an episode's
+        loaded = load_study(study, controllers)
     folder = Path("out") / loaded.name if out is None else Path(out)
-    say_unlikely(loaded.name, unlikely_numbers(next(iter(loaded.scenarios.values()))))
+    say_unlikely(loaded.name, unlikely_numbers(largest_episode(loaded)))
     begin = time.perf_counter()
     before: list[int] = []
     with taken_back(folder), bar(loaded.name) as advance:

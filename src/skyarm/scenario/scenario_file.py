@@ -43,6 +43,7 @@ vehicle and gravity, but knows of no payload. Every error is one line: file, fie
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -98,14 +99,24 @@ def load_scenario(
         seed: of the noise.
         duration: s.
 
+    Warns of parts without effect on the flight (:class:`skyarm.scenario.without_effect.WithoutEffectWarning`).
+
     Raises:
         ScenarioError: one line, ``file: field = value: what is allowed``.
     """
+    from skyarm.scenario.without_effect import WithoutEffectWarning, without_effect
+
+    scenario = _loaded(name_or_path, {"plant": plant, "controller": controller, "seed": seed, "duration": duration})
+    for line in without_effect(scenario):
+        warnings.warn(f"{scenario.name}: {line}", WithoutEffectWarning, stacklevel=2)
+    return scenario
+
+
+def _loaded(name_or_path: str | os.PathLike[str], replaced: Mapping[str, Any]) -> Scenario:
     try:
         text = file_name(name_or_path, "scenario")
     except ValueError as error:
         raise ScenarioError(str(error)) from None
-    replaced = {"plant": plant, "controller": controller, "seed": seed, "duration": duration}
     given = {field: value for field, value in replaced.items() if value is not None}
     if Path(text).suffix.removeprefix(".") in names("log_format"):
         return _scenario_of_log(text, given)

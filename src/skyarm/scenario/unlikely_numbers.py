@@ -14,16 +14,15 @@ import numpy as np
 
 from skyarm.control.catalogue import BEARS_UNDRIVEN
 from skyarm.dynamics.actuators.hover import highest_thrust
-from skyarm.records.leaves import parts
+from skyarm.records.leaves import named_leaves, parts
 from skyarm.records.registry.shipped import SHIPPED
 from skyarm.records.units import units
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.scenario_tables import feasibility_of
+from skyarm.scenario.without_effect import without_effect
 from skyarm.vehicle.check import TURN
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle, undriven_joints
-from skyarm.world import MovingAir
-from skyarm.world.wind import all_gusts
 
 OTHER = {
     "m": "mm", "rad": "degrees", "s": "ms", "kg": "g", "N": "mN", "N m": "N mm", "m/s": "km/h", "rad/s": "degrees/s",
@@ -52,6 +51,9 @@ SMALLEST = 0.05
 SPREAD = 1000.0
 """m: of a reference."""
 
+PHASE = 25.0
+"""rad: of a sine, four turns."""
+
 LOADED = 10.0
 """Mass of the plant over that of the model, or the other way."""
 
@@ -67,10 +69,11 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
 
 
 def part_warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings issued by the environment models (wind, forces, contacts) of a scenario."""
+    """Warnings issued by the environment models of a scenario, and of parts without effect on its flight."""
     vehicle, step = scenario.plant.vehicle, 1.0 / scenario.rates.physics
     parts = scenario.placed_components
-    return tuple(f"{where}: {line}" for where, part in parts for line in part.warnings(vehicle, step))
+    lines = (f"{where}: {line}" for where, part in parts for line in part.warnings(vehicle, step))
+    return (*lines, *without_effect(scenario))
 
 
 def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
@@ -80,7 +83,7 @@ def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
         "sensors": scenario.noise, "delays": scenario.delays, "initial": scenario.initial,
     }  # fmt: skip
     declared = (line for where, record in records.items() for line in _unusual(record, where))
-    return (*_model(scenario), *declared, *_reference(scenario), *_without_drag(scenario))
+    return (*_model(scenario), *declared, *_reference(scenario))
 
 
 def plan_warnings(scenario: Scenario) -> tuple[str, ...]:
@@ -144,6 +147,9 @@ def _reference(scenario: Scenario) -> Iterator[str]:
     farthest = float(np.max(np.sqrt(sum(np.square(c) for c in looks.position))))
     yield from _too_large("reference.base reaches", farthest, SPREAD, "m", " from the origin")
     yield from _too_large("reference.yaw =", float(np.asarray(looks.yaw).flat[0]), TURN[0], "rad", " at the start")
+    for where, value in named_leaves(scenario.reference, "reference"):
+        if where.endswith(".phase"):
+            yield from _too_large(f"{where} =", float(value), PHASE, "rad")
     for i, link in enumerate(links):
         slides = not link.joint.turns
         values = {f"reference.joints[{i}] reaches": max(np.asarray(looks.joints[i]).flat, key=abs)}
@@ -161,24 +167,6 @@ def _model(scenario: Scenario) -> Iterator[str]:
     ours, theirs = float(truth.mass), float(model.mass)
     if not ours < LOADED * theirs or not theirs < LOADED * ours:
         yield f"plant.vehicle of {ours:g} kg, model.vehicle of {theirs:g} kg: differ; kg, not g (payload)?"
-
-
-def _without_drag(scenario: Scenario) -> Iterator[str]:
-    """Warning about wind or moving air that has no effect, because the vehicle has no drag."""
-    vehicle, wind = scenario.plant.vehicle, scenario.wind
-    drags = [(rotor.drag_coefficient, rotor.rolling_moment_coefficient) for rotor in vehicle.rotors]
-    if any(float(value) for pair in drags for value in pair):
-        return
-    if _norm(vehicle.drag.area) * float(vehicle.drag.air_density):
-        return
-    moving = [f"environment.air[{i}]" for i in range(len(scenario.air))]
-    if isinstance(wind, MovingAir) and (_norm(wind.velocity_W) or all_gusts(wind) or wind.turbulence is not None):
-        moving.insert(0, "environment.wind")
-    if moving:
-        yield (
-            f"{', '.join(moving)}: moves the air about a vehicle without drag, on which it does not act; "
-            f"rotors.drag_coefficient or drag.area of {vehicle.name!r}?"
-        )
 
 
 def _inertias(vehicle: Vehicle) -> Iterator[str]:

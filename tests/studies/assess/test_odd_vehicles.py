@@ -13,9 +13,9 @@ from skyarm.algebra import Vec3
 from skyarm.cli.check_command import _sheet as sheet
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.studies.assess.arm_poses import Allocation, arm_poses, hover_efforts, joint_range
-from skyarm.studies.assess.assessment import Assessment, _finding, assess_vehicle
+from skyarm.studies.assess.assessment import Assessment, assess_vehicle
 from skyarm.studies.assess.endurance import hover_time
-from skyarm.studies.assess.finding import FAULT, NOTE, WARNING, Finding
+from skyarm.studies.assess.finding import FAULT, NOTE, WARNING, Finding, finding_of_line
 from skyarm.studies.assess.thrust import locked_inertia, torque_authority
 from skyarm.vehicle.linkage import Joint
 
@@ -142,7 +142,7 @@ def test_poses_lie_within_the_limits_that_are_stated(kind, limits, expected):
     ],
 )
 def test_a_line_about_units_becomes_field_and_remedy(line, field, remedy):
-    found = _finding(line, "units", WARNING)
+    found = finding_of_line(line, "units", WARNING)
     assert (found.field, found.remedy) == (field, f"check {field}: {remedy}")
 
 
@@ -158,6 +158,6 @@ def test_an_alarm_without_a_number_shows_none(capsys):
 def test_a_remedy_names_each_field_once():
     heavy = [dataclasses.replace(rotor, position=rotor.position * 0.01) for rotor in PELICAN.rotors]
     found = assess_vehicle(dataclasses.replace(PELICAN, rotors=tuple(heavy)), poses=FEW)
-    told = [each for each in found.alarms() if "authority" in each.question]
+    told = [each for each in found.findings if "authority" in each.question and each.remedy]
     assert told
     assert all(each.remedy.count("base.inertia") == 1 for each in told)

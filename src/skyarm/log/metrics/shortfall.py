@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -118,7 +118,8 @@ def _saturation(log: Log) -> Saturation | None:
     for actuator, unit, sent, low, high in _actuator_limits(log):
         over = np.where(np.isfinite(sent), np.maximum(sent - high, low - sent), np.inf)
         worst = int(np.argmax(over))
-        limit = low if low - sent[worst] > sent[worst] - high else high
+        highest = float(np.broadcast_to(high, sent.shape)[worst])
+        limit = low if low - sent[worst] > sent[worst] - highest else highest
         # an angle or a place at the end of its range is carried out as it is; a speed or an effort there was cut
         least = ROUNDING if unit in PLACES else -ROUNDING
         at_limit = (over >= least * (abs(limit) or 1.0)) & math.isfinite(limit)
@@ -131,13 +132,17 @@ def _saturation(log: Log) -> Saturation | None:
     return Saturation(share=float(beyond.mean()), actuator=actuator, command=command, limit=limit, unit=unit)
 
 
-def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float]]:
-    """Yield name, unit, commands (N,), lower and upper limit of each limited actuator."""
+def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, Any]]:
+    """Yield name, unit, commands (N,), lower and upper limit of each limited actuator; the upper one may change."""
     vehicle = restored_part(log.info, "agent", "plant", "vehicle")
     if vehicle is None:
         return
+    supply: Any = 1.0
+    voltage, battery = log.component("battery_voltage"), vehicle.battery
+    if voltage.size and battery is not None and battery.esc != "open":  # an open loop scales speeds and cuts none
+        supply = voltage.reshape(log.time.size) / float(battery.reference_voltage)
     for rotor, sent in zip(vehicle.rotors, log.rotor_commands.T, strict=True):
-        yield f"rotor {rotor.name}", "rad/s", sent, -math.inf, float(rotor.max_speed)
+        yield f"rotor {rotor.name}", "rad/s", sent, -math.inf, float(rotor.max_speed) * supply
     tilting = [rotor for rotor in vehicle.rotors if rotor.tilt is not None]
     for rotor, sent in zip(tilting, log.tilt_commands.T, strict=True):
         yield f"tilt of rotor {rotor.name}", "rad", sent, float(rotor.tilt.lower), float(rotor.tilt.upper)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import Any
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
@@ -19,8 +18,9 @@ from skyarm.scenario.unlikely_numbers import (
 )
 from skyarm.studies.assess.along_reference import along_reference
 from skyarm.studies.assess.arm_poses import POSES, ArmPoses, arm_poses
+from skyarm.studies.assess.causes import causes_first
 from skyarm.studies.assess.endurance import aloft_for, time_aloft
-from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, worst_level
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, UNITS, WARNING, Finding, finding_of_line, worst_level
 from skyarm.studies.assess.joints import arm_workspace, joint_torques
 from skyarm.studies.assess.layout import disc_loading, rotor_layout
 from skyarm.studies.assess.pressing_flights import pressing_flights
@@ -54,39 +54,26 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
     return [Finding(QUESTION, WARNING, text, "controller", remedy, *numbers)]
 
 
-UNITS, PLAN, LAW, PARTS = "units", "plan of the reference", "law for this vehicle", "environment"
+PLAN, LAW, PARTS = "plan of the reference", "law for this vehicle", "environment"
 """Questions."""
 
 
 def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:
     """Check results, as faults, for vehicle parameters that are probably in wrong units."""
-    found = [_finding(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
+    found = [finding_of_line(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
     return found or [Finding(UNITS, OK, "every number of the vehicle is of a likely size")]
 
 
 def warnings_of_scenario(scenario: Scenario) -> list[Finding]:
     """Warnings of a scenario's check: suspicious values, reference beyond limits, unsuitable control law."""
-    units = [_finding(line, UNITS, WARNING) for line in unlikely_units(scenario)]
+    units = [finding_of_line(line, UNITS, WARNING) for line in unlikely_units(scenario)]
     good = Finding(UNITS, OK, "every number of the scenario is of a likely size")
     return [
         *(units or [good]),
-        *(_finding(line, PLAN, WARNING) for line in plan_warnings(scenario)),
-        *(_finding(line, LAW, WARNING) for line in law_warnings(scenario)),
-        *(_finding(line, PARTS, WARNING) for line in part_warnings(scenario)),
+        *(finding_of_line(line, PLAN, WARNING) for line in plan_warnings(scenario)),
+        *(finding_of_line(line, LAW, WARNING) for line in law_warnings(scenario)),
+        *(finding_of_line(line, PARTS, WARNING) for line in part_warnings(scenario)),
     ]
-
-
-BEHIND_A_FIELD = re.compile(r": | of | reaches ")
-"""What stands in a line between the field and what is said of it where there is no equals sign."""
-
-
-def _finding(line: str, question: str, level: str) -> Finding:
-    head, equals, _ = line.partition(" = ")
-    field = head.replace(": ", ".") if equals else BEHIND_A_FIELD.split(line, maxsplit=1)[0]
-    # the question at the end says what is perhaps meant; it stands behind the last semicolon, else behind a colon
-    said, _, hint = line.rpartition("; " if "; " in line else ": ")
-    remedy = f"check {field}: {hint}" if said else f"check {field}"
-    return Finding(question, level, line, field, remedy)
 
 
 @immutable(kw_only=False)
@@ -146,7 +133,7 @@ def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 
         raise ValueError(
             f"--payload = {payload:g}: must be left out: vehicle '{vehicle.name}' has no tip (end_effector)"
         )
-    findings = tuple(_vehicle_findings(arm_poses(vehicle, poses, gravity), payload))
+    findings = causes_first([*_vehicle_findings(arm_poses(vehicle, poses, gravity), payload)])
     return Assessment(vehicle.name, vehicle, gravity, payload, poses, findings)
 
 
@@ -162,7 +149,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
     except AllocationError:  # said by the vehicle's own findings
         along = []
     aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
-    findings = (*about.findings, *warnings_of_scenario(scenario), *aloft, *along)
+    findings = causes_first([*about.findings, *warnings_of_scenario(scenario), *aloft, *along])
     if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
         findings = (*findings, *delay_margin(scenario), *pressing_flights(scenario))
     return Assessment(scenario.name, about.vehicle, about.gravity, payload, poses, findings)

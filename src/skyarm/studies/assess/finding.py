@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import asdict, replace
 from typing import Any
@@ -13,6 +14,10 @@ OK, NOTE, WARNING, FAULT = "ok", "note", "warning", "fault"
 
 LEVELS = (OK, NOTE, WARNING, FAULT)
 """From good to bad: a note is worth knowing and no alarm; with a fault the vehicle cannot fly as it is described."""
+
+
+UNITS = "units"
+"""Question of numbers that are probably in other units."""
 
 
 @immutable(kw_only=False)
@@ -90,3 +95,17 @@ def at_most(question: str, value: float, *words: str, fault: float = math.inf, w
     """Check result for a value that must not exceed its fault and warning limits."""
     found = at_least(question, -value, *words, fault=-fault, warning=-warning, **more)
     return replace(found, value=value, limit=more.get("limit", -found.limit))
+
+
+BEHIND_A_FIELD = re.compile(r": | of | reaches ")
+"""What stands in a line between the field and what is said of it where there is no equals sign."""
+
+
+def finding_of_line(line: str, question: str, level: str) -> Finding:
+    """Check result of a warning in one line: its field, and the question at its end as the remedy."""
+    head, equals, _ = line.partition(" = ")
+    field = head.replace(": ", ".") if equals else BEHIND_A_FIELD.split(line, maxsplit=1)[0]
+    # the question at the end says what is perhaps meant; it stands behind the last semicolon, else behind a colon
+    said, _, hint = line.rpartition("; " if "; " in line else ": ")
+    remedy = f"check {field}: {hint}" if said else f"check {field}"
+    return Finding(question, level, line, field, remedy)

@@ -17,6 +17,8 @@ from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import ControllerError, part_of, presses
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns, link_poses
+from skyarm.log.flight_log import Log
+from skyarm.log.metrics.score import score
 from skyarm.plant.largest_step import divisions
 from skyarm.records.arrays import Array
 from skyarm.reference.trajectory import Reference
@@ -76,6 +78,20 @@ def pressing_flights(scenario: Scenario) -> list[Finding]:
     cause, remedy = cause_of(scenario, at)
     said = f"{said}: {cause}; " + (f"{max(held):.3g} N are held" if held else "nor is a quarter of it")
     return [Finding(QUESTION, FAULT, said, FORCE, remedy, 100.0 * worst, 100.0 * ALLOWED, "%", at.joints)]
+
+
+def lost_force(scenario: Scenario, log: Log) -> list[str]:
+    """Warning that a flight did not hold its commanded contact force, with the likeliest cause; empty if it did."""
+    at = largest_push(scenario)
+    if at is None or not scenario.worlds or not presses(scenario.controller.par):
+        return []
+    force = float(at.push[0])
+    error, limited = score(log, ("contact_error_mean", "rotor_saturation")).values()
+    off, (cause, remedy) = abs(error) / force, cause_of(scenario, at)
+    if log.status == "completed" and not (off > ALLOWED or limited > LIMITED):
+        return []
+    said = f"{force:.3g} N are {100.0 * off:.2g} % off, with a rotor at its limit {100.0 * limited:.2g} % of the time"
+    return [f"{FORCE}: {said}: {cause}; {remedy}"]
 
 
 def has_number(scenario: Scenario, path: str) -> bool:

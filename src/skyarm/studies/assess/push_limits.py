@@ -48,8 +48,9 @@ def largest_push(scenario: Scenario) -> Reference | None:
     if push is None or not vehicle.n or not vehicle.end_effector:
         return None
     times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
-    at = max((scenario.reference.at(float(t)) for t in times), key=lambda reference: float(reference.push[0]))
-    return at if float(at.push[0]) > 0.0 else None
+    forces = np.broadcast_to(np.asarray(scenario.reference.at(times).push[0], dtype=float), times.shape)
+    k = int(np.argmax(forces))
+    return scenario.reference.at(float(times[k])) if forces[k] > 0.0 else None
 
 
 def _law(scenario: Scenario) -> list[Finding]:

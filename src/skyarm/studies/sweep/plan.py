@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import STATED, stated_step
 from skyarm.records.identity import all_files, identity
@@ -215,3 +217,15 @@ def at_episode(study: Study, label: str, values: Mapping[str, float], episode: i
     """Scenario of a single episode of a study, to run it alone and store its log."""
     scenario = with_numbers(study.scenarios[label], {path: float(values[path]) for path in study.paths})
     return dataclasses.replace(scenario, seed=study.seed, episode=episode)
+
+
+LOOKED_AT = 1000
+"""Episodes among which the one of the largest numbers is sought."""
+
+
+def largest_episode(study: Study) -> Scenario:
+    """Scenario of the episode whose varied numbers are largest, in shares of the largest of each."""
+    drawn = values(study, np.arange(min(study.episodes, LOOKED_AT)))
+    episode = int(np.argmax(sum(np.abs(each) / (np.abs(each).max() or 1.0) for each in drawn.values())))
+    label = next(iter(study.scenarios))
+    return at_episode(study, label, {path: each[episode] for path, each in drawn.items()}, episode)

@@ -306,13 +306,10 @@ def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
 
 
 def wind_words(flight: FilmedFlight, k: int) -> str:
-    """Text of the wind in a frame, or of a force on the base in still air; empty without either."""
+    """Text of the force on the base and of the wind in a frame, each by its name; empty without either."""
     force, speed = (float(np.linalg.norm(each[k])) for each in (flight.force, flight.air))
-    words = [f"{force:.1f} N"] if force > LEAST_FORCE else []
-    if speed > LEAST_SPEED:
-        words.append(f"{speed:.1f} m/s")
-    what = "wind" if speed > LEAST_SPEED else "force"
-    return f"{what} {', '.join(words)}" if words else ""
+    words = [f"force {force:.1f} N"] if force > LEAST_FORCE else []
+    return ", ".join([*words, *([f"wind {speed:.1f} m/s"] if speed > LEAST_SPEED else [])])
 
 
 def _thin_out(places: Array) -> Array:

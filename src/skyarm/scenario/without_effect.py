@@ -1,0 +1,156 @@
+"""Warnings about parts of a scenario without effect: air, forces and sensors that nothing feels or reads.
+
+They are found by evaluation along the reference, so that a registered part is judged as a shipped one.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import UserDict
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from skyarm.algebra import ZERO3, Quaternion, Vec3
+from skyarm.control.controller import autopilot_of, senses_force
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.plant.loads import applied_force
+from skyarm.plant.surroundings import Surroundings
+from skyarm.records.leaves import leaves, rebuild
+from skyarm.scenario.scenario_checks import tip_sensor
+from skyarm.scenario.scenario_record import PLANTS, Scenario, first_state
+from skyarm.sensing.estimate.estimator import FULL_STATE
+from skyarm.sensing.measurement import measurement_of
+from skyarm.sensing.sensor import NO_PUSH
+from skyarm.world import NO_WIND, Component, WindSample
+
+INSTANTS = 2000
+"""Of the flight, at which a part that seems to do nothing is looked at."""
+
+NOTHING = 1e-12
+"""N, N m and m/s: rounding."""
+
+MOVING = Vec3(1.1, 0.7, 0.9)
+"""m/s and rad/s: a motion in which no drag is zero by chance."""
+
+
+class WithoutEffectWarning(UserWarning):
+    """Warning about a part of a scenario that has no effect on the flight."""
+
+
+def without_effect(scenario: Scenario) -> tuple[str, ...]:
+    """Warnings about air, forces and sensors without effect on the flight; empty if each has one.
+
+    A part that cannot be evaluated is not judged: the flight states its fault.
+    """
+    try:
+        return (*_idle_components(scenario), *_unread_sensors(scenario))
+    except Exception:
+        return ()
+
+
+def _idle_components(scenario: Scenario) -> Iterator[str]:
+    placed = {where: each for where, each in scenario.placed_components if where.startswith("environment.")}
+    placed = {where: each for where, each in placed.items() if not (each == NO_WIND or each.coupled or each.rigid)}
+    if not placed or scenario.kind not in PLANTS:  # other plants have forces of their own
+        return
+    vehicle, first = scenario.plant.vehicle, first_state(scenario)
+    rates = (MOVING.x,) * vehicle.n
+    first = replace(first, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=MOVING, rate=MOVING, joint_rates=rates)
+    blind = _blind_axes(scenario, [*placed.values()], replace(first, velocity=ZERO3))
+    cure = "drag.area[2]" if blind == {"z"} else "rotors.drag_coefficient or drag.area"
+    for where, component in placed.items():
+        moved, acts = _effect(scenario, component, first, blind)
+        if moved & blind:
+            axes = f"the air along {', '.join(sorted(moved & blind))}, where {vehicle.name!r} has no drag"
+            yield f"{where}: moves {axes}: nothing feels it; {cure} of the vehicle?"
+        elif not (acts or moved):
+            yield f"{where}: moves no air and exerts no force along the reference; its numbers and times?"
+
+
+def _blind_axes(scenario: Scenario, parts: list[Component], state: State) -> set[str]:
+    """World axes along which moving air changes no force on the vehicle; x and y together, for it may turn."""
+    vehicle, memories = scenario.plant.vehicle, [_begin(scenario, each) for each in parts]
+    command = Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n)
+
+    def forces(air: list[float]) -> Any:
+        probe = WindSample(air_velocity_W=Vec3(*air))
+        around = Surroundings(components=(probe, *parts), memories=((), *memories))
+        return np.array(leaves(applied_force(vehicle, state, command, around)))
+
+    calm = forces([0.0] * 3)
+    x, y, z = (bool(np.any(np.abs(forces(row) - calm) > NOTHING)) for row in np.eye(3).tolist())
+    return {axis for axis, acts in (("x", x or y), ("y", x or y), ("z", z)) if not acts}
+
+
+def _begin(scenario: Scenario, component: Component, draw: random.Random | None = None) -> Any:
+    """First memory of a component, of random numbers; of zeros, as without turbulence, where none are given."""
+    draws = [0.5 if draw is None else draw.random() for _ in range(2 * component.uniforms)]
+    memory = component.start(1.0 / scenario.rates.control, draws)
+    return rebuild(memory, iter([0.0] * len(leaves(memory)))) if draws and draw is None else memory
+
+
+def _effect(scenario: Scenario, component: Component, state: State, blind: set[str]) -> tuple[set[str], bool]:
+    """Axes along which a component moves the air, and whether it acts otherwise, at instants of the reference.
+
+    Turbulence moves the air along every axis: it counts only where the vehicle feels none.
+    """
+    rate, every = scenario.rates.control, max(1, scenario.steps // INSTANTS)
+    draw = random.Random(0) if len(blind) == 3 else None
+    memory, moved, acts = _begin(scenario, component, draw), set[str](), draw is None and component.uniforms > 0
+    times = [*(np.arange(0, scenario.steps, every) / rate), *(0.5 * (a + b) for _, a, b in component.events)]
+    looks = np.array(times, dtype=float)
+    places = np.transpose([np.broadcast_to(c, looks.shape) for c in scenario.reference.at(looks).position])
+    for t, place in zip(looks.tolist(), places.tolist(), strict=True):
+        state = replace(state, position=Vec3(*place))
+        if draw is not None:
+            draws = [draw.random() for _ in range(component.uniforms)]
+            memory = component.advance(memory, t, every / rate, state, draws)
+        air = component.velocity(memory, t, state.position)
+        moved |= {axis for axis, speed in zip("xyz", air, strict=True) if abs(speed) > NOTHING}
+        if not acts:
+            motion, speeds = PointMotion(scenario.plant.vehicle, state), state.rotor_speeds
+            pushes = component.wrenches(memory, t, motion, speeds)
+            acts = any(abs(c) > NOTHING for each in pushes for c in (*each.force_W, *each.torque_W))
+            acts = acts or tuple(component.rotor_commands(memory, motion.vehicle.rotors, speeds)) != tuple(speeds)
+        still = {axis for axis, speed in zip("xyz", air, strict=True) if type(speed) is int}  # at any time
+        if (acts or moved) and moved | still >= blind:
+            break
+    return moved, acts
+
+
+class _Readings(UserDict[str, Any]):
+    """Readings of sensors by name, which note the names that are looked up."""
+
+    read: set[str]
+
+    def __getitem__(self, name: str) -> Any:
+        self.read.add(name)
+        return self.data[name]
+
+
+def _unread_sensors(scenario: Scenario) -> Iterator[str]:
+    sensors = tuple((each.name, each.sensor) for each in scenario.sensors)
+    if not sensors or autopilot_of(scenario.controller) is not None:
+        return
+    model, vehicle, state = scenario.controller.par.model, scenario.plant.vehicle, first_state(scenario)
+    weight, period = Vec3(0.0, 0.0, float(scenario.plant.gravity)), 1.0 / scenario.rates.control
+    readings = _Readings({FULL_STATE: measurement_of(state, weight)})
+    for name, each in sensors:
+        middle = (0.5,) * each.uniforms(vehicle)
+        readings[name] = each.take(each.start(vehicle), 0.0, state, weight, NO_PUSH, middle, period)[1]
+    guards, readings.read = scenario.reference.guards, set()
+    estimator = scenario.estimator.believing(model.vehicle, model.gravity)
+    command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
+    estimator.step(estimator.start(model.vehicle), readings, command, period)
+    used = readings.read | {name for guard in guards for name in (guard.closed, guard.open)}
+    tip = tip_sensor(sensors, vehicle)
+    if tip is not None and (senses_force(scenario.controller.par) or any(guard.sensed for guard in guards)):
+        used.add(tip[0])
+    for name, _ in sensors:
+        if name not in used:
+            yield f"sensors.{name}: no law, estimator or phase reads it, only the log; [estimator]?"
