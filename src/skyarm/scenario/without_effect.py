@@ -54,37 +54,37 @@ def without_effect(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _idle_components(scenario: Scenario) -> Iterator[str]:
-    placed = {where: each for where, each in scenario.placed_components if where.startswith("environment.")}
-    placed = {where: each for where, each in placed.items() if not (each == NO_WIND or each.coupled or each.rigid)}
+    placed = {
+        where: each
+        for where, each in scenario.placed_components
+        if where.startswith("environment.") and not (each == NO_WIND or each.coupled or each.rigid)
+    }
     if not placed or scenario.kind not in PLANTS:  # other plants have forces of their own
         return
-    vehicle, first = scenario.plant.vehicle, first_state(scenario)
-    rates = (MOVING.x,) * vehicle.n
-    first = replace(first, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=MOVING, rate=MOVING, joint_rates=rates)
-    blind = _blind_axes(scenario, [*placed.values()], replace(first, velocity=ZERO3))
+    name, level, rates = scenario.plant.vehicle.name, Quaternion(1.0, 0.0, 0.0, 0.0), (1.0,) * scenario.plant.vehicle.n
+    state = replace(first_state(scenario), quaternion=level, velocity=MOVING, rate=MOVING, joint_rates=rates)
+    blind = _blind_axes(scenario, [*placed.values()], state)
     cure = "drag.area[2]" if blind == {"z"} else "rotors.drag_coefficient or drag.area"
     for where, component in placed.items():
-        moved, acts = _effect(scenario, component, first, blind)
-        if moved & blind:
-            axes = f"the air along {', '.join(sorted(moved & blind))}, where {vehicle.name!r} has no drag"
-            yield f"{where}: moves {axes}: nothing feels it; {cure} of the vehicle?"
+        moved, acts = _effect(scenario, component, state, blind)
+        if axes := ", ".join(sorted(moved & blind)):
+            yield f"{where}: moves the air along {axes}, where {name!r} has no drag: nothing feels it; {cure} of it?"
         elif not (acts or moved):
             yield f"{where}: moves no air and exerts no force along the reference; its numbers and times?"
 
 
 def _blind_axes(scenario: Scenario, parts: list[Component], state: State) -> set[str]:
     """World axes along which moving air changes no force on the vehicle; x and y together, for it may turn."""
-    vehicle, memories = scenario.plant.vehicle, [_begin(scenario, each) for each in parts]
-    command = Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n)
+    memories, vehicle = [_begin(scenario, each) for each in parts], scenario.plant.vehicle
+    state, command = replace(state, velocity=ZERO3), Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n)
 
-    def forces(air: list[float]) -> Any:
+    def forces(*air: float) -> Any:
         probe = WindSample(air_velocity_W=Vec3(*air))
         around = Surroundings(components=(probe, *parts), memories=((), *memories))
         return np.array(leaves(applied_force(vehicle, state, command, around)))
 
-    calm = forces([0.0] * 3)
-    x, y, z = (bool(np.any(np.abs(forces(row) - calm) > NOTHING)) for row in np.eye(3).tolist())
-    return {axis for axis, acts in (("x", x or y), ("y", x or y), ("z", z)) if not acts}
+    x, y, z = (np.abs(forces(*row) - forces(0.0, 0.0, 0.0)).max() < NOTHING for row in np.eye(3).tolist())
+    return {axis for axis, idle in zip("xyz", (x and y, x and y, z), strict=True) if idle}
 
 
 def _begin(scenario: Scenario, component: Component, draw: random.Random | None = None) -> Any:
@@ -99,24 +99,22 @@ def _effect(scenario: Scenario, component: Component, state: State, blind: set[s
 
     Turbulence moves the air along every axis: it counts only where the vehicle feels none.
     """
-    rate, every = scenario.rates.control, max(1, scenario.steps // INSTANTS)
-    draw = random.Random(0) if len(blind) == 3 else None
+    period, every = 1.0 / scenario.rates.control, max(1, scenario.steps // INSTANTS)
+    draw = random.Random(0) if len(blind) == len("xyz") else None
     memory, moved, acts = _begin(scenario, component, draw), set[str](), draw is None and component.uniforms > 0
-    times = [*(np.arange(0, scenario.steps, every) / rate), *(0.5 * (a + b) for _, a, b in component.events)]
-    looks = np.array(times, dtype=float)
-    places = np.transpose([np.broadcast_to(c, looks.shape) for c in scenario.reference.at(looks).position])
-    for t, place in zip(looks.tolist(), places.tolist(), strict=True):
-        state = replace(state, position=Vec3(*place))
+    times = [k * period for k in range(0, scenario.steps, every)]
+    for t in (*(0.5 * (start + stop) for _, start, stop in component.events), *times):
+        state = replace(state, position=scenario.reference.at(t).position)
         if draw is not None:
             draws = [draw.random() for _ in range(component.uniforms)]
-            memory = component.advance(memory, t, every / rate, state, draws)
-        air = component.velocity(memory, t, state.position)
+            memory = component.advance(memory, t, every * period, state, draws)
+        air, speeds = component.velocity(memory, t, state.position), state.rotor_speeds
         moved |= {axis for axis, speed in zip("xyz", air, strict=True) if abs(speed) > NOTHING}
         if not acts:
-            motion, speeds = PointMotion(scenario.plant.vehicle, state), state.rotor_speeds
+            motion = PointMotion(scenario.plant.vehicle, state)
             pushes = component.wrenches(memory, t, motion, speeds)
             acts = any(abs(c) > NOTHING for each in pushes for c in (*each.force_W, *each.torque_W))
-            acts = acts or tuple(component.rotor_commands(memory, motion.vehicle.rotors, speeds)) != tuple(speeds)
+            acts = acts or component.rotor_commands(memory, motion.vehicle.rotors, speeds) is not speeds
         still = {axis for axis, speed in zip("xyz", air, strict=True) if type(speed) is int}  # at any time
         if (acts or moved) and moved | still >= blind:
             break
@@ -153,4 +151,4 @@ def _unread_sensors(scenario: Scenario) -> Iterator[str]:
         used.add(tip[0])
     for name, _ in sensors:
         if name not in used:
-            yield f"sensors.{name}: no law, estimator or phase reads it, only the log; [estimator]?"
+            yield f"sensors.{name}: only the log reads it, no law, estimator or phase; an [estimator] for it?"

@@ -52,6 +52,19 @@ def test_of_rotors_on_a_battery_no_limit_is_said_to_be_kept(hover):
     assert "no command at a limit" not in found
 
 
+@pytest.mark.parametrize(("esc", "share"), [("governed", 1.0), ("open", None)])
+def test_speeds_that_the_battery_cuts_are_at_a_limit(hover, esc, share, monkeypatch):
+    """At 6.3 of 12.6 V no rotor turns faster than half its highest speed, and hover asks for more."""
+    curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
+    pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=12.6, esc=esc)
+    vehicle = dataclasses.replace(skyarm.load_scenario("case3").plant.vehicle, battery=pack)
+    monkeypatch.setattr("skyarm.log.metrics.shortfall.restored_part", lambda *_: vehicle)
+    log = with_components(hover, battery_voltage=np.full((hover.time.size, 1), 6.3))
+    found = log.shortfall.saturation
+    assert (None if found is None else found.share) == share
+    assert found is None or found.limit == 419.0
+
+
 def changed(log, **arrays):
     return dataclasses.replace(log, **arrays)
 

@@ -90,8 +90,11 @@ def lost_force(scenario: Scenario, log: Log) -> list[str]:
     off, (cause, remedy) = abs(error) / force, cause_of(scenario, at)
     if log.status == "completed" and not (off > ALLOWED or limited > LIMITED):
         return []
-    said = f"{force:.3g} N are {100.0 * off:.2g} % off, with a rotor at its limit {100.0 * limited:.2g} % of the time"
-    return [f"{FORCE}: {said}: {cause}; {remedy}"]
+    share = f"{100.0 * off:.2g} % off" if math.isfinite(off) else "not held"
+    return [
+        f"{FORCE}: {force:.3g} N are {share}, with a rotor at its limit {100.0 * limited:.2g} % of the time: "
+        f"{cause}; {remedy}"
+    ]
 
 
 def has_number(scenario: Scenario, path: str) -> bool:

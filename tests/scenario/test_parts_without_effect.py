@@ -1,0 +1,137 @@
+"""An air, a force or a sensor that touches nothing of the flight is said in one line with its cure."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from typing import Any
+
+import pytest
+
+import skyarm
+from skyarm.algebra import Vec3
+from skyarm.records.immutable import immutable
+from skyarm.scenario.without_effect import WithoutEffectWarning, without_effect
+from skyarm.sensing.estimate.estimator import FULL_STATE, Estimator
+from skyarm.sensing.sensor_kinds import Heading, Position
+from skyarm.vehicle.vehicle_files import list_vehicles
+from skyarm.vehicle.vehicle_records import BodyDrag
+from skyarm.world import Air, Force, Gust, LinkDrag, MovingAir, RotorDrag, low_altitude
+
+CASE = skyarm.load_scenario("case3", duration=2.0)
+UP = MovingAir(velocity_W=(0.0, 0.0, 1.5))
+
+
+def _with_vehicle(scenario: skyarm.Scenario, vehicle: Any) -> skyarm.Scenario:
+    return scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=vehicle))
+
+
+def with_area(*area: float) -> skyarm.Scenario:
+    vehicle = dataclasses.replace(CASE.plant.vehicle, drag=BodyDrag(area=area))
+    return _with_vehicle(CASE, vehicle)
+
+
+def test_vertical_air_needs_an_area_and_the_cure_cures():
+    (line,) = without_effect(CASE.with_words(wind=UP))
+    assert line.startswith("environment.wind: moves the air along z, where 'hummingbird_arm2_rotors' has no drag")
+    assert "drag.area[2]" in line
+    assert without_effect(with_area(0.0, 0.0, 0.02).with_words(wind=UP)) == ()
+    assert without_effect(CASE.with_words(wind=UP, forces=(RotorDrag(inflow=1e-4),))) == ()
+    assert without_effect(CASE.with_words(wind=UP, forces=(LinkDrag(area=(0.002, 0.002)),))) == ()
+    mixed = CASE.with_words(wind=MovingAir(velocity_W=(3.0, 0.0, 1.0)))
+    assert [said.partition(",")[0] for said in without_effect(mixed)] == ["environment.wind: moves the air along z"]
+
+
+def test_air_that_acts_is_not_said_nor_turbulence_beside_it():
+    wind = MovingAir(velocity_W=(3.0, 0.0, 0.0), turbulence=low_altitude(6.0, 7.7, 3.0))
+    for air in (wind, MovingAir(gust=Gust(peak=(0.0, 2.0, 0.0), start=30.0, duration=1.0))):
+        assert without_effect(CASE.with_words(wind=air)) == ()
+    assert len(without_effect(CASE.with_words(wind=dataclasses.replace(wind, velocity_W=(0.0, 0.0, 1.0))))) == 1
+
+
+@immutable
+class Thermal(Air):
+    """A user's air: it rises by and by, not at the first instant."""
+
+    strength: float = 1.0
+    place: float = 0.0
+
+    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+        return Vec3(0.0 * self.strength, 0.0, self.strength * t * t)
+
+
+@immutable
+class Nudge(Force):
+    """A user's force of a size that may be none."""
+
+    size: float = 0.0
+
+    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
+        from skyarm.world import Wrench
+
+        return [Wrench(force_W=Vec3(self.size * t, 0.0, 0.0))]
+
+
+def test_parts_of_a_user_are_judged_by_what_they_do():
+    (air, force) = without_effect(CASE.with_words(air=(Thermal(),), forces=(Nudge(),)))
+    assert air.startswith("environment.air[0]: moves the air along z, ")
+    assert force.startswith("environment.forces[0]: moves no air and exerts no force along the reference; ")
+    good = with_area(0.0, 0.0, 0.02).with_words(air=(Thermal(),), forces=(Nudge(size=0.1),))
+    assert without_effect(good) == ()
+
+
+@immutable
+class HeadingsOnly(Estimator):
+    """A user's estimator that reads the full state and one sensor, by ``get``."""
+
+    def step(self, memory: Any, readings: Any, command: Any, dt: float) -> Any:
+        assert readings.get("compass") is not None
+        return memory, readings[FULL_STATE]
+
+
+def test_a_sensor_that_only_the_log_reads_is_said():
+    compass, satellites = (
+        skyarm.NamedSensor(name="compass", sensor=Heading()),
+        skyarm.NamedSensor(name="satellites", sensor=Position()),
+    )
+    both = CASE.with_words(sensors=(compass, satellites))
+    assert [line.partition(":")[0] for line in without_effect(both)] == ["sensors.compass", "sensors.satellites"]
+    (line,) = without_effect(both.with_words(estimator=HeadingsOnly()))
+    assert line == "sensors.satellites: only the log reads it, no law, estimator or phase; an [estimator] for it?"
+
+
+def test_loading_a_file_warns_once_and_a_calm_one_does_not(tmp_path):
+    text = VERTICAL
+    (tmp_path / "lift.toml").write_text(text)
+    with pytest.warns(WithoutEffectWarning, match="^lift: environment.wind: moves the air along z, ") as caught:
+        skyarm.load_scenario(tmp_path / "lift.toml")
+    assert len(caught) == 1
+    (tmp_path / "calm.toml").write_text(text.replace("1.5", "0.0"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        skyarm.load_scenario(tmp_path / "calm.toml")
+
+
+VERTICAL = """schema = 1
+name = "lift"
+duration = 1.0
+plant = { vehicle = "hummingbird" }
+controller = { preset = "centroidal_joint" }
+reference = { base = { kind = "hover", position = [0.0, 0.0, 1.0] } }
+environment = { wind = { mode = "moving_air", velocity = [0.0, 0.0, 1.5] } }
+"""
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", [name for name in list_vehicles() if name != "hummingbird_arm2"])
+def test_vertical_air_is_said_of_each_shipped_vehicle_whose_rotors_stand_upright_without_an_area(name, tmp_path):
+    vehicle = skyarm.load_vehicle(name)
+    still = '{ kind = "constant", value = 0.0 }'
+    joints = f", joints = [{', '.join([still] * vehicle.n)}]" if vehicle.n else ""
+    text = VERTICAL.replace('"hummingbird"', f'"{name}"').replace("1.0] } }", f"1.0] }}{joints} }}")
+    (tmp_path / "lift.toml").write_text(text)
+    felt = any(vehicle.drag.area) or name == "tilted_hexarotor"
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        skyarm.load_scenario(tmp_path / "lift.toml")
+    assert len(caught) == (not felt)

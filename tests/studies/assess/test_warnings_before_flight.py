@@ -1,0 +1,150 @@
+"""What a check finds without flights is said before a flight; a lost contact force after it; each fault once."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from planted_faults import PLANTED, Planted
+
+import skyarm
+import standing_walls
+from skyarm.scenario.numbers import with_numbers
+from skyarm.studies.assess import pressing_flights as flights
+from skyarm.studies.assess.assessment import assess_scenario, assess_vehicle
+from skyarm.studies.assess.before_flight import warnings_before_flight
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING
+from skyarm.studies.assess.push_limits import largest_push
+
+CASE = skyarm.load_scenario("case3")
+
+
+def before_a_wall(name, joints, force, duration=5.0):
+    gains = [0.3 * min(force, 1.0), 0.1 * min(force, 1.0)]
+    return standing_walls.before_a_wall(name, joints, force, duration, interaction=gains)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "begins"),
+    [
+        ("reference.joints.0.amplitude", 17.0, "reference.joints[0] reaches -17 rad: "),
+        ("reference.joints.1.phase", 90.0, "reference.joints[1].signal.signal.phase = 90 rad: "),
+        ("reference.joints.0.amplitude", 5.0, "rotors[back].max_speed: saturates first at 6.07 s"),
+    ],
+)
+def test_a_reference_in_degrees_or_beyond_limits_is_one_line(path, value, begins):
+    (line,) = warnings_before_flight(with_numbers(CASE, {path: value}))
+    assert line.startswith(begins)
+    assert "\n" not in line
+
+
+def test_a_joint_beyond_its_limits_is_said_and_what_is_fine_is_not():
+    vehicle = CASE.plant.vehicle
+    links = list(vehicle.links)
+    links[0] = dataclasses.replace(links[0], joint=dataclasses.replace(links[0].joint, lower=-0.1, upper=0.1))
+    narrow = dataclasses.replace(vehicle, links=tuple(links))
+    (line,) = warnings_before_flight(CASE.with_words(plant=dataclasses.replace(CASE.plant, vehicle=narrow)))
+    assert line.startswith("reference.joints[0]: joints[joint1] is to reach 0.2, beyond -0.1 ... 0.1, first at")
+    for name in ("case3", "press_and_hold", "push_button"):
+        assert warnings_before_flight(skyarm.load_scenario(name)) == []
+
+
+def test_a_tip_too_light_for_the_contact_is_said_before_the_flight():
+    (line,) = warnings_before_flight(before_a_wall("crazyflie_arm1", (-0.6,), 0.023))
+    assert line.startswith("world.surfaces: the tip, 1.2 g along the normal, is too light for the steps")
+    assert "; material.stiffness of at most " in line
+
+
+POSE = (0.0, -0.8, 0.03, 0.0, 0.03)
+LOST = {
+    "recoil": ("voliro_like", (-0.5, -0.9), 10.5, 5.0, "71 % off, .* the arm is 38 mm from its full length"),
+    "yaw": ("octo_coaxial_two_arms", POSE, 5.8, 10.0, "with a rotor at its limit .* of yaw torque; a pose"),
+    "less yaw": ("octo_coaxial_two_arms", POSE, 5.4, 10.0, "with a rotor at its limit .* of yaw torque; a pose"),
+    "bounce": ("hexarotor12_arm5", (0.0, -1.0, -0.4, -0.2, 0.0), 1.7, 5.0, "75 % off, .* 3.6 kg along the normal"),
+    "held": ("voliro_like", (-0.1, -1.4), 9.2, 5.0, ""),
+    "held beside": ("octo_coaxial_two_arms", POSE, 4.5, 10.0, ""),
+}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", LOST)
+def test_a_flight_that_loses_its_contact_force_names_the_cause(name):
+    *scene, words = LOST[name]
+    scenario = before_a_wall(*scene)
+    lines = flights.lost_force(scenario, skyarm.run(scenario))
+    assert len(lines) == bool(words)
+    assert all(re.search(rf"^reference\.push\.force: .*{words}", line) for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("error", "limited", "status", "begins"),
+    [
+        (0.09, 0.0, "completed", ""),
+        (-0.11, 0.0, "completed", "reference.push.force: 2 N are 5.5 % off"),
+        (0.0, 0.06, "completed", "reference.push.force: 2 N are 0 % off, with a rotor at its limit 6 % of the time"),
+        (np.nan, np.nan, "diverged", "reference.push.force: 2 N are not held"),
+    ],
+)
+def test_the_bounds_of_a_lost_force_are_those_of_a_check(monkeypatch, error, limited, status, begins):
+    values = {"contact_error_mean": error, "rotor_saturation": limited}
+    monkeypatch.setattr(flights, "score", lambda log, names: {name: values[name] for name in names})
+    log = type("Log", (), {"status": status})
+    lines = flights.lost_force(before_a_wall("pelican_arm2", (-0.45, -0.9), 2.0), log)
+    assert [line.partition(", with")[0] == begins.partition(", with")[0] for line in lines] == [True] * bool(begins)
+
+
+@pytest.mark.thorough
+def test_the_largest_push_is_that_of_its_instant():
+    scenario = skyarm.load_scenario("push_button")
+    times = np.linspace(0.0, scenario.duration, 500, endpoint=False)
+    one_by_one = max((scenario.reference.at(float(t)) for t in times), key=lambda at: float(at.push[0]))
+    assert largest_push(scenario) == one_by_one
+
+
+HEAVY = {
+    20.0: ["joints[joint1].effort_limit", "rotors.max_speed"],
+    1000.0: ["links[link1].mass"],
+}
+
+
+@pytest.mark.parametrize("factor", HEAVY)
+def test_an_arm_that_is_too_heavy_is_told_by_its_causes_alone(factor, tmp_path):
+    def plant(file):
+        file["links"][0]["mass"] *= factor
+
+    vehicle = Planted("heavy", plant, ()).vehicle("hummingbird_arm2_rotors", tmp_path)
+    found = assess_vehicle(vehicle, poses=8)
+    assert [each.field for each in found.alarms()] == HEAVY[factor]
+    assert not found.flies
+    (yaw,) = [each for each in found.findings if each.question == "yaw authority"]
+    assert (yaw.level, yaw.text.rpartition("; ")[2]) == (NOTE, f"follows from {found.alarms()[-1].field}")
+
+
+@pytest.mark.parametrize("kind", ["base mass in g", "first rotor turned round", "moment in mm", "base com in mm"])
+def test_a_planted_fault_is_one_alarm(kind, tmp_path):
+    (planted,) = [each for each in PLANTED if each.kind == kind]
+    (alarm,) = assess_vehicle(planted.vehicle("pelican_arm2", tmp_path), poses=8).alarms()
+    assert alarm.level == FAULT
+    assert any(words in alarm.field for words in planted.fields)
+
+
+def test_numbers_in_degrees_are_as_severe_as_what_follows_from_them():
+    found = assess_scenario(with_numbers(CASE, {"reference.joints.0.amplitude": 17.0}), poses=8)
+    (alarm,) = found.alarms()
+    assert (alarm.question, alarm.level) == ("units", FAULT)
+    rotors, joints = (each for each in found.findings if each.question.endswith(" along the reference"))
+    assert rotors.level == joints.level == NOTE
+
+
+def test_a_weak_joint_and_a_lag_in_milliseconds_stay_two_alarms(tmp_path):
+    def both(file):
+        for each in PLANTED:
+            if each.kind in ("weak drive", "lag in ms"):
+                each.plant(file)
+
+    found = assess_vehicle(Planted("both", both, ()).vehicle("pelican_arm2", tmp_path), poses=8)
+    assert [each.question for each in found.alarms()] == ["units", "joints[shoulder] static effort"]
+    assert {each.level for each in found.findings} == {OK, NOTE, FAULT}
+    assert WARNING not in {each.level for each in found.alarms()}
