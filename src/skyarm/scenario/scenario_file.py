@@ -106,13 +106,13 @@ def load_scenario(
     """
     from skyarm.scenario.without_effect import WithoutEffectWarning, without_effect
 
-    scenario = _loaded(name_or_path, {"plant": plant, "controller": controller, "seed": seed, "duration": duration})
+    scenario = _read_scenario(name_or_path, {"plant": plant, "controller": controller, "seed": seed, "duration": duration})
     for line in without_effect(scenario):
         warnings.warn(f"{scenario.name}: {line}", WithoutEffectWarning, stacklevel=2)
     return scenario
 
 
-def _loaded(name_or_path: str | os.PathLike[str], replaced: Mapping[str, Any]) -> Scenario:
+def _read_scenario(name_or_path: str | os.PathLike[str], replaced: Mapping[str, Any]) -> Scenario:
     try:
         text = file_name(name_or_path, "scenario")
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""Warnings about parts of a scenario without effect: air, forces and sensors that nothing feels or reads.
+"""Warnings about parts of a scenario without effect on its flight: air, forces and unread sensors.
 
 They are found by evaluation along the reference, so that a registered part is judged as a shipped one.
 """
