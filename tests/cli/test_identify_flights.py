@@ -230,6 +230,7 @@ def test_python_weighs_the_vehicle_and_predicts_other_flights(monkeypatch):
         library.identify_flights(both[:1], START, known={"mass": -1.0})
 
 
+@pytest.mark.filterwarnings("ignore::skyarm.scenario.without_effect.WithoutEffectWarning")
 def test_a_simulated_flight_without_an_inertial_unit_says_which_sensor_to_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = 'schema = 1\nname = "fly"\nduration = 0.1\n[plant]\nvehicle = "hummingbird"\n[controller]\n'

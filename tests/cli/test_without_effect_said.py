@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 
 import pytest
 
 from commanded import skyarm
+from skyarm.cli.lines import say_suspicious, say_warning
+from skyarm.scenario.scenario_file import load_scenario
 
 SAID = "environment.wind: moves the air along z, where 'hummingbird' has no drag: nothing feels it"
 LIFT = """schema = 1
@@ -29,6 +32,15 @@ vary = { "environment.wind.velocity_W.z" = { list = [0.0, -1.0, 0.5] } }
 pytestmark = pytest.mark.filterwarnings("default::skyarm.scenario.without_effect.WithoutEffectWarning")
 
 
+def test_what_loading_has_said_is_not_repeated_before_the_flight(tmp_path, monkeypatch, capsys) -> None:
+    (tmp_path / "lift.toml").write_text(LIFT)
+    monkeypatch.setattr(warnings, "showwarning", say_warning)
+    say_suspicious(load_scenario(tmp_path / "lift.toml"))
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"skyarm: warning: lift: {SAID}")
+
+
+@pytest.mark.thorough
 def test_a_check_has_it_as_a_finding_alone(tmp_path: Path) -> None:
     (tmp_path / "lift.toml").write_text(LIFT)
     found = skyarm("check", str(tmp_path / "lift.toml"), "--arm-poses", "1", "--json")

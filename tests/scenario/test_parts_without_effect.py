@@ -16,9 +16,10 @@ from skyarm.sensing.estimate.estimator import FULL_STATE, Estimator
 from skyarm.sensing.sensor_kinds import Heading, Position
 from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.vehicle.vehicle_records import BodyDrag
-from skyarm.world import Air, Force, Gust, LinkDrag, MovingAir, RotorDrag, low_altitude
+from skyarm.world import Air, Force, Gust, LinkDrag, MovingAir, RotorDrag, Wrench, low_altitude
 
 CASE = skyarm.load_scenario("case3", duration=2.0)
+BIRD = CASE.plant.vehicle
 UP = MovingAir(velocity_W=(0.0, 0.0, 1.5))
 
 
@@ -67,8 +68,6 @@ class Nudge(Force):
     size: float = 0.0
 
     def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
-        from skyarm.world import Wrench
-
         return [Wrench(force_W=Vec3(self.size * t, 0.0, 0.0))]
 
 
@@ -78,6 +77,29 @@ def test_parts_of_a_user_are_judged_by_what_they_do():
     assert force.startswith("environment.forces[0]: moves no air and exerts no force along the reference; ")
     good = with_area(0.0, 0.0, 0.02).with_words(air=(Thermal(),), forces=(Nudge(size=0.1),))
     assert without_effect(good) == ()
+
+
+@immutable
+class Growing(Force):
+    """A user's force that is none at first and grows in its memory."""
+
+    def start(self, period: float, draws: Any) -> Any:
+        return (0.0,)
+
+    def advance(self, memory: Any, t: Any, dt: float, state: Any, draws: Any) -> Any:
+        return (memory[0] + dt,)
+
+    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
+        return [Wrench(torque_W=Vec3(memory[0], 0.0, 0.0))]
+
+
+def test_a_memory_goes_on_and_turbulence_counts_where_no_air_is_felt():
+    assert without_effect(CASE.with_words(forces=(Growing(),))) == ()
+    rotors = [dataclasses.replace(each, drag_coefficient=0, rolling_moment_coefficient=0) for each in BIRD.rotors]
+    wind = MovingAir(turbulence=low_altitude(6.0, 7.7, 3.0))
+    smooth = _with_vehicle(CASE, dataclasses.replace(BIRD, rotors=tuple(rotors))).with_words(wind=wind)
+    (line,) = without_effect(smooth)
+    assert line.startswith("environment.wind: moves the air along x, y, z, where ")
 
 
 @immutable

@@ -106,7 +106,9 @@ def load_scenario(
     """
     from skyarm.scenario.without_effect import WithoutEffectWarning, without_effect
 
-    scenario = _read_scenario(name_or_path, {"plant": plant, "controller": controller, "seed": seed, "duration": duration})
+    scenario = _read_scenario(
+        name_or_path, {"plant": plant, "controller": controller, "seed": seed, "duration": duration}
+    )
     for line in without_effect(scenario):
         warnings.warn(f"{scenario.name}: {line}", WithoutEffectWarning, stacklevel=2)
     return scenario

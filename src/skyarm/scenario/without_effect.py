@@ -5,7 +5,6 @@ They are found by evaluation along the reference, so that a registered part is j
 
 from __future__ import annotations
 
-import random
 from collections import UserDict
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import ZERO3, Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import autopilot_of, senses_force
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -33,6 +33,9 @@ INSTANTS = 2000
 
 NOTHING = 1e-12
 """N, N m and m/s: rounding."""
+
+WEIGHT = Vec3(0.0, 0.0, 9.81)
+"""Specific force that sensors are given in a check, m/s^2."""
 
 MOVING = Vec3(1.1, 0.7, 0.9)
 """m/s and rad/s: a motion in which no drag is zero by chance."""
@@ -87,11 +90,11 @@ def _blind_axes(scenario: Scenario, parts: list[Component], state: State) -> set
     return {axis for axis, idle in zip("xyz", (x and y, x and y, z), strict=True) if idle}
 
 
-def _begin(scenario: Scenario, component: Component, draw: random.Random | None = None) -> Any:
-    """First memory of a component, of random numbers; of zeros, as without turbulence, where none are given."""
-    draws = [0.5 if draw is None else draw.random() for _ in range(2 * component.uniforms)]
+def _begin(scenario: Scenario, component: Component, noise: float = 0.0) -> Any:
+    """First memory of a component; of one that draws random numbers, with each number of its memory at ``noise``."""
+    draws = [0.5] * 2 * component.uniforms
     memory = component.start(1.0 / scenario.rates.control, draws)
-    return rebuild(memory, iter([0.0] * len(leaves(memory)))) if draws and draw is None else memory
+    return rebuild(memory, iter([noise] * len(leaves(memory)))) if draws else memory
 
 
 def _effect(scenario: Scenario, component: Component, state: State, blind: set[str]) -> tuple[set[str], bool]:
@@ -100,14 +103,13 @@ def _effect(scenario: Scenario, component: Component, state: State, blind: set[s
     Turbulence moves the air along every axis: it counts only where the vehicle feels none.
     """
     period, every = 1.0 / scenario.rates.control, max(1, scenario.steps // INSTANTS)
-    draw = random.Random(0) if len(blind) == len("xyz") else None
-    memory, moved, acts = _begin(scenario, component, draw), set[str](), draw is None and component.uniforms > 0
+    memory = _begin(scenario, component, noise=float(len(blind) == len("xyz")))
+    moved, acts = set[str](), component.uniforms > 0
     times = [k * period for k in range(0, scenario.steps, every)]
     for t in (*(0.5 * (start + stop) for _, start, stop in component.events), *times):
         state = replace(state, position=scenario.reference.at(t).position)
-        if draw is not None:
-            draws = [draw.random() for _ in range(component.uniforms)]
-            memory = component.advance(memory, t, every * period, state, draws)
+        if not component.uniforms:
+            memory = component.advance(memory, t, every * period, state, ())
         air, speeds = component.velocity(memory, t, state.position), state.rotor_speeds
         moved |= {axis for axis, speed in zip("xyz", air, strict=True) if abs(speed) > NOTHING}
         if not acts:
@@ -131,16 +133,22 @@ class _Readings(UserDict[str, Any]):
         return self.data[name]
 
 
+def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, Any]:
+    """Readings of all sensors by name, of a vehicle without acceleration and by random numbers of 0.5."""
+    vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
+    found = {FULL_STATE: measurement_of(state, WEIGHT)}
+    for named in scenario.sensors:
+        sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
+        found[named.name] = sensor.take(sensor.start(vehicle), t, state, WEIGHT, NO_PUSH, middle, period)[1]
+    return found
+
+
 def _unread_sensors(scenario: Scenario) -> Iterator[str]:
     sensors = tuple((each.name, each.sensor) for each in scenario.sensors)
     if not sensors or autopilot_of(scenario.controller) is not None:
         return
     model, vehicle, state = scenario.controller.par.model, scenario.plant.vehicle, first_state(scenario)
-    weight, period = Vec3(0.0, 0.0, float(scenario.plant.gravity)), 1.0 / scenario.rates.control
-    readings = _Readings({FULL_STATE: measurement_of(state, weight)})
-    for name, each in sensors:
-        middle = (0.5,) * each.uniforms(vehicle)
-        readings[name] = each.take(each.start(vehicle), 0.0, state, weight, NO_PUSH, middle, period)[1]
+    readings, period = _Readings(readings_at(scenario, state, 0.0)), 1.0 / scenario.rates.control
     guards, readings.read = scenario.reference.guards, set()
     estimator = scenario.estimator.believing(model.vehicle, model.gravity)
     command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)

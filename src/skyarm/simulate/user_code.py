@@ -41,15 +41,12 @@ from skyarm.records.registry.class_signatures import class_mistake
 from skyarm.reference import Publisher
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
-from skyarm.sensing.estimate.estimator import FULL_STATE
+from skyarm.scenario.without_effect import WEIGHT, readings_at
 from skyarm.sensing.measurement import Measurement, measurement_of
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import draw_plan, start_draws
 from skyarm.vehicle.linkage import BASE
 from skyarm.world import Wrench
-
-WEIGHT = Vec3(0.0, 0.0, 9.81)
-"""Specific force that sensors are given in a check, m/s^2."""
 
 MOST_UNIFORMS = 10_000
 """Random numbers of one component a period: beyond this it is a slip, and a program of it would take minutes."""
@@ -218,12 +215,8 @@ def _check_estimator(_index: int, scenario: Scenario, part: Part) -> None:
     vehicle, estimator, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
     def step(memory: tuple[Scalar, ...], time: Scalar, state: State, _draws: Any) -> Any:
-        readings: dict[str, Any] = {FULL_STATE: measurement_of(state, WEIGHT)}
-        for named in scenario.sensors:
-            sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
-            readings[named.name] = sensor.take(sensor.start(vehicle), time, state, WEIGHT, NO_PUSH, middle, period)[1]
         command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
-        result = estimator.step(memory, readings, command, period)
+        result = estimator.step(memory, readings_at(scenario, state, time), command, period)
         if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], Measurement):
             raise part.refusal(f"returns {kind_of(result)}: must return (memory, Measurement)")
         for name in ("joints", "joint_rates"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from skyarm.dynamics.actuators import AllocationError
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import unlikely_numbers
 from skyarm.studies.assess.along_reference import along_reference
@@ -15,10 +14,7 @@ from skyarm.studies.assess.push_limits import largest_push, push_limits
 def warnings_before_flight(scenario: Scenario) -> list[str]:
     """Warnings about unlikely numbers, a reference beyond limits, and a contact force that cannot be held."""
     lines, at = unlikely_numbers(scenario), largest_push(scenario)
-    try:
-        found, pushing = along_reference(scenario), push_limits(scenario)
-    except AllocationError:
-        return list(lines)
+    found, pushing = along_reference(scenario), push_limits(scenario)
     pushing += contact_steps(scenario, at) if at is not None and scenario.worlds else []
     found += [each for each in pushing if each.level == FAULT]
     alarms = causes_first([*(finding_of_line(line, UNITS, WARNING) for line in lines), *found])[len(lines) :]
