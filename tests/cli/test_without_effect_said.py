@@ -12,7 +12,7 @@ from commanded import skyarm
 from skyarm.cli.lines import say_suspicious, say_warning
 from skyarm.scenario.scenario_file import load_scenario
 
-SAID = "environment.wind: moves the air along z, where 'hummingbird' has no drag: nothing feels it"
+SAID = "environment.wind: moves the air along z, where 'hummingbird' has no drag: it has no effect"
 LIFT = """schema = 1
 name = "lift"
 duration = 0.2

@@ -71,7 +71,7 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
     for where, component in placed.items():
         moved, acts = _effect(scenario, component, state, blind)
         if axes := ", ".join(sorted(moved & blind)):
-            yield f"{where}: moves the air along {axes}, where {name!r} has no drag: nothing feels it; {cure} of it?"
+            yield f"{where}: moves the air along {axes}, where {name!r} has no drag: it has no effect; {cure} of it?"
         elif not (acts or moved):
             yield f"{where}: moves no air and exerts no force along the reference; its numbers and times?"
 
