@@ -37,3 +37,43 @@ SERVES: Mapping[str, str] = {
     "fly": "it needs an autopilot (tests/links/outside)",
 }
 """Command that runs until it is ended -> why it has no result to print."""
+
+OVERWRITES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
+    "show": "it writes nothing",
+    "check": "it writes nothing",
+    "doctor": "it reads and writes no file",
+    "diff": "it writes nothing",
+    "new": "it reads no file, and replaces none",
+    "studio": "it saves flights under new names",
+    "reproduce": "it reads no file of the user's",
+    "run": (
+        (("short.toml", "--log", "short.csv"), "short.toml", "short.csv"),
+        (("short.toml", "--out", "."), "short.toml", "short.csv"),
+        (("flight.npz", "--log", "flight.npz", "--force"), "flight.npz", "flight.npz"),
+        (("short.toml", "--log", "a.csv", "--plot", "a.png"), "short.toml", "a.png"),
+        (("short.toml", "--controller", "law.py:make", "--log", "a.csv"), "law.py", "a.csv"),
+    ),
+    "fly": ((("short.toml", "--link", "mavlink://127.0.0.1:9", "--out", "."), "short.toml", "short.csv"),),
+    "plot": ((("flight.npz", "--out", "a.svg"), "flight.npz", "a.svg"),),
+    "film": ((("flight.npz", "a.viser"), "flight.npz", "a.viser"),),
+    "export": (
+        (("flight.npz", "--to", "npz"), "flight.npz", "flight.npz"),
+        (("flight.npz", "--out", "a.csv"), "flight.npz", "a.csv"),
+        (("short.toml", "--to", "c", "--out", "a.c"), "short.toml", "a.c"),
+        (("short.toml", "--to", "mjcf", "--out", "a.xml"), "short.toml", "a.xml"),
+    ),
+    "identify": (
+        (("flight.npz", "--lags", "--out", "a.toml"), "flight.npz", "a.toml"),
+        (("--design", "ours.toml", "--out", "ours.toml"), "ours.toml", "ours.toml"),
+        (("flight.npz", "--vehicle", "ours.toml", "--out", "."), "ours.toml", "vehicle.toml"),
+    ),
+    "margins": (
+        (("short.toml", "--instants", "0", "--out", "a.json"), "short.toml", "a.json"),
+        (("short.toml", "--instants", "0", "--html", "a.html"), "short.toml", "a.html"),
+        (("short.toml", "--controller", "law.py:make", "--out", "law.json"), "law.py", "law.json"),
+    ),
+    "tune": ((("short.toml", "--out", "."), "short.toml", "tuned.toml"),),
+    "compare": "its folder's files have names of their own; a link there is refused as it is written",
+    "sweep": "its folder's files have names of their own, and must not be links",
+}
+"""Command -> why it cannot write over a file that it reads, or words, the file, and the file that is written."""

@@ -44,7 +44,7 @@ def test_a_log_goes_through_every_format_that_is_read_back(folder):
         (("flight.npz", "--to", "mcpa"), "--to = 'mcpa': did you mean 'mcap'?"),
         (("flight.npz", "--to", "mcap", "-o", "a.npz"), "--out = 'a.npz': must end in .mcap, as --to = 'mcap'"),
         (("flight.npz", "-o", "a"), "--out = 'a': suffix ''"),
-        (("flight.npz", "--to", "npz"), "--out = 'flight.npz': must be another file than the flight"),
+        (("flight.npz", "--to", "npz"), "--out = 'flight.npz': must be another file than those that are read"),
         (("none.mcap", "--to", "npz"), "flight = 'none.mcap': no such file"),
         (("case3", "--to", "npz"), "flight = 'case3': suffix ''"),
         (("cut.npz", "--to", "mcap"), "log = 'cut.npz': must be a log that save_npz wrote"),

@@ -105,7 +105,7 @@ def test_margins_say_which_weather_of_ones_own_they_leave_out(folder: Path) -> N
 
 def test_a_page_of_margins_ends_with_html(folder: Path) -> None:
     ended = skyarm("margins", "short.toml", "--instants", "0", "--out", "new/m.json", "--html", "m.pdf")
-    assert (ended.code, ended.out, ended.err) == (2, "", "skyarm: --html = 'm.pdf': must end with .html\n")
+    assert (ended.code, ended.out, ended.err) == (2, "", "skyarm: --html = 'm.pdf': must end in .html\n")
     assert not (folder / "new").exists()
 
 

@@ -23,6 +23,7 @@ from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, say, say_warning
 from skyarm.cli.output import console, with_output_options
 from skyarm.records.files import shown
 from skyarm.records.files.messages import present_names
+from skyarm.records.files.own_inputs import inputs_kept
 from skyarm.records.registry.plugins import load_plugin, register_law_of_file
 from skyarm.records.registry.registrations import registrations
 
@@ -128,7 +129,7 @@ def perform() -> int:
     """Execute the command line of this process and return its exit code."""
     usual, warnings.showwarning = warnings.showwarning, say_warning
     try:
-        with _lines_for_users():
+        with _lines_for_users(), inputs_kept():
             arguments = without_plugins(sys.argv[1:])
             typed = shlex.split(os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS") or "")
             return int(program([*arguments, *typed])(arguments, prog_name="skyarm", standalone_mode=False) or 0)

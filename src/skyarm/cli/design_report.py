@@ -51,7 +51,7 @@ def identify_design(
     )
     start = load_vehicle(vehicle)
     with taken_back(*(() if out is None else (Path(out).parent,))):
-        written = None if out is None else output_file(out, "--out")
+        written = None if out is None else output_file(out, "--out", ".toml")
         folder = Path() if written is None else Path(written).parent
         name = vehicle if vehicle in list_vehicles() else os.path.relpath(vehicle, folder)
         with bar(f"design {start.name}") as advance:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 from typing import Annotated
@@ -24,6 +23,7 @@ from skyarm.records.files import (
     unreadable,
     write_atomically,
 )
+from skyarm.records.files.own_inputs import require_no_input
 from skyarm.records.registry import names
 from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
@@ -73,9 +73,7 @@ def export(
     require_left_out(context, others, f" beside --to {to}")
     if file is None:
         raise ValueError(f"--out: is missing; --to {to} writes a file")
-    written = output_file(file, "--out")
-    if written.suffix not in SUFFIXES[to]:
-        raise ValueError(f"--out = {shown(file)}: must end in {' or '.join(SUFFIXES[to])}")
+    written = output_file(file, "--out", *SUFFIXES[to])
     if to == "mjcf":
         return _mjcf(what, written, gravity, timestep)
     with bar(f"{what}: writing C"):
@@ -99,8 +97,7 @@ def _log(flight: str, to: str | None, file: str | None) -> None:
         target = output_file(file, "--out")
     else:
         target = Path(flight).with_suffix(f".{to}")
-    if os.path.realpath(target) == os.path.realpath(flight):
-        raise ValueError(f"--out = {shown(str(target))}: must be another file than the flight")
+        require_no_input(target, "--out")
     save_log(load_log(flight), target)
     tell(f"log: {target}")
     give(file=target)

@@ -13,6 +13,7 @@ from skyarm.cli.output import bar, give, tell
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
 from skyarm.records.files import output_file, taken_back
+from skyarm.records.files.own_inputs import require_no_input
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.simulate import run
 from skyarm.view.film.make_film import Camera, FilmSettings, Layout, make_film, size_of
@@ -76,6 +77,7 @@ def film(
     with taken_back(path.parent):
         _require_renderer(recorded=recorded)
         logs = _logs(flights, controller, settings)
+        require_no_input(path, "FILE")
         with bar("recording" if recorded else "filming") as advance:
             options: dict[str, Any] = {
                 "labels": label,

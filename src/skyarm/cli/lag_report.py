@@ -48,7 +48,7 @@ def identify_lags(
 def _identify_lags(
     flight: str, vehicle: str | None, gravity: float | None, begin: float | None, end: float | None, out: str | None
 ) -> None:
-    written = None if out is None else output_file(out, "--out")
+    written = None if out is None else output_file(out, "--out", ".toml")
     log = _part(load_log(flight), begin, end)
     believed, felt, stated = _nominal_model(log, vehicle, gravity)
     with bar(f"{Path(flight).name}: delays and lags"):

@@ -74,8 +74,8 @@ def margins(
     require_within("--instants", instants, 0, MOST_INSTANTS)
     frozen = without_adaptation(planned)
     with taken_back(*(Path(each).parent for each in (file, page) if each)):
-        written = None if file is None else output_file(file, "--out")
-        drawn = None if page is None else _page_file(page)
+        written = None if file is None else output_file(file, "--out", ".json")
+        drawn = None if page is None else output_file(page, "--html", ".html")
         with bar(planned.name) as advance:
             found = evidence(frozen, instants, lambda done, total: advance(done, total, "instants"))
     tell(heading(f"{found.controller} in {found.scenario}"))
@@ -108,13 +108,6 @@ def margins(
         tell(f"written: {write_json(written, document)}")
     if not found.completed:
         raise typer.Exit(NOT_COMPLETED)
-
-
-def _page_file(name: str) -> Path:
-    """Return the path of the HTML page after checks; raises an error for another suffix."""
-    if name and Path(name).suffix != ".html":
-        raise ValueError(f"--html = {shown(name)}: must end with .html")
-    return output_file(name, "--html")
 
 
 def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:

@@ -50,8 +50,8 @@ def plot(
             where = "logs of flights, and this is a folder" if folders else "a folder that 'skyarm sweep' wrote"
             raise ValueError(f"{option} = {shown(value)}: must come with {where}")
     if not folders:
-        target = picture_file(file, "--out")
-        draw(_logs_by_label(flights), target, kind=ALL if kind is None else kind, window=window)
+        logs, target = _logs_by_label(flights), picture_file(file, "--out")
+        draw(logs, target, kind=ALL if kind is None else kind, window=window)
     elif not metric or not over:
         missing = "--over" if metric else "--metric"
         raise ValueError(f"{missing}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")

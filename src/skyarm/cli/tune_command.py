@@ -22,7 +22,15 @@ from skyarm.cli.arguments import (
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
 from skyarm.cli.output import aligned_lines, bar, give, heading, tell
 from skyarm.control.catalogue import is_named, must_be_named
-from skyarm.records.files import must_be_one_of, read_toml, require_writable, shown, taken_back, write_atomically
+from skyarm.records.files import (
+    must_be_one_of,
+    read_toml,
+    require_replaceable,
+    require_writable,
+    shown,
+    taken_back,
+    write_atomically,
+)
 from skyarm.records.registry.plugins import identities, is_law_of_file, law_of_file_name
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario
@@ -88,6 +96,7 @@ def tune(
     begin = time.perf_counter()
     with taken_back(folder), bar(f"{wanted.label} for {scenario.name}") as advance:
         require_writable(folder)
+        require_replaceable(folder / GAINS, folder / PAGE, *(folder / front_name(i) for i in range(POINTS)))
         found = perform(plan, threads=threads, progress=advance)
     for i, point in enumerate(found.points):
         write_atomically(folder / front_name(i), gains_text(found, point, wanted.words, wanted.kept).encode())

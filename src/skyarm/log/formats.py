@@ -15,7 +15,7 @@ import numpy as np
 from skyarm.log.contents import log_info, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
-from skyarm.records.files import must_be_one_of, shown, write_atomically
+from skyarm.records.files import must_be_one_of, shown, unreadable, write_atomically
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
 from skyarm.records.files.user_code import own_code
 from skyarm.records.immutable import immutable
@@ -161,4 +161,6 @@ def load_log(path: PathLike) -> Log:
         ValueError: the format cannot be read back, or the file is not such a log.
         OSError: the file cannot be read.
     """
-    return require_readable(path)(Path(path))
+    read = require_readable(path)
+    unreadable(Path(path))  # an input of the running command; the reader says why it is none
+    return read(Path(path))

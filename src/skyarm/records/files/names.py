@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.records.files.messages import did_you_mean, must_be_one_of, printable, shown
+from skyarm.records.files.own_inputs import note_input
 from skyarm.records.files.toml import read_toml
 from skyarm.records.files.writing import output_file
 
@@ -32,17 +33,20 @@ def file_name(value: object, field: str) -> str:
 
 
 def unreadable(path: Path) -> str:
-    """Reason why no file can be read at a path; empty if one can."""
+    """Reason why no file can be read at a path; empty if one can, which is then an input of the running command."""
     # not path.is_file(), which keeps the reason to itself since Python 3.14
     try:
-        mode = os.stat(path).st_mode
+        found = os.stat(path)
     except OSError as error:
         return NO_FILE if error.errno in NOT_THERE else error.strerror or str(error)
     except ValueError:  # a NUL in it
         return NO_FILE
-    if stat.S_ISDIR(mode):
+    if stat.S_ISDIR(found.st_mode):
         return "is a folder"
-    return "" if stat.S_ISREG(mode) else NO_FILE
+    if not stat.S_ISREG(found.st_mode):
+        return NO_FILE
+    note_input(found)
+    return ""
 
 
 LONGEST_NAME, LONGEST_BYTES = 100, 200

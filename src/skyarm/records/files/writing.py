@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO
 
 from skyarm.records.files.messages import shown
+from skyarm.records.files.own_inputs import require_no_input
 
 CANNOT_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)
 """What file systems answer that cannot force a file to their disk."""
@@ -52,24 +53,29 @@ def writing_atomically(path: str | os.PathLike[str], *, entry: bool = True) -> I
 
     Raises:
         OSError: with one line that names the file.
+        ValueError: the running command has read this file.
     """
+    require_no_input(path)
     target = Path(os.path.realpath(path))
     if target.is_dir() or target.is_symlink():
         reason = os.strerror(errno.EISDIR if target.is_dir() else errno.ELOOP)
         raise OSError(f"file = {str(path)!r}: must be writable ({reason})")
-    # a name of its own for every writer; opened as an ordinary new file, so that the usual rights apply
-    temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
+    temporary: Path | None = None
     try:
         if target.exists() and not target.is_file():
             with target.open("wb") as stream:
                 yield stream
             return
         target.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("xb") as stream:
+        temporary, stream = _new_part(target)
+        with stream:
             yield stream
             stream.flush()
             _sync(stream.fileno())
-        temporary.replace(target)
+            if os.name != "nt":  # under its lock, or it would be taken for a dead one's
+                temporary.replace(target)
+        if os.name == "nt":  # where no open file is renamed
+            temporary.replace(target)
         if entry:
             sync_folder(target.parent)
     except OSError as error:
@@ -78,6 +84,50 @@ def writing_atomically(path: str | os.PathLike[str], *, entry: bool = True) -> I
     except BaseException:
         _forget(temporary)
         raise
+
+
+PART = re.compile(r"\..+\.[0-9a-f]{12}\.part", re.DOTALL)
+"""Names of temporary files, beside their targets. Who writes one holds its lock: a kill leaves it without."""
+
+_cleared: set[Path] = set()
+"""Folders where this process has removed what killed ones left."""
+
+
+def _new_part(target: Path) -> tuple[Path, IO[bytes]]:
+    """Make the temporary file of a target, and lock it; removes those of killed processes beside it first."""
+    if target.parent not in _cleared:
+        _cleared.add(target.parent)
+        for path in target.parent.glob(".*.part"):
+            if PART.fullmatch(path.name):
+                with contextlib.suppress(OSError):
+                    _remove_unlocked(path)
+    while True:
+        # a name of its own for every writer; opened as an ordinary new file, so that the usual rights apply
+        path = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
+        stream = path.open("xb")
+        try:
+            if os.name != "nt":
+                _lock(stream.fileno())
+        except OSError as error:
+            if error.errno not in TAKEN:
+                return path, stream  # no locks here
+        else:
+            if path.exists():
+                return path, stream
+        stream.close()  # another process removed it before the lock
+
+
+def _remove_unlocked(path: Path) -> None:
+    """Remove a temporary file that no process holds; on Windows none that is open can be removed."""
+    if os.name == "nt":
+        path.unlink()
+        return
+    handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        _lock(handle)
+        path.unlink()
+    finally:
+        os.close(handle)
 
 
 def sync_folder(folder: Path) -> None:
@@ -105,10 +155,11 @@ def _sync(handle: int) -> None:
             raise
 
 
-def _forget(temporary: Path) -> None:
+def _forget(temporary: Path | None) -> None:
     """Delete a temporary file if it exists, ignoring errors."""
-    with contextlib.suppress(OSError):
-        temporary.unlink()
+    if temporary is not None:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
 
 
 def require_writable(folder: str | os.PathLike[str]) -> Path:
@@ -131,32 +182,38 @@ def require_writable(folder: str | os.PathLike[str]) -> Path:
     return target
 
 
-def output_file(name: str, field: str) -> Path:
+def output_file(name: str, field: str, *suffixes: str) -> Path:
     """Path of an output file, checked before any computation.
 
     Args:
         name: as it was given.
         field: what it was given to, for the message.
+        suffixes: of the files that are written there; none for any. A device or a pipe may have another.
 
     Raises:
-        ValueError: no name at all.
+        ValueError: no name at all, another suffix, or a file that the running command has read.
         OSError: it is a folder, or its own folder cannot be written.
     """
     if not name:
         raise ValueError(f"{field} = '': must be the path of a file")
     file = Path(name)
+    if suffixes and file.suffix not in suffixes and (file.is_file() or not file.exists()):
+        raise ValueError(f"{field} = {shown(name)}: must end in {' or '.join(suffixes)}")
+    require_no_input(file, field)
     require_replaceable(file)
     require_writable(file.parent)
     return file
 
 
 def require_replaceable(*files: Path) -> None:
-    """Raise an error if a folder has the name of an output file, before any computation.
+    """Raise an error if a folder has the name of an output file, or it is an input, before any computation.
 
     Raises:
         OSError: with one line that names the first of them.
+        ValueError: the running command has read it; the same.
     """
     for file in files:
+        require_no_input(file)
         if file.is_dir():
             raise OSError(f"file = {shown(str(file))}: must be writable (there is a folder of this name)")
 

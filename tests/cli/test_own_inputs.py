@@ -1,0 +1,122 @@
+"""A command never writes over what it reads, under whatever name, and none writes under another format's suffix."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+from every_command import NEEDS, OVERWRITES
+
+from added_components import registry_kept
+from commanded import refused, skyarm
+from skyarm.cli.commands import COMMANDS as SHIPPED
+from skyarm.records.files.own_inputs import inputs_kept, require_no_input
+from skyarm.records.files.writing import write_atomically
+from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
+
+SCENARIO = """
+schema = 1
+name = "short"
+duration = 0.1
+[plant]
+vehicle = "hummingbird_arm2_rotors"
+[model]
+vehicle = "hummingbird_arm2"
+[controller]
+preset = "paper_pd"
+[reference]
+base = { kind = "hover", position = [0.0, 0.0, 1.0] }
+"""
+LAW = """
+from skyarm.control.catalogue import make_controller
+def make(model): return make_controller("decoupled_pd", model)
+"""
+SAME: Mapping[str, Callable[[Path, Path], None]] = {
+    "link": lambda new, old: new.symlink_to(old.name),
+    "name": lambda new, old: os.link(old, new),
+}
+"""Ways in which one file has two names."""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "short.toml").write_text(SCENARIO)
+    (tmp_path / "law.py").write_text(LAW)
+    (tmp_path / "ours.toml").write_bytes((VEHICLES / "hummingbird.toml").read_bytes())
+    return tmp_path
+
+
+def test_every_command_is_tried_here() -> None:
+    assert set(OVERWRITES) == set(SHIPPED), "enter it in tests/cli/every_command.py"
+
+
+SLOW = {"tune", "film"}
+"""Commands that import more than all others."""
+
+CASES = [
+    pytest.param(command, *case, marks=[pytest.mark.thorough] if command in SLOW else [])
+    for command, cases in OVERWRITES.items()
+    if not isinstance(cases, str)
+    for case in cases
+]
+
+
+@pytest.mark.parametrize(("command", "words", "read", "written"), CASES)
+def test_a_command_refuses_to_write_over_its_input(folder: Path, command, words, read, written) -> None:
+    if command in NEEDS:
+        pytest.importorskip(NEEDS[command])
+    if "flight.npz" in words:
+        skyarm("run", "short.toml", "--log", "flight.npz")
+    before = Path(read).read_bytes()
+    place = Path(written)
+    place.parent.mkdir(exist_ok=True, parents=True)
+    if not place.exists():
+        os.link(read, place)
+    with registry_kept():
+        ended = skyarm(command, *words)
+    refused(ended, written, "must be another file than those that are read")
+    assert Path(read).read_bytes() == before
+    assert place.samefile(read)
+
+
+@pytest.mark.parametrize("same", SAME)
+def test_a_file_is_known_under_its_other_names(folder: Path, same: str) -> None:
+    SAME[same](folder / "other.json", folder / "short.toml")
+    for name in ("other.json", "./other.json", str(folder / "other.json")):
+        refused(skyarm("margins", "short.toml", "--instants", "0", "--out", name), "--out = ", "must be another file")
+    assert (folder / "short.toml").read_text() == SCENARIO
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("margins", "short.toml", "--out", "short.toml"), "--out = 'short.toml': must end in .json"),
+        (("margins", "short.toml", "--out", "law.py"), "--out = 'law.py': must end in .json"),
+        (("identify", "--design", "hummingbird", "--out", "law.py"), "--out = 'law.py': must end in .toml"),
+    ],
+)
+def test_a_suffix_that_is_not_written_is_refused(folder: Path, words, line: str) -> None:
+    refused(skyarm(*words), line)
+    assert (folder / "short.toml").read_text() == SCENARIO
+    assert (folder / "law.py").read_text() == LAW
+
+
+def test_the_last_word_is_where_files_are_written(folder: Path) -> None:
+    """A file that is read after the first look, or an output that no command announces."""
+    with inputs_kept():
+        write_atomically("new.json", b"{}")
+        skyarm("show", "short.toml")
+        require_no_input("short.toml")  # the command above is over
+    with inputs_kept():
+        from skyarm.scenario.scenario_file import load_scenario
+
+        load_scenario("short.toml")
+        (folder / "link").symlink_to("short.toml")
+        for name in ("short.toml", "link"):
+            with pytest.raises(ValueError, match=f"file = '{name}': must be another file than those that are read"):
+                write_atomically(name, b"")
+    write_atomically("link", b"")
+    assert (folder / "short.toml").read_bytes() == b""
