@@ -33,8 +33,8 @@ def test_many_numbers_of_a_field_are_one_line():
     assert line.endswith(f"(and {len(turning) - 1} more)")
 
 
-@pytest.mark.parametrize(("share", "told"), [(0.01, False), (1e-4, True), (0.0, True)])
-def test_a_base_without_inertia_between_its_rotors_is_told(share, told):
+@pytest.mark.parametrize(("share", "told"), [(0.01, False), (1e-4, True)])
+def test_a_base_of_little_inertia_between_its_rotors_is_told(share, told):
     vehicle = skyarm.load_vehicle("hexarotor_arm6")
     moments = {axis: share * float(getattr(vehicle.base.inertia, axis)) for axis in ("xx", "yy", "zz")}
     base = dataclasses.replace(vehicle.base, inertia=dataclasses.replace(vehicle.base.inertia, **moments))

@@ -15,6 +15,7 @@ from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.formats import load_log, require_format, require_readable, save_log
+from skyarm.plant.interface import require_gravity
 from skyarm.records.files import (
     must_be_one_of,
     number,
@@ -115,7 +116,7 @@ def _mjcf(what: str, file: Path, gravity: float | None, timestep: float) -> None
     else:
         vehicle, applied, start = load_vehicle(what), 9.81, None
     if gravity is not None:
-        applied = number(gravity, "--gravity", low=0.0)
+        applied = require_gravity(gravity, "--gravity")
     exported = mjcf_text(vehicle, applied, start, timestep=step)
     write_atomically(file, exported.text.encode())
     counts = {"bodies": exported.bodies, "joints": exported.joints}
@@ -146,7 +147,7 @@ def _law(
         if vehicle is None:
             raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
         model = Model(
-            vehicle=load_vehicle(vehicle), gravity=9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
+            vehicle=load_vehicle(vehicle), gravity=9.81 if gravity is None else require_gravity(gravity, "--gravity")
         )
         title = Path(controller).stem if of_gains else law_of_file_name(controller)
         control_rate = asked or RATE

@@ -31,6 +31,7 @@ from skyarm.flight_data.motion import joints_in_order
 from skyarm.flight_data.own_log import is_own_mcap
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.log.formats import require_readable
+from skyarm.plant.interface import require_gravity
 from skyarm.records.files import (
     number,
     require_replaceable,
@@ -135,7 +136,7 @@ def identify(
     if vehicle is None:
         raise ValueError("--vehicle: is missing: must be the vehicle as its data sheet and drawing say")
     start, given = known_numbers(load_vehicle(vehicle), known or ())
-    felt = None if gravity is None else number(gravity, "--gravity", low=0.0)
+    felt = None if gravity is None else require_gravity(gravity, "--gravity")
     options = (columns, start, given, curve, drag_height, _sections(begin, end), felt, despite_faults)
     work = Work(flights, held_out or (), join, *options)
     with taken_back(*(() if out is None else (out,))):

@@ -14,6 +14,7 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import written_part
 from skyarm.log.formats import load_log, require_readable
+from skyarm.plant.interface import require_gravity
 from skyarm.records.files import number, output_file, printable, shown, taken_back, unreadable, write_atomically
 from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags, lag_tables, loop_lags
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -105,7 +106,7 @@ def _nominal_model(
     record = log.info.get("scenario_record")
     delays = written_part(log.info, "agent", "delays") or {}
     stated = {name: float(delays[name]) if name in delays else None for name in ("command", "measurement")}
-    felt = GRAVITY if gravity is None else number(gravity, "--gravity", low=0.0)
+    felt = GRAVITY if gravity is None else require_gravity(gravity, "--gravity")
     if vehicle is not None:
         return load_vehicle(vehicle), felt, stated
     if not record:

@@ -26,6 +26,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.array_front import center_of_mass
 from skyarm.dynamics.workspace import MANY, reach, samples_of, static_torques
+from skyarm.plant.interface import require_gravity
 from skyarm.records.files import number, read_toml
 from skyarm.records.leaves import field_names, walk
 from skyarm.records.units import units
@@ -75,7 +76,7 @@ def show(
         require_left_out(context, ["--gravity", "--drawing"], " of a flight")
         return show_flight(shown, columns, vehicle)
     require_left_out(context, ["--vehicle", "--columns"], " of a vehicle")
-    number(gravity, "--gravity", low=0.0, strict=True)
+    number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)
     require_not_another(shown, "vehicle")
     if drawing is not None:
         require_left_out(context, ["--gravity"], " beside --drawing, which shows no numbers of it")

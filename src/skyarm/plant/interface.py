@@ -8,7 +8,7 @@ from typing import Annotated, Any, Protocol
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import accept_fields, rules
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.registry import find
@@ -29,6 +29,15 @@ class Truth:
 
     def __post_init__(self) -> None:
         accept_fields(self, "plant", VehicleError)
+
+
+def require_gravity(value: object, field: str) -> float:
+    """Gravity, m/s^2, within the bounds of a plant's.
+
+    Raises:
+        RecordError: one line with field, value and what is allowed.
+    """
+    return float(rules(Truth)["gravity"](field, value))
 
 
 class Plant(Protocol):

@@ -117,10 +117,10 @@ def _with_bounds(rule: Rule, unit: Unit) -> Rule:
 
     def check(field: str, value: object) -> Any:
         held = rule(field, value)
-        if isinstance(held, Vec3):
-            for axis, each in zip("xyz", held, strict=True):
-                if concrete(each):
-                    _within(f"{field}.{axis}", each, unit)
+        if isinstance(held, (Vec3, Sym3)):
+            for name in type(held).__slots__:
+                if concrete(each := getattr(held, name)):
+                    _within(f"{field}.{name}", each, unit)
         elif concrete(held) and type(held) is not bool:
             _within(field, held, unit)
         return held

@@ -21,7 +21,10 @@ FARTHEST = 1e7
 """m from the origin, or between two parts: a float resolves 2 nm there, and UTM's northings end there."""
 
 LARGEST = 1e12
-"""Of any other unit: the square of a product of two still has digits, and no machine is near."""
+"""Of any unit: the square of a product of two still has digits, and no machine is near."""
+
+LIMITS: Mapping[str, float] = {"m": FARTHEST, "kg": 1e9, "kg m^2": 1e9, "m/s^2": 1e6}
+"""Unit -> largest size, where it is another: gains that grow with a mass stay below ``LARGEST``, too."""
 
 
 @immutable(kw_only=False)
@@ -55,7 +58,7 @@ class Unit:
         """Largest size of a number whose field states no bound; infinite without a unit."""
         if self.infinite or not self.unit:
             return math.inf
-        return FARTHEST if self.unit == "m" else LARGEST
+        return LIMITS.get(self.unit, LARGEST)
 
     @property
     def words(self) -> str:

@@ -34,12 +34,14 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.plant.interface import number
 from skyarm.records import coerce
+from skyarm.records.field_rules import rules
 from skyarm.records.files import shown
 from skyarm.records.leaves import Place, part, replace_at
 from skyarm.records.units import Unit, units
 from skyarm.scenario.paths import places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state, trimmed_state
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.payload import LOAD, Payload
 
 ROTORS: Place = ("agent", "controller", "par", "model", "vehicle", "rotors")
 
@@ -148,7 +150,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         number_at(scenario, path)
         kind, places = _target(scenario, path)
         if kind == "payload":
-            loads[places[0]] = value
+            loads[places[0]] = rules(Payload)["mass"](path, value)
         elif kind == "field":
             leaves |= dict.fromkeys(places, value)
         else:
@@ -277,7 +279,7 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
         ScenarioError: no number is there.
     """
     kind, places = _target(scenario, path)
-    computed = {"payload": Unit("kg", "point mass at the tip", low=0.0), "attitude": Unit("rad")}
+    computed = {"payload": dataclasses.replace(LOAD, meaning="point mass at the tip"), "attitude": Unit("rad")}
     if kind in computed:
         return computed[kind]
     return _declaration(_with_start(scenario) if kind == "initial" else scenario, places[0])

@@ -13,6 +13,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
+from skyarm.records.field_rules import rules
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.files.fields import list_of_tables
 from skyarm.records.leaves import Place, parts
@@ -229,7 +230,7 @@ def initial(fields: Fields, scenario: Scenario) -> State:
     """Read [initial]: hover trim with given fields replaced, or a vehicle standing on a surface with rotors off."""
     stands = fields.flag("standing", False)
     start = scenario.reference.at(0.0)
-    joints = fields.numbers("joints", [float(q) for q in start.joints])
+    joints = rules(State)["joints"]("initial.joints", fields.numbers("joints", [float(q) for q in start.joints]))
     n = scenario.plant.vehicle.n
     if len(joints) != n:
         raise ValueError(f"initial.joints: {len(joints)} values, must be {n}, one for each joint")

@@ -179,8 +179,7 @@ def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
 class LaneRules:
     """Check of a batch's parameter values by building the scenarios of the flights with extreme values.
 
-    What lies between numbers that passed once is not looked at again: a batch flies many times. A lane with a NaN is
-    left out: it never flies, which its status reports.
+    What lies between numbers that passed once is not looked at again: a batch flies many times.
 
     Args:
         scenario: of the batch. paths: its varied numbers.
@@ -203,17 +202,15 @@ class LaneRules:
         if not named or not all(column.size for column in named.values()):
             return
         table = np.array(np.broadcast_arrays(*named.values())).reshape(len(named), -1)
-        lanes = np.flatnonzero(~np.isnan(table).any(axis=0))
-        if not lanes.size:
-            return
-        table = table[:, lanes]
+        for lane, row in np.argwhere(np.isnan(table).T):  # no number lies above or below it
+            raise ScenarioError(f"values[{list(named)[row]!r}] = nan (lane {lane}): must be a number")
         least, most = table.argmin(axis=1), table.argmax(axis=1)
         looked_at: dict[int, None] = {}
         for path, row, first, last in zip(named, table, least, most, strict=True):
             low, high = self._passed.get(path, (np.inf, -np.inf))
             looked_at |= {int(k): None for k in (first, last) if not low <= row[k] <= high}
         for k in looked_at:
-            self._check_lane(dict(zip(named, table[:, k].tolist(), strict=True)), int(lanes[k]))
+            self._check_lane(dict(zip(named, table[:, k].tolist(), strict=True)), k)
         for path, row, first, last in zip(named, table, least, most, strict=True):
             low, high = self._passed.get(path, (np.inf, -np.inf))
             self._passed[path] = float(min(low, row[first])), float(max(high, row[last]))

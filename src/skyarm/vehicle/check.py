@@ -51,22 +51,30 @@ def refuse(field: str, value: object, allowed: str) -> NoReturn:
     raise VehicleError(f"{field} = {shown(value)}: {allowed}")
 
 
-def inertia(field: str, inertia_com: Sym3, *, planar: bool) -> None:
-    """Check an inertia for physical consistency: positive semi-definite, triangle inequality of principal moments."""
+def inertia(field: str, inertia_com: Sym3, *, planar: bool, least: float = 0.0) -> None:
+    """Check an inertia for physical consistency: positive semi-definite, triangle inequality of principal moments.
+
+    Args:
+        field: name in messages.
+        inertia_com: about the centre of mass, kg m^2.
+        planar: of a planar model, which obeys no triangle inequality.
+        least: kg m^2; all moments of a solid body are larger.
+    """
     if not concrete(*inertia_com.entries):
         return
-    for name, value in zip(("xx", "yy", "zz", "xy", "xz", "yz"), inertia_com.entries, strict=True):
-        if not math.isfinite(value):
-            refuse(f"{field}.{name}", value, "must be a finite number")
     moments = principal_moments(inertia_com)
     slack = TOLERANCE * max(*(abs(moment) for moment in moments), 1e-300)
-    shown = ", ".join(f"{m:.6g}" for m in moments)
+    shown = f"principal moments {', '.join(f'{m:.6g}' for m in moments)}"
     if moments[0] < -slack:
-        refuse(field, f"principal moments {shown}", "must not be negative")
+        refuse(field, shown, "must not be negative")
+    if moments[0] < least:
+        refuse(field, shown, f"must leave no axis without inertia: at least {least:g} kg m^2 about each")
+    if 0.0 < moments[2] < NOISE:
+        refuse(field, shown, f"must be 0 or at least {NOISE:g} kg m^2")
     if not planar and moments[0] + moments[1] < moments[2] - slack:
         refuse(
             field,
-            f"principal moments {shown}",
+            shown,
             "must obey the triangle inequality (no real body has this inertia; "
             "a controller's model may declare 'planar = true')",
         )
@@ -99,7 +107,8 @@ def unique(field: str, names: list[str]) -> None:
 
 def vehicle(value: Vehicle) -> None:
     """Check a vehicle as a whole: unique names, order of links, existing references, physical consistency."""
-    inertia("base.inertia", value.base.inertia, planar=value.base.planar)
+    solid = concrete(value.base.mass) and not value.base.planar
+    inertia("base.inertia", value.base.inertia, planar=value.base.planar, least=NOISE if solid else 0.0)
     if concrete(value.base.mass) and not value.base.mass > 0.0:
         refuse("base.mass", value.base.mass, "must be greater than 0")
     unique("links.name", [link.name for link in value.moving])

@@ -10,6 +10,9 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
 
+LOAD = Unit("kg", low=0.0, high=1e4)
+"""Of what is carried: more would leave nothing of the vehicle in a sum of both."""
+
 
 @immutable
 class Payload:
@@ -19,7 +22,7 @@ class Payload:
         frame: name of the frame that holds it; empty for the vehicle's tip.
     """
 
-    mass: Annotated[Scalar, Unit("kg", low=0.0)]
+    mass: Annotated[Scalar, LOAD]
     frame: str = ""
 
     def __post_init__(self) -> None:

@@ -27,6 +27,7 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Column, Component, Event, require_frame
+from skyarm.world.payload import LOAD
 
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
@@ -78,7 +79,7 @@ class TimedPayload(Component):
     """
 
     name: str = ""
-    mass: Annotated[Scalar, Unit("kg", low=0.0)]
+    mass: Annotated[Scalar, LOAD]
     inertia: Annotated[Vec3, Unit("kg m^2", "moments about its centre of mass, axes of its frame", low=0.0)] = ZERO3
     com: Annotated[Vec3, Unit("m", "its centre of mass, axes of the frame that holds it")] = ZERO3
     frame: str = ""

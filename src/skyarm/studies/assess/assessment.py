@@ -6,6 +6,8 @@ import math
 from typing import Any
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
+from skyarm.plant.interface import require_gravity
+from skyarm.records.field_rules import rules
 from skyarm.records.files import number
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
@@ -28,9 +30,7 @@ from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.thrust import largest_payload, largest_side_force, thrust_margin, torque_authority
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
 from skyarm.vehicle.vehicle_records import Vehicle
-
-HEAVIEST = 1e4
-"""kg; a payload beyond it would leave nothing of the vehicle in a sum of both."""
+from skyarm.world.payload import Payload
 
 QUESTION = "delay margin"
 
@@ -126,9 +126,8 @@ def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 
     Raises:
         ValueError: one line: an argument outside of what is allowed.
     """
-    number(gravity, "--gravity", low=0.0, strict=True)
-    if number(payload, "--payload", low=0.0) > HEAVIEST:
-        raise ValueError(f"--payload = {payload:g}: must be at most {HEAVIEST:g} kg")
+    number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)
+    rules(Payload)["mass"]("--payload", payload)
     if payload and not vehicle.end_effector:
         raise ValueError(
             f"--payload = {payload:g}: must be left out: vehicle '{vehicle.name}' has no tip (end_effector)"
