@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, data, where
+from skyarm.algebra.scalars import Scalar, data
 from skyarm.compile import trace
 from skyarm.compile.tracing.float_trial import PERIODS
 from skyarm.control.controller import Controller
@@ -33,8 +33,10 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
+from skyarm.records.files.messages import comma_list
 from skyarm.records.files.user_code import own_code, place_of, place_of_error
 from skyarm.records.leaves import leaves, named_parts, rebuild
 from skyarm.records.registry.class_signatures import class_mistake
@@ -63,11 +65,23 @@ class Part:
     record: Any
     method: str
 
-    def refusal(self, words: str, place: str = "") -> ScenarioError:
+    def refusal(self, words: str, place: str = "", method: str = "") -> ScenarioError:
         """Error about a user-defined model, with file and line of the user's code."""
-        method = getattr(self.record, self.method)
+        method = getattr(self.record, method or self.method)
         found = place or place_of(method if own_code(method) else type(self.record))
         return ScenarioError(f"{found}: {self.place} ({type(self.record).__name__}) {words}")
+
+    def require_numbers(self, method: str, label: str, result: Any, example: Any = None, also: type = int) -> None:
+        """Refuse a result of a method with a part that is no number, or with other parts than an example's."""
+        found = dict(named_parts(result, label))
+        wanted = found if example is None else dict(named_parts(example, label))
+        if list(found) != list(wanted):
+            raise self.refusal(f"gives {comma_list(found)}: must be {comma_list(wanted)}", method=method)
+        for at, each in found.items():
+            plain = coerce.plain_number(each)
+            if kind_of(plain) != "a number" and type(plain) not in (int, also):
+                free = ", or a tuple or a frozen dataclass of numbers" if example is None else ""
+                raise self.refusal(f"gives {at} as {kind_of(plain)}: must be a number{free}", method=method)
 
     def trace(self, step: Step, memory: tuple[Scalar, ...], state: State, draws: int = 0) -> None:
         """Trace one step of a user-defined model; raise a one-line error for a mistake in the user's code."""
@@ -152,20 +166,27 @@ def _check_component(index: int, scenario: Scenario, part: Part) -> None:
         following = component.advance(memory, time, period, state, draws)
         air = component.velocity(following, time, state.position)
         if not isinstance(air, Vec3):
-            raise part.refusal(f"gives the velocity of the air as {kind_of(air)}: must be a Vec3")
+            raise part.refusal(f"gives the velocity of the air as {kind_of(air)}: must be a Vec3", method="velocity")
+        part.require_numbers("velocity", "velocity", air, WEIGHT)
         motion = PointMotion(vehicle, state)
         wrenches = component.wrenches(following, time, motion, state.rotor_speeds)
         if not isinstance(wrenches, (list, tuple)) or not all(isinstance(each, Wrench) for each in wrenches):
-            raise part.refusal(f"gives wrenches as {kind_of(wrenches)}: must be a list of Wrench")
+            words = f"gives wrenches as {kind_of(wrenches)}: must be a list of Wrench"
+            raise part.refusal(words, method="wrenches")
+        part.require_numbers("wrenches", "wrenches", tuple(wrenches), (Wrench(),) * len(wrenches))
         for each in wrenches:
             if not BASE <= each.body < len(vehicle.moving):
                 bodies = f"-1 (base) or a link from 0 to {len(vehicle.moving) - 1}" if vehicle.n else "-1 (base)"
-                raise part.refusal(f"gives a wrench on body {each.body}: must be {bodies}")
+                raise part.refusal(f"gives a wrench on body {each.body}: must be {bodies}", method="wrenches")
         if component.coupled:
             slope = component.slope(following, time, motion, state.rotor_speeds)
             different = difference(following, slope, "the slope")
             if different:
-                raise part.refusal(f"gives the rates of its memory in another structure: {different}")
+                words = f"gives the rates of its memory in another structure: {different}"
+                raise part.refusal(words, method="slope")
+        if component.columns:
+            numbers = (0.0,) * len(component.columns)
+            part.require_numbers("logged", "logged", component.logged(following, motion), numbers)
         return following
 
     draws = start_draws(scenario, scenario.seed, scenario.episode)[index].tolist()
@@ -188,7 +209,7 @@ def _check_drive(_index: int, scenario: Scenario, part: Part) -> None:
         following = drive.advance(memory, 0.1 + position, position, rate, period)
         effort = data(drive.effort(following, 0.1 + position, position, rate))
         if kind_of(effort) != "a number":
-            raise part.refusal(f"gives an effort that is {kind_of(effort)}: must be a number")
+            raise part.refusal(f"gives an effort that is {kind_of(effort)}: must be a number", method="effort")
         return following
 
     part.trace(step, drive.begin(first.joints[joint], first.joints[joint], period), first)
@@ -202,10 +223,7 @@ def _check_sensor(_index: int, scenario: Scenario, part: Part) -> None:
         result = sensor.take(memory, time, state, WEIGHT, NO_PUSH, draws, every)
         if not isinstance(result, tuple) or len(result) != 2:
             raise part.refusal(f"returns {kind_of(result)}: must return (memory, reading)")
-        for at, each in named_parts(result[1], "a reading"):
-            if kind_of(each) != "a number" and type(each) not in (int, bool):
-                found = f"{at} as {kind_of(each)}"
-                raise part.refusal(f"gives {found}: must be a number, or a tuple or a frozen dataclass of numbers")
+        part.require_numbers("measure", "a reading", result[1], also=bool)
         return result[0]
 
     part.trace(step, sensor.start(vehicle), first_state(scenario), sensor.uniforms(vehicle))
@@ -223,6 +241,7 @@ def _check_estimator(_index: int, scenario: Scenario, part: Part) -> None:
             given = getattr(result[1], name)
             if len(given) != vehicle.n:
                 raise part.refusal(f"gives {name} as {kind_of(given)}: must be a tuple of {vehicle.n}")
+        part.require_numbers("step", "a measurement", result[1], readings[FULL_STATE])
         return result[0]
 
     part.trace(step, estimator.start(scenario.controller.par.model.vehicle), first_state(scenario))
@@ -230,7 +249,8 @@ def _check_estimator(_index: int, scenario: Scenario, part: Part) -> None:
 
 def _check_ending(_index: int, scenario: Scenario, part: Part) -> None:
     def step(memory: Any, _time: Scalar, state: State, _draws: Any) -> Any:
-        where(part.record.fine(scenario, state, state.position, 0.0), 1.0, 0.0)
+        found = part.record.fine(scenario, state, state.position, 0.0)
+        part.require_numbers("fine", "fine", found, 0.0, bool)
         return memory
 
     part.trace(step, (), first_state(scenario))

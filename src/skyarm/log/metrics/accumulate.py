@@ -17,8 +17,10 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics import interaction
 from skyarm.log.metrics.metric import Metric
+from skyarm.records import coerce
+from skyarm.records.files.user_code import place_of
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import leaves, named_parts, rebuild
 from skyarm.records.registry import RegistryError, find
 from skyarm.records.registry.class_signatures import class_mistake
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -220,7 +222,31 @@ def added_metric(name: str) -> Metric:
 
 def first_totals(wanted: Sequence[Total]) -> tuple[Any, ...]:
     """Initial values of the running sums and extremes from which metrics are computed."""
-    return tuple(added_metric(name).start() if kind == ADDED else STARTS[kind] for kind, _, name in wanted)
+    return tuple(
+        added_numbers(name, "start", added_metric(name).start()) if kind == ADDED else STARTS[kind]
+        for kind, _, name in wanted
+    )
+
+
+def added_numbers(name: str, method: str, result: Any, like: Any = None) -> Any:
+    """What a method of a registered metric gave, after a check that it is of numbers.
+
+    Args:
+        name: of the metric.
+        method: of it.
+        result: what it gave.
+        like: accumulator whose structure it must have; None for any.
+
+    Raises:
+        RecordError: one line with the metric's file and line, its method, value and what is allowed.
+    """
+    at = f"{place_of(getattr(type(added_metric(name)), method))}: metric {name!r}: {method}"
+    for path, each in named_parts(result, at):
+        if getattr(coerce.number(path, each), "ndim", 0):
+            coerce.refuse(path, each, "must be a number")
+    if like is not None and len(leaves(result)) != len(leaves(like)):
+        coerce.refuse(at, result, f"must be of {len(leaves(like))} floats, as start")
+    return result
 
 
 def advance_totals(
@@ -238,7 +264,7 @@ def advance_totals(
     following: list[Any] = []
     for total, (kind, window, name) in zip(totals, wanted, strict=True):
         if kind == ADDED:
-            more = leaves(added_metric(name).count(total, now))
+            more = leaves(added_numbers(name, "count", added_metric(name).count(total, now), total))
             pairs = zip(more, leaves(total), strict=True)
             following.append(rebuild(total, iter([where(inside[window], new, old) for new, old in pairs])))
         elif found[name] is None:

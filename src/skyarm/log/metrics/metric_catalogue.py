@@ -23,8 +23,11 @@ import numpy as np
 from skyarm.algebra.scalars import Scalar
 from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, HUGE, Total, added_metric
 from skyarm.log.metrics.interaction import COUNTED, TOTALED
+from skyarm.log.metrics.metric import Metric
+from skyarm.records import coerce
 from skyarm.records.arrays import Array
 from skyarm.records.files import did_you_mean, shown
+from skyarm.records.files.user_code import place_of
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import names as registered_names
 
@@ -186,7 +189,15 @@ def _registered_measure(name: str) -> Measure:
     """Make the definition of a registered metric, shipped or a user's."""
     metric = added_metric(name)
     totals, window = ((ADDED, metric.window, name),), metric.window
-    return Measure(totals, window, lambda n, dt, held: metric.result(held, n, dt), metric.words, metric.unit)
+    return Measure(totals, window, lambda n, dt, held: _result(name, metric, held, n, dt), metric.words, metric.unit)
+
+
+def _result(name: str, metric: Metric, memory: Any, instants: Array, period: float) -> Array:
+    """Result of a registered metric over each flight, after a check."""
+    found = np.asarray(metric.result(memory, instants, period))
+    if found.dtype.kind not in "biuf" or found.shape not in ((), np.shape(instants)):
+        coerce.refuse(f"{place_of(type(metric).result)}: metric {name!r}: result", found, "must be one number a flight")
+    return found
 
 
 def metric_names(wanted: Sequence[str], joints: int, told: Sequence[bool] = ()) -> tuple[str, ...]:
