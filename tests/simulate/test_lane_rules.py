@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from added_components import Tether
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
@@ -46,6 +47,14 @@ def test_a_number_that_is_none_does_not_fly(loaded, value, lane):
     words = rf"values\['plant.payload.mass'\] = {value} \(lane {lane}\): .*must be a (finite )?number"
     with pytest.raises(ScenarioError, match=words):
         loaded.fly({LOAD: numbers})
+
+
+def test_a_number_without_a_unit_is_one_too():
+    path = "environment.forces.0.stiffness"
+    rules = LaneRules(dataclasses.replace(BASE, forces=(Tether(),)), [path])
+    rules.require({path: column(1.0, 2.0)})
+    with pytest.raises(ScenarioError, match=r"stiffness'\] = nan \(lane 1\): must be a number"):
+        rules.require({path: column(1.0, np.nan)})
 
 
 @pytest.mark.parametrize(

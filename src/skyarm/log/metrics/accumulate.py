@@ -229,7 +229,7 @@ def first_totals(wanted: Sequence[Total]) -> tuple[Any, ...]:
 
 
 def added_numbers(name: str, method: str, result: Any, like: Any = None) -> Any:
-    """What a method of a registered metric gave, after a check that it is of numbers.
+    """Result of a method of a registered metric, after a check that it is of numbers.
 
     Args:
         name: of the metric.
