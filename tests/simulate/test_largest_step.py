@@ -248,6 +248,12 @@ def sprung(**numbers: float) -> Any:
     return dataclasses.replace(BASE, forces=(SteadyWrench(force=Vec3(0.0, 0.0, 0.1)), push), duration=0.05)
 
 
+def test_an_array_is_no_step(monkeypatch):
+    monkeypatch.setattr(Sprung, "largest_step", property(lambda _: np.ones(2)))
+    with pytest.raises(ScenarioError, match=r"forces\[1\]\.largest_step = array.*: must be one number"):
+        sprung()
+
+
 K, M, RATE = "environment.forces.1.k", "environment.forces.1.m", "plant.drives.joint1.stiffness"
 
 

@@ -117,7 +117,7 @@ def test_a_part_that_gives_no_number_is_one_line_with_its_method(monkeypatch, na
 
 @pytest.mark.parametrize("name", ["air", "force", "column", "ending"])
 def test_a_tuple_in_place_of_a_number_is_one_line(monkeypatch, name: str) -> None:
-    fields, method, words = PARTS[name]
+    fields, method, _ = PARTS[name]
     monkeypatch.setitem(globals(), "GIVEN", (1.0,))
     with pytest.raises(skyarm.ScenarioError, match=rf":{method.__code__.co_firstlineno}: .*gives .*: must be "):
         require_shapes(dataclasses.replace(BASE, **fields))

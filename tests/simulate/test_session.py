@@ -174,6 +174,8 @@ def test_a_command_of_another_vehicle_is_refused() -> None:
         words = rf"^command: {rotors} rotor speeds and {joints} efforts: must be 4 and 2$"
         with pytest.raises(ScenarioError, match=words):
             session.step(Command(rotor_speeds=(480.0,) * rotors, efforts=(0.0,) * joints))
+    with pytest.raises(ScenarioError, match=r"^rotors = 480\.0: must be 4 numbers$"):
+        session.step(rotors=480.0)  # type: ignore[arg-type]
     assert session.tick == 0
 
 

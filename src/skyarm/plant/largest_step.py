@@ -113,7 +113,9 @@ def check_largest_step(records: Iterable[tuple[str, Any]], period: float) -> Non
             if given is None:
                 continue
             value = coerce.number(f"{where}.{name}", given)
-            if not concrete(value) or period / MOST_STEPS <= value < math.inf:
+            if not concrete(value):
+                coerce.refuse(f"{where}.{name}", given, "must be one number")
+            if period / MOST_STEPS <= value < math.inf:
                 continue
             why = record.why_short_steps() if isinstance(record, Drive) and value < period else ""
             if why:

@@ -121,6 +121,8 @@ def rotor_numbers(speeds: Sequence[float], command: object, joints: int, rotors:
     """
     if command is not None:
         raise ScenarioError("rotors: must be left out beside a command, which has rotor speeds of its own")
+    if not coerce.is_sequence(speeds):
+        raise ScenarioError(f"rotors = {shown(speeds)}: must be {rotors} numbers")
     found, others = tuple(speeds), (0.0,) * (joints + tilts)
     plain = set(map(type, found)) == {float}  # as every period under an autopilot
     if plain and len(found) == rotors:
