@@ -47,8 +47,8 @@ OVERWRITES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
     "studio": "it saves flights under new names",
     "reproduce": "it reads no file of the user's",
     "run": (
-        (("short.toml", "--log", "short.csv"), "short.toml", "short.csv"),
         (("short.toml", "--out", "."), "short.toml", "short.csv"),
+        (("short.toml", "--log", "short.csv"), "short.toml", "short.csv"),
         (("flight.npz", "--log", "flight.npz", "--force"), "flight.npz", "flight.npz"),
         (("short.toml", "--log", "a.csv", "--plot", "a.png"), "short.toml", "a.png"),
         (("short.toml", "--controller", "law.py:make", "--log", "a.csv"), "law.py", "a.csv"),
@@ -57,14 +57,14 @@ OVERWRITES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
     "plot": ((("flight.npz", "--out", "a.svg"), "flight.npz", "a.svg"),),
     "film": ((("flight.npz", "a.viser"), "flight.npz", "a.viser"),),
     "export": (
+        (("short.toml", "--to", "c", "--out", "a.c"), "short.toml", "a.c"),
         (("flight.npz", "--to", "npz"), "flight.npz", "flight.npz"),
         (("flight.npz", "--out", "a.csv"), "flight.npz", "a.csv"),
-        (("short.toml", "--to", "c", "--out", "a.c"), "short.toml", "a.c"),
         (("short.toml", "--to", "mjcf", "--out", "a.xml"), "short.toml", "a.xml"),
     ),
     "identify": (
-        (("flight.npz", "--lags", "--out", "a.toml"), "flight.npz", "a.toml"),
         (("--design", "ours.toml", "--out", "ours.toml"), "ours.toml", "ours.toml"),
+        (("flight.npz", "--lags", "--out", "a.toml"), "flight.npz", "a.toml"),
         (("flight.npz", "--vehicle", "ours.toml", "--out", "."), "ours.toml", "vehicle.toml"),
     ),
     "margins": (
