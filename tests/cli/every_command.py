@@ -47,13 +47,13 @@ OVERWRITES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
     "studio": "it saves flights under new names",
     "reproduce": "it reads no file of the user's",
     "run": (
-        (("short.toml", "--out", "."), "short.toml", "short.csv"),
-        (("short.toml", "--log", "short.csv"), "short.toml", "short.csv"),
+        (("short.toml", "--out", ".", "--force"), "short.toml", "short.csv"),
+        (("short.toml", "--log", "short.csv", "--force"), "short.toml", "short.csv"),
         (("flight.npz", "--log", "flight.npz", "--force"), "flight.npz", "flight.npz"),
         (("short.toml", "--log", "a.csv", "--plot", "a.png"), "short.toml", "a.png"),
-        (("short.toml", "--controller", "law.py:make", "--log", "a.csv"), "law.py", "a.csv"),
+        (("short.toml", "--controller", "law.py:make", "--log", "a.csv", "--force"), "law.py", "a.csv"),
     ),
-    "fly": ((("short.toml", "--link", "mavlink://127.0.0.1:9", "--out", "."), "short.toml", "short.csv"),),
+    "fly": "an earlier file of this name gets another one, as of run without --force",
     "plot": ((("flight.npz", "--out", "a.svg"), "flight.npz", "a.svg"),),
     "film": ((("flight.npz", "a.viser"), "flight.npz", "a.viser"),),
     "export": (

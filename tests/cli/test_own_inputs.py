@@ -61,6 +61,16 @@ def test_every_command_is_tried_here() -> None:
     assert set(OVERWRITES) == set(SHIPPED), "enter it in tests/cli/every_command.py"
 
 
+def test_a_log_is_flown_again_beside_itself(folder: Path) -> None:
+    """The earlier log gets another name, as every earlier flight of a folder."""
+    Path("out/run").mkdir(parents=True)
+    Path("out/run/short.npz").write_bytes(flight())
+    ended = skyarm("run", "out/run/short.npz")
+    assert ended.code == 0, ended.err
+    assert Path("out/run/short_1.npz").read_bytes() == flight()
+    assert Path("out/run/short.npz").is_file()
+
+
 SLOW = {"tune", "film", "plot", "margins"}
 """Commands that import more than all others."""
 

@@ -65,7 +65,7 @@ def fly(
     new = not folder.exists()
     with taken_back(folder):
         require_writable(out)
-        require_replaceable(*files)
+        require_replaceable(*files, renames=True)
         say_suspicious(planned)
         vehicle = planned.controller.par.model.vehicle
         arm = open_joints(joints, vehicle)

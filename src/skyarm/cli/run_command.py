@@ -115,7 +115,7 @@ def run(
     with taken_back(*(() if logs else (folder,))):
         if not logs:
             require_writable(out)
-        require_replaceable(*files)
+        require_replaceable(*files, renames=not force)
         say_suspicious(planned)
         with bar(planned.name) as advance:
             log, interrupted, live = _fly(planned, ros, pace, advance, hint)

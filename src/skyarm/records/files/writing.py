@@ -205,15 +205,20 @@ def output_file(name: str, field: str, *suffixes: str) -> Path:
     return file
 
 
-def require_replaceable(*files: Path) -> None:
+def require_replaceable(*files: Path, renames: bool = False) -> None:
     """Raise an error if a folder has the name of an output file, or it is an input, before any computation.
+
+    Args:
+        files: that are written.
+        renames: an earlier file gets another name, so that an input may have that of an output.
 
     Raises:
         OSError: with one line that names the first of them.
         ValueError: the running command has read it; the same.
     """
     for file in files:
-        require_no_input(file)
+        if not renames:
+            require_no_input(file)
         if file.is_dir():
             raise OSError(f"file = {shown(str(file))}: must be writable (there is a folder of this name)")
 
