@@ -72,6 +72,23 @@ def _precision_of_jax() -> Iterator[None]:
     assert jax is None or not jax.config.read("jax_enable_x64"), "JAX is left in 64 bits"
 
 
+@pytest.fixture(autouse=True)
+def _no_other_process(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Leave out the trial of plugins in another process, half a second each, unless a test is for it."""
+    module = sys.modules.get("skyarm.simulate.other_process")
+    if module is None or "tried_elsewhere" in request.fixturenames:
+        yield
+        return
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "is_of_plugin", lambda code: False)
+        yield
+
+
+@pytest.fixture
+def tried_elsewhere() -> None:
+    """Keep the trial of plugins in another process."""
+
+
 @pytest.fixture(scope="session")
 def campaign() -> Any:
     """Twenty episodes of the paper of 30 s as stated, thirty with settings that were found, on both plants."""

@@ -22,6 +22,7 @@ from added_components import registry_kept
 from commanded import skyarm as typed
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.simulate.loop import run_in_python
+from skyarm.simulate.workers import TRIED
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -44,6 +45,17 @@ def _same(a: skyarm.Log, b: skyarm.Log) -> bool:
 def test_machine_code_flies_it_as_floats_do_to_the_last_bit() -> None:
     scenario = _scenario()
     assert _same(skyarm.run(scenario), run_in_python(scenario))
+
+
+@pytest.mark.thorough
+def test_every_part_is_the_same_in_another_process(tried_elsewhere: None) -> None:
+    """Another environment, folder and hash seed; ``TRIED`` has what was tried and found equal."""
+    before = set(TRIED)
+    skyarm.run(_scenario(duration=0.1))
+    make = load_plugin(EXAMPLES / "own_law.py").make_lqr
+    flown = skyarm.load_scenario("case3", duration=0.1)
+    skyarm.check_law(dataclasses.replace(flown, controller=make(flown.controller.par.model)))
+    assert len(TRIED - before) == 2
 
 
 def test_what_was_added_changes_the_flight() -> None:

@@ -86,21 +86,25 @@ class Fence(Ending):
 
 
 PARTS: dict[str, tuple[Any, Callable[..., Any], str]] = {
-    "air": ({"air": (Blow(),)}, Blow.velocity, r"environment.air\[0\] \(Blow\) gives velocity.x"),
-    "force": ({"forces": (Push(),)}, Push.wrenches, r"environment.forces\[0\] \(Push\) gives wrenches\[1\].torque_W.y"),
-    "column": ({"forces": (Shown(),)}, Shown.logged, r"environment.forces\[0\] \(Shown\) gives logged\[0\]"),
+    "air": ({"air": (Blow(),)}, Blow.velocity, r"environment.air\[0\] \(Blow.velocity\) gives velocity.x"),
+    "force": (
+        {"forces": (Push(),)},
+        Push.wrenches,
+        r"environment.forces\[0\] \(Push.wrenches\) gives wrenches\[1\].torque_W.y",
+    ),
+    "column": ({"forces": (Shown(),)}, Shown.logged, r"environment.forces\[0\] \(Shown.logged\) gives logged\[0\]"),
     "drive": (
         {"drives": (JointDrive(joint="joint2", drive=Motor()),)},
         Motor.effort,
-        r"plant.drives.joint2 \(Motor\) gives an effort that is",
+        r"plant.drives.joint2 \(Motor.effort\) gives an effort that is",
     ),
     "sensor": (
         {"sensors": (NamedSensor(name="gauge", sensor=Gauge()),)},
         Gauge.measure,
-        r"sensors.gauge \(Gauge\) gives a reading\[1\]",
+        r"sensors.gauge \(Gauge.measure\) gives a reading\[1\]",
     ),
-    "estimator": ({"estimator": Guess()}, Guess.step, r"estimator \(Guess\) gives a measurement.velocity.z"),
-    "ending": ({"endings": (Fence(),)}, Fence.fine, r"endings\[0\] \(Fence\) gives fine"),
+    "estimator": ({"estimator": Guess()}, Guess.step, r"estimator \(Guess.step\) gives a measurement.velocity.z"),
+    "ending": ({"endings": (Fence(),)}, Fence.fine, r"endings\[0\] \(Fence.fine\) gives fine"),
 }
 VALUES = {"text": "5", "nothing": None, "complex": 1j, "list": [1.0, 2.0], "array": np.ones(2)}
 

@@ -18,6 +18,7 @@ from skyarm.cli.output import bar, give, heading, shown_number, tell
 from skyarm.records.files import printable
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.without_effect import WithoutEffectWarning
+from skyarm.simulate.user_code import require_shapes
 from skyarm.studies.assess.assessment import Assessment, assess_scenario, assess_vehicle
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -51,7 +52,9 @@ def check(
         elif gravity is not None:
             raise ValueError(f"--gravity = {gravity:g}: must be left out: the scenario states its own (plant.gravity)")
         else:
-            found = assess_scenario(load_scenario(what), **options)
+            scenario = load_scenario(what)
+            require_shapes(scenario)
+            found = assess_scenario(scenario, **options)
     give(found.plain())
     tell(*_sheet(found))
     if not found.flies:

@@ -22,7 +22,8 @@ from skyarm.cli.output import bar, give, tell
 from skyarm.control.catalogue import is_named, must_be_named, require_different
 from skyarm.records.files import must_be_one_of, require_writable, shown, taken_back
 from skyarm.records.registry import names as registered
-from skyarm.simulate.user_code import check_law, require_shapes
+from skyarm.records.registry.plugins import loaded_plugins
+from skyarm.simulate.user_code import check_law
 from skyarm.studies.compare.comparison import SUITE, Comparison
 from skyarm.studies.compare.contact_suite import CONTACT, QUICK, WORLDS, ContactSuite
 from skyarm.studies.compare.contact_tasks import LAWS as CONTACT_LAWS
@@ -135,10 +136,8 @@ def _fly(suite: Suite[Any], out: str, threads: int) -> None:
     """
     folder = Path(out)
     todo, _ = suite.plan_cells()
-    for flights in {each.entrant.name: each for each in todo if each.entrant.group == "own"}.values():
-        scenario = flights.scenario()
-        require_shapes(scenario)
-        check_law(scenario)
+    for flights in {each.entrant.name: each for each in todo if loaded_plugins()}.values():
+        check_law(flights.scenario())  # here, that no process has to
     with taken_back(folder, folder / "cells"):
         prepare(require_writable(out))
         with bar(suite.name, pause=0.0) as advance:

@@ -1,33 +1,37 @@
-"""Shape checks of user-defined models before a flight, and the check of a user-defined control law.
+"""Checks of user-defined models before a flight, and the check of a user-defined control law.
 
-Before a flight each part is traced once, and a result of the wrong shape is refused in one line with class, file and
-line. :func:`check_law` looks further: it compares a law in floats with its program over some periods, which finds
-state that it keeps outside its memory. What ships is not checked.
+Before a flight each part is traced alone, and a result of the wrong shape is refused in one line with class, file and
+line. So is a part whose traces differ: three are compared here, and one in another process if it comes from a plugin.
+:func:`check_law` looks further: it compares a law in floats with its program over some periods. What ships is not
+checked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, data
-from skyarm.compile import trace
-from skyarm.compile.tracing.float_trial import PERIODS
-from skyarm.control.controller import Controller
+from skyarm.compile.tracing.float_trial import OUTSIDE, PERIODS, changed_argument, contents, fingerprint
+from skyarm.control.controller import Controller, preview_leads
 from skyarm.control.law_checks import (
+    LawError,
     call_maker,
     check_controller,
+    checked_law,
     difference,
     is_own,
     kind_of,
     memory_mistake,
     mistake_in,
     try_law,
+    wrong,
 )
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -37,39 +41,62 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
 from skyarm.records.files.messages import comma_list
-from skyarm.records.files.user_code import own_code, place_of, place_of_error
-from skyarm.records.leaves import leaves, named_parts, rebuild
+from skyarm.records.files.user_code import failure, own_code, place_of, place_of_error
+from skyarm.records.leaves import leaves, named_parts, parts, rebuild
 from skyarm.records.registry.class_signatures import class_mistake
 from skyarm.reference import Publisher
+from skyarm.reference.preview import with_preview
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.scenario.without_effect import WEIGHT, readings_at
+from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import Measurement, measurement_of
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import draw_plan, start_draws
+from skyarm.simulate.other_process import ANSWERING, CAUSES, FAILED, WHERE, try_elsewhere
 from skyarm.vehicle.linkage import BASE
 from skyarm.world import Wrench
 
 MOST_UNIFORMS = 10_000
 """Random numbers of one component a period: beyond this it is a slip, and a program of it would take minutes."""
 
-Step = Callable[[Any, Any, State, Any], Any]
-"""(memory, time, state, draws) -> following memory; raises ScenarioError of a result with the wrong shape."""
+Step = Callable[..., Any]
+"""(call, memory, time, state, draws) -> following memory; raises ScenarioError of a result with the wrong shape."""
+
+
+class PartError(LawError, ScenarioError):
+    """Error in a user-defined model, as one line with its file and line."""
+
+
+PURE = "must compute from its arguments and fields alone; random numbers are its draws"
+
+Fingerprint = dict[str, str]
+"""Texts of what the methods of a part give in a trace, by place."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """User-defined model in a scenario, with its parameter path and the method that error messages refer to."""
+    """User-defined model in a scenario, with its parameter path and the method that error messages refer to.
+
+    Attributes:
+        own: object within the record whose code is the user's, if not the record itself.
+        results: of each method in the last trace.
+    """
 
     place: str
     record: Any
     method: str
+    own: Any = None
+    results: dict[str, Any] = field(default_factory=dict)
 
-    def refusal(self, words: str, place: str = "", method: str = "") -> ScenarioError:
+    def refusal(self, words: str, place: str = "", method: str = "") -> PartError:
         """Error about a user-defined model, with file and line of the user's code."""
-        method = getattr(self.record, method or self.method)
-        found = place or place_of(method if own_code(method) else type(self.record))
-        return ScenarioError(f"{found}: {self.place} ({type(self.record).__name__}) {words}")
+        if isinstance(self.record, Controller):
+            return PartError(str(wrong(self.record, words, place)))
+        held = getattr(self.record, method or self.method, None)
+        named = f".{method}" if method else ""
+        found = place or place_of(held if own_code(held) else self.own or type(self.record))
+        return PartError(f"{found}: {self.place} ({type(self.own or self.record).__name__}{named}) {words}")
 
     def require_numbers(self, method: str, label: str, result: Any, example: Any = None, also: type = int) -> None:
         """Refuse a result of a method with a part that is no number, or with other parts than an example's."""
@@ -83,23 +110,35 @@ class Part:
                 free = ", or a tuple or a frozen dataclass of numbers" if example is None else ""
                 raise self.refusal(f"gives {at} as {kind_of(plain)}: must be a number{free}", method=method)
 
-    def trace(self, step: Step, memory: tuple[Scalar, ...], state: State, draws: int = 0) -> None:
+    def call(self, method: str, *given: Any) -> Any:
+        """Result of a method, which is kept; an argument that the method writes to raises an error."""
+        law, own = method == "law", self.record
+        function = partial(checked_law(own), par=own.par) if law else getattr(own, method)
+        names = ("self", *inspect.signature(function).parameters)
+        arguments = dict(zip(names, (own, *given), strict=False))
+        before = contents(arguments)
+        self.results[method] = result = function(*given)
+        if (name := changed_argument(arguments, before)) is not None:
+            raise self.refusal(f"writes to its argument {name!r}: must return new records", method=method)
+        return result
+
+    def trace(self, step: Step, memory: Any, state: State, draws: int = 0) -> Fingerprint:
         """Trace one step of a user-defined model; raise a one-line error for a mistake in the user's code."""
         words = memory_mistake(memory, "memory")
         if words:
             raise self.refusal(words)
 
-        def check_step(memory: tuple[Scalar, ...], time: tuple[Scalar, ...], state: State, given: Any) -> Any:
-            following = step(memory, time[0], state, given)
-            different = difference(memory, following, "memory")
+        def check_step(moving: Any, time: tuple[Scalar, ...], state: State, given: Any) -> Mapping[str, Any]:
+            self.results.clear()
+            following = step(self.call, moving, time[0], state, given)
+            different = difference(moving, following, "memory")
             if different:
                 raise self.refusal(f"changes the structure of its memory: {different}")
-            return following
+            own = {name: getattr(self.record, name, None) for name in ("largest_step", "frequency", "latency")}
+            return {"start": memory, **own, **self.results}
 
         try:
-            trace(check_step, _floats(memory), (0.0,), _floats(state), (0.5,) * draws)
-        except ScenarioError:
-            raise
+            return fingerprint(check_step, _floats(memory), (0.0,), _floats(state), (0.5,) * draws)
         except (TypeError, AttributeError, RecordError) as error:
             words = mistake_in(error)
             if words is None:
@@ -112,16 +151,35 @@ def _floats(record: Any) -> Any:
 
 
 def require_shapes(scenario: Scenario) -> None:
-    """Refuse user-defined models whose methods take other arguments or return other shapes than required.
+    """Refuse user-defined models whose methods take other arguments, return other shapes, or are not pure.
+
+    A method that is not pure writes to its arguments, or gives another program when it is traced anew, as it is or made
+    anew from its fields; or, where a plugin has it, in another process.
 
     Raises:
-        ScenarioError: one line with file and line, place in the scenario, class and method.
+        ScenarioError, LawError: one line with file and line, place in the scenario, class and method.
     """
-    parts = list(_parts(scenario))
-    for part, _ in parts:
+    own = list(_parts(scenario))
+    for part, _ in own:
         _require_class(scenario, part)
-    for part, check in parts:
-        check(scenario, part)
+    if not own:
+        return
+    anew, once, twice = (fingerprints(scenario, anew=anew) for anew in (True, False, False))
+
+    def compare(first: list[Fingerprint], other: list[Fingerprint], words: str) -> None:
+        for (part, _), here, there in zip(own, first, other, strict=True):
+            if FAILED in here:
+                continue
+            if FAILED in there:
+                raise part.refusal(f"fails {words} ({there[FAILED]})")
+            for at in {**here, **there}:
+                if here.get(at) != there.get(at):
+                    raise part.refusal(f"gives another program {words}", method=at.split(".")[1])
+
+    for first, other in ((anew, once), (once, twice)):
+        compare(first, other, f"whenever it is traced: {OUTSIDE}; {PURE}")
+    models = [(part.own or type(part.record), part.record) for part, _ in own]
+    try_elsewhere(scenario, models, lambda found: compare(anew, found, f"{WHERE}: {CAUSES}; {PURE}"))
 
 
 def has_own(scenario: Scenario) -> bool:
@@ -129,9 +187,29 @@ def has_own(scenario: Scenario) -> bool:
     return is_own(scenario.controller) or bool([*_parts(scenario)])
 
 
-def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part], None]]]:
+def fingerprints(scenario: Scenario, *, anew: bool = False) -> list[Fingerprint]:
+    """Trace the user-defined models of a scenario, each alone; ``anew``: made anew from its fields, errors noted."""
+    found = []
+    for part, check in _parts(scenario):
+        try:
+            again = anew and part.own is None
+            tried = replace(part, record=rebuild(part.record, iter(leaves(part.record)))) if again else part
+            found.append(check(scenario, tried))
+        except Exception as error:
+            # a flight gives a law more than it has here, and says what is wrong with it
+            if not ANSWERING and (isinstance(error, PartError) or not (anew or part.method == "law")):
+                raise
+            found.append({FAILED: failure(error) or str(error)})
+    return found
+
+
+def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part], Fingerprint]]]:
     """List the user-defined models of a scenario, each with the function that checks it."""
-    groups: list[tuple[str, Callable[..., None], list[tuple[str, Any]]]] = [
+    if is_own(scenario.controller) and scenario.controller.compiled:
+        yield Part("controller", scenario.controller, "law", scenario.controller.law), _check_law
+    if (within := _first_own(scenario.reference)) is not None:
+        yield Part("reference", scenario.reference, "at", within), _check_motion
+    groups: list[tuple[str, Callable[..., Fingerprint], list[tuple[str, Any]]]] = [
         ("advance", _check_component, list(scenario.placed_components)),
         ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]),
         ("measure", _check_sensor, [(f"sensors.{named.name}", named.sensor) for named in scenario.sensors]),
@@ -144,8 +222,17 @@ def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part]
                 yield Part(place, record, method), partial(check, index)
 
 
+def _first_own(record: Any) -> Any:
+    """First object of a user's class within a record, or function of the user's; None without any."""
+    if own_code(record if callable(record) else type(record)) is not None:
+        return record
+    return next((found for each in parts(record).values() if (found := _first_own(each)) is not None), None)
+
+
 def _require_class(scenario: Scenario, part: Part) -> None:
     """Refuse a user-defined class with wrong method parameters or an invalid count of random numbers."""
+    if part.own is not None:
+        return
     kind = type(part.record)
     mistake = class_mistake(kind)
     if mistake is not None:
@@ -158,18 +245,19 @@ def _require_class(scenario: Scenario, part: Part) -> None:
         raise part.refusal(f"{said} = {shown(count)}: must be a whole number from 0 to {MOST_UNIFORMS}", found)
 
 
-def _check_component(index: int, scenario: Scenario, part: Part) -> None:
+def _check_component(index: int, scenario: Scenario, part: Part) -> Fingerprint:
     """Check one step of a user-defined wind, force, payload or contact model."""
     vehicle, component, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
-    def step(memory: tuple[Scalar, ...], time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Any:
-        following = component.advance(memory, time, period, state, draws)
-        air = component.velocity(following, time, state.position)
+    def step(call: Any, memory: Any, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Any:
+        following = call("advance", memory, time, period, state, draws)
+        air = call("velocity", following, time, state.position)
         if not isinstance(air, Vec3):
             raise part.refusal(f"gives the velocity of the air as {kind_of(air)}: must be a Vec3", method="velocity")
         part.require_numbers("velocity", "velocity", air, WEIGHT)
         motion = PointMotion(vehicle, state)
-        wrenches = component.wrenches(following, time, motion, state.rotor_speeds)
+        motion.to_world(ZERO3, len(vehicle.moving) - 1)  # what it keeps is there before the call, and compared
+        wrenches = call("wrenches", following, time, motion, state.rotor_speeds)
         if not isinstance(wrenches, (list, tuple)) or not all(isinstance(each, Wrench) for each in wrenches):
             words = f"gives wrenches as {kind_of(wrenches)}: must be a list of Wrench"
             raise part.refusal(words, method="wrenches")
@@ -179,14 +267,16 @@ def _check_component(index: int, scenario: Scenario, part: Part) -> None:
                 bodies = f"-1 (base) or a link from 0 to {len(vehicle.moving) - 1}" if vehicle.n else "-1 (base)"
                 raise part.refusal(f"gives a wrench on body {each.body}: must be {bodies}", method="wrenches")
         if component.coupled:
-            slope = component.slope(following, time, motion, state.rotor_speeds)
+            slope = call("slope", following, time, motion, state.rotor_speeds)
             different = difference(following, slope, "the slope")
             if different:
                 words = f"gives the rates of its memory in another structure: {different}"
                 raise part.refusal(words, method="slope")
         if component.columns:
             numbers = (0.0,) * len(component.columns)
-            part.require_numbers("logged", "logged", component.logged(following, motion), numbers)
+            part.require_numbers("logged", "logged", call("logged", following, motion), numbers)
+        call("act", following, time, period, motion)
+        call("rotor_commands", following, vehicle.rotors, state.rotor_speeds)
         return following
 
     draws = start_draws(scenario, scenario.seed, scenario.episode)[index].tolist()
@@ -196,45 +286,47 @@ def _check_component(index: int, scenario: Scenario, part: Part) -> None:
         raise part.refusal(
             f"cannot start from {len(draws)} draws, which are twice its uniforms: {error}", place_of_error(error)
         ) from error
-    part.trace(step, memory, first_state(scenario), draw_plan(scenario).components[index][1])
+    return part.trace(step, memory, first_state(scenario), draw_plan(scenario).components[index][1])
 
 
-def _check_drive(_index: int, scenario: Scenario, part: Part) -> None:
+def _check_drive(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
     joints = [link.joint.name for link in scenario.plant.vehicle.links]
     joint, drive = joints.index(part.place.removeprefix("plant.drives.")), part.record
     period, first = 1.0 / scenario.rates.control, first_state(scenario)
 
-    def step(memory: tuple[Scalar, ...], _time: Scalar, state: State, _draws: Any) -> Any:
+    def step(call: Any, memory: Any, _time: Scalar, state: State, _draws: Any) -> Any:
         position, rate = state.joints[joint], state.joint_rates[joint]
-        following = drive.advance(memory, 0.1 + position, position, rate, period)
-        effort = data(drive.effort(following, 0.1 + position, position, rate))
+        following = call("advance", memory, 0.1 + position, position, rate, period)
+        effort = data(call("effort", following, 0.1 + position, position, rate))
         if kind_of(effort) != "a number":
             raise part.refusal(f"gives an effort that is {kind_of(effort)}: must be a number", method="effort")
         return following
 
-    part.trace(step, drive.begin(first.joints[joint], first.joints[joint], period), first)
+    return part.trace(step, drive.begin(first.joints[joint], first.joints[joint], period), first)
 
 
-def _check_sensor(_index: int, scenario: Scenario, part: Part) -> None:
+def _check_sensor(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
     vehicle, sensor = scenario.plant.vehicle, part.record
     every = 1.0 / (sensor.frequency or scenario.rates.control)
 
-    def step(memory: tuple[Scalar, ...], time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Any:
-        result = sensor.take(memory, time, state, WEIGHT, NO_PUSH, draws, every)
+    def step(call: Any, memory: Any, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Any:
+        seen = (state, WEIGHT) if sensor.feels is None else (NO_PUSH,)
+        result = call("measure" if sensor.feels is None else "feel", memory, time, *seen, draws, every)
         if not isinstance(result, tuple) or len(result) != 2:
             raise part.refusal(f"returns {kind_of(result)}: must return (memory, reading)")
         part.require_numbers("measure", "a reading", result[1], also=bool)
         return result[0]
 
-    part.trace(step, sensor.start(vehicle), first_state(scenario), sensor.uniforms(vehicle))
+    return part.trace(step, sensor.start(vehicle), first_state(scenario), sensor.uniforms(vehicle))
 
 
-def _check_estimator(_index: int, scenario: Scenario, part: Part) -> None:
+def _check_estimator(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
     vehicle, estimator, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
-    def step(memory: tuple[Scalar, ...], time: Scalar, state: State, _draws: Any) -> Any:
+    def step(call: Any, memory: Any, time: Scalar, state: State, _draws: Any) -> Any:
+        readings = readings_at(scenario, state, time)
         command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
-        result = estimator.step(memory, readings_at(scenario, state, time), command, period)
+        result = call("step", memory, readings, command, period)
         if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], Measurement):
             raise part.refusal(f"returns {kind_of(result)}: must return (memory, Measurement)")
         for name in ("joints", "joint_rates"):
@@ -244,16 +336,34 @@ def _check_estimator(_index: int, scenario: Scenario, part: Part) -> None:
         part.require_numbers("step", "a measurement", result[1], readings[FULL_STATE])
         return result[0]
 
-    part.trace(step, estimator.start(scenario.controller.par.model.vehicle), first_state(scenario))
+    return part.trace(step, estimator.start(scenario.controller.par.model.vehicle), first_state(scenario))
 
 
-def _check_ending(_index: int, scenario: Scenario, part: Part) -> None:
-    def step(memory: Any, _time: Scalar, state: State, _draws: Any) -> Any:
-        found = part.record.fine(scenario, state, state.position, 0.0)
-        part.require_numbers("fine", "fine", found, 0.0, bool)
+def _check_ending(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
+    def step(call: Any, memory: Any, _time: Scalar, state: State, _draws: Any) -> Any:
+        part.require_numbers("fine", "fine", call("fine", scenario, state, state.position, 0.0), 0.0, bool)
         return memory
 
-    part.trace(step, (), first_state(scenario))
+    return part.trace(step, (), first_state(scenario))
+
+
+def _check_motion(scenario: Scenario, part: Part) -> Fingerprint:
+    def step(call: Any, memory: Any, time: Scalar, _state: State, _draws: Any) -> Any:
+        call("at", time)
+        return memory
+
+    return part.trace(step, (), first_state(scenario))
+
+
+def _check_law(scenario: Scenario, part: Part) -> Fingerprint:
+    """Check one step of a user-defined law at the start of the reference."""
+    leads, period, reference = preview_leads(part.record.par), 1.0 / scenario.rates.control, scenario.reference
+
+    def step(call: Any, memory: Any, time: Scalar, state: State, _draws: Any) -> Any:
+        wanted = with_preview(reference.at(time), leads, lambda lead: reference.at(time + lead))
+        return call("law", memory, measurement_of(state, WEIGHT), wanted, period)[0]
+
+    return part.trace(step, part.record.memory, first_state(scenario))
 
 
 def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenario: Scenario | str = "case3") -> None:
@@ -261,7 +371,8 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
 
     The law steps over its first periods twice, as floats and as a traced program, and both must agree to the bit: a law
     that keeps something outside its memory, or freezes a number into the program, differs. A law that is called
-    (``compiled=False``) may keep what it likes and is not compared. A flight checks the shape of each result only.
+    (``compiled=False``) may keep what it likes and is not compared. After that all of the user's parts in
+    the scenario are checked as before a flight.
 
     Args:
         law: a controller, or its maker, which gets the scenario's model; or a scenario, whose law is checked where it
@@ -272,8 +383,6 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
         LawError: one line with the law's file and line.
     """
     if isinstance(law, Scenario):
-        if not is_own(law.controller):
-            return
         flown, controller = law, law.controller
     else:
         flown = load_scenario(scenario) if isinstance(scenario, str) else scenario
@@ -284,6 +393,7 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
     times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(np.arange(PERIODS))
     wanted = [flown.reference.at(float(time)) for time in times[: flown.steps]]
     try_law(controller, 1.0 / rates.control, seen, wanted)
+    require_shapes(flown.with_words(controller=controller))
 
 
 def _make_controller(law: Controller | Callable[[Model], Controller], model: Model) -> Controller:

@@ -10,7 +10,7 @@ import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -94,7 +94,7 @@ def workers(count: int) -> Iterator[Submit]:
     # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
     spawn = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(
-        count, mp_context=spawn, initializer=_serve_parent, initargs=(loaded_plugins(), laws_of_files())
+        count, mp_context=spawn, initializer=_serve_parent, initargs=(loaded_plugins(), laws_of_files(), TRIED)
     )
 
     def submit(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
@@ -126,6 +126,9 @@ def _abandon(pool: ProcessPoolExecutor, children: set[Any]) -> None:
         child.terminate()
 
 
+TRIED: set[str] = set()
+"""Plugins' models that this process or its parent tried in another process (:mod:`skyarm.simulate.other_process`)."""
+
 _REFUSED: list[RegistryError] = []
 """Why this process cannot have its parent's plugins, if it cannot."""
 
@@ -145,9 +148,10 @@ def _call(work: bytes) -> Any:
         raise OwnCodeError(line) from error
 
 
-def _serve_parent(plugins: tuple[Plugin, ...], laws: tuple[str, ...]) -> None:
+def _serve_parent(plugins: tuple[Plugin, ...], laws: tuple[str, ...], tried: Iterable[str] = ()) -> None:
     """Initialise a worker process: ignore Ctrl-C, load the parent's plugins, end with the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    TRIED.update(tried)
     try:
         load_again(plugins)
         for law in laws:

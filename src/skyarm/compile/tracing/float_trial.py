@@ -1,23 +1,26 @@
-"""Check for hidden state: comparison of a function on floats with its traced program.
+"""Checks for hidden state: digests of traces that must be equal, and a comparison with the function on floats.
 
 A program is traced once and runs for ever. What a function keeps in a closure, a global or an attribute is frozen in
-it, and nobody sees. Therefore it is called with floats for some periods, traced twice, and compared.
+it, and nobody sees. Therefore it is traced again and compared; a law is called with floats for some periods, too.
 """
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable, Sequence
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from skyarm.compile.tracing.program import Program, trace
-from skyarm.compile.tracing.tracer import Node
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.compile.tracing.lower import live
+from skyarm.compile.tracing.program import trace
+from skyarm.compile.tracing.tracer import Graph, Node
+from skyarm.records.leaves import leaves, parts, rebuild
 
 PERIODS = 20
 """Control periods that are compared."""
 
 OUTSIDE = "it keeps state outside its memory: a closure, a global, an attribute, random numbers or a clock"
+
+LIBRARY = f"{__name__.partition('.')[0]}."
 
 Numbers = tuple[float, ...]
 
@@ -57,7 +60,7 @@ def compare_with_floats(
         if k < len(told) and not same_numbers(found, told[k]):
             raise refuse(f"gives other numbers as a program in period {k} than with floats: {OUTSIDE}")
         now = found[: len(now)]
-    if _text(program) != _text(trace(function, start, *instants[0])):
+    if fingerprint(function, start, *instants[0]) != fingerprint(function, start, *instants[0]):
         raise refuse(f"gives another program in period 0 whenever it is traced: {OUTSIDE}")
 
 
@@ -72,15 +75,14 @@ def _call_with_floats(
     """Results of a function on floats over several periods, up to an arithmetic error."""
     found: list[Numbers] = []
     for k, instant in enumerate(instants):
-        given = (memory, *instant, constants)
-        before = copy.deepcopy([leaves(each) for each in given])
+        given = dict(zip(names, (memory, *instant, constants), strict=False))
+        before = contents(given)
         try:
             result = function(memory, *instant)
         except ArithmeticError:
             break  # floats refuse 1 / 0, a program goes on with inf
-        for name, now, was in zip(names, given, before, strict=False):
-            if not same_numbers(leaves(now), was):
-                raise refuse(f"writes to its argument {name!r} in period {k}: must return new records")
+        if (name := changed_argument(given, before)) is not None:
+            raise refuse(f"writes to its argument {name!r} in period {k}: must return new records")
         numbers, memory = leaves(result), result[0]
         if any(isinstance(number, Node) for number in numbers):
             raise refuse(f"gives a number of an earlier trace in period {k}: {OUTSIDE}")
@@ -88,11 +90,49 @@ def _call_with_floats(
     return found
 
 
-def _text(program: Program) -> list[Any]:
-    """Text of a traced program that is equal for equal programs."""
-    place = {node.index: k for k, node in enumerate((*program.inputs, *program.nodes))}
-    lines: list[Any] = [(node.op, repr(node.value), *(place[arg.index] for arg in node.args)) for node in program.nodes]
-    return [*lines, *(place[node.index] for node in program.outputs)]
+def fingerprint(function: Callable[..., Any], *examples: Any) -> dict[str, str]:
+    """Texts, by place, of the values that a function returns when it is traced: of one program equal in every process.
+
+    Args:
+        function: of records over any scalar; may return a table.
+        examples: records whose leaves become the inputs.
+    """
+    graph = Graph()
+    inputs = iter([graph.input(f"x{i}") for i, _ in enumerate(leaves(examples))])
+    found = contents(function(*rebuild(examples, inputs)))
+    texts: dict[int, str] = {}
+
+    def text(value: Any) -> str:
+        if isinstance(value, Node):
+            return texts[value.index]
+        return repr(value) if isinstance(value, (bool, int, float, str, bytes)) else type(value).__name__
+
+    for node in live([graph.lift(value) for value in found.values() if isinstance(value, Node)]):
+        line = f"{node.op} {node.value!r} {[texts[arg.index] for arg in node.args]}"
+        texts[node.index] = hashlib.blake2b(line.encode(), digest_size=16).hexdigest()
+    return {at: text(value) for at, value in found.items()}
+
+
+def contents(value: Any, place: str = "") -> dict[str, Any]:
+    """Innermost values by their places, in records, lists, tables and the library's own objects."""
+    below: Mapping[Any, Any] = parts(value)
+    if isinstance(value, (list, Mapping)):
+        below = value if isinstance(value, Mapping) else dict(enumerate(value))
+    elif not below and type(value).__module__.startswith(LIBRARY):
+        below = getattr(value, "__dict__", below)
+    if not below:
+        return {place: value.tobytes() if hasattr(value, "tobytes") else value}
+    return {at: each for name, held in below.items() for at, each in contents(held, f"{place}.{name}").items()}
+
+
+def changed_argument(arguments: Mapping[str, Any], before: Mapping[str, Any]) -> str | None:
+    """Name of the first argument whose contents are no longer those from before a call; None if all are."""
+    now = contents(arguments)
+    for at, value in before.items():
+        # by identity, as traced numbers cannot be compared; what is first computed now may be added
+        if not (now.get(at) is value or (type(value) is bytes and now.get(at) == value)):
+            return at.split(".")[1]
+    return None
 
 
 def same_numbers(first: Sequence[Any], second: Sequence[Any]) -> bool:

@@ -15,11 +15,18 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module, metadata
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any
 
 from skyarm.records.files import shown, unreadable
-from skyarm.records.files.user_code import file_of, identity_of, identity_of_file, is_beside, number_duplicates
+from skyarm.records.files.user_code import (
+    INSTALLED,
+    file_of,
+    identity_of,
+    identity_of_file,
+    is_beside,
+    number_duplicates,
+)
 from skyarm.records.immutable import immutable
 from skyarm.records.registry.class_signatures import thing_mistake
 from skyarm.records.registry.registrations import (
@@ -76,6 +83,12 @@ def plugin_of(module: str) -> Plugin | None:
         if (key in _MODULES and _MODULES[key].__name__ == module) or file in dict(plugin.beside):
             return plugin
     return None
+
+
+def is_of_plugin(code: CodeType) -> bool:
+    """True if code is of an installed package, or of a file named as that of a plugin or a module beside it."""
+    file = code.co_filename
+    return INSTALLED in file or Path(file).name in {Path(each).name for each in identities()}
 
 
 def identities() -> dict[str, str]:

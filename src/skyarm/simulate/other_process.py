@@ -1,0 +1,129 @@
+"""Trial of plugins in another process: an empty environment, another folder, another hash seed.
+
+A part of a plugin that reads its environment or a file, or goes through a set, gives the same program in every trace
+of one process, and another one elsewhere. Files that its fields name are no such thing: they are there, too.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from skyarm.records.files.user_code import own_code
+from skyarm.records.leaves import is_leaf, walk
+from skyarm.records.registry import RegistryError
+from skyarm.records.registry.plugins import is_of_plugin, load_again, loaded_plugins
+from skyarm.simulate.workers import TRIED, pack
+
+WHERE = "in a process with an empty environment, another folder and another hash seed"
+
+CAUSES = "it reads the environment or a file that no field names, is made of random numbers, or goes through a set"
+
+FAILED = "failed"
+"""In the place of a method: why the models failed there."""
+
+KEPT = ("SYSTEMROOT", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "PYTHONHOME")
+"""Variables of the environment without which Python or NumPy may not start."""
+
+PROGRAM = """import json, sys
+sys.path[:] = json.loads(sys.argv[1])
+from skyarm.simulate.other_process import answer
+answer()"""
+
+SECONDS = 120.0
+"""After which the other process is given up."""
+
+DEEP = "a/b/c/d"
+"""The other folder in an empty one: a field may name a file some folders above the present one, too."""
+
+Found = list[dict[str, str]]
+"""Fingerprints of models."""
+
+ANSWERING: list[bool] = []
+"""Not empty in the other process, which starts no further one."""
+
+
+def try_elsewhere(scenario: Any, models: Sequence[tuple[Any, Any]], compare: Callable[[Found], None]) -> None:
+    """Compare the fingerprints of a scenario's user-defined models from another process if one of them is of a plugin.
+
+    Models that differ in the values of their numbers alone are tried once in a process and those that it starts. None
+    is where no other process can be had, or the scenario cannot travel there.
+
+    Args:
+        scenario: with the models.
+        models: the user's class or function of each model and its record.
+        compare: raises an error of a difference.
+
+    Raises:
+        RegistryError: a plugin cannot be loaded there.
+    """
+    codes = [code for own, _ in models if (code := own_code(own)) is not None]
+    if ANSWERING or not any(map(is_of_plugin, codes)):
+        return
+    plugins = loaded_plugins()
+    values = [pair for _, record in models for pair in walk(record) if not is_leaf(pair[1])]
+    key = repr((plugins, [(code.co_filename, code.co_firstlineno) for code in codes], values))
+    if key in TRIED:
+        return
+    found = None
+    with suppress(ValueError, OSError, subprocess.TimeoutExpired), tempfile.TemporaryDirectory() as folder:
+        here = Path(folder).resolve() / DEEP
+        here.mkdir(parents=True)
+        for _, value in values:
+            _lend_file(value, here)
+        seed = "1" if os.environ.get("PYTHONHASHSEED") == "0" else "0"
+        done = subprocess.run(
+            [sys.executable or "", "-c", PROGRAM, json.dumps([os.path.abspath(path) for path in sys.path])],
+            input=pickle.dumps((plugins, pack(scenario))),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            cwd=here,
+            env={"PYTHONHASHSEED": seed} | {name: os.environ[name] for name in KEPT if name in os.environ},
+            timeout=SECONDS,
+            check=False,
+        )
+        found = json.loads(done.stdout.rpartition(b"\n")[2])  # before it stands what plugins print
+    if isinstance(found, str):
+        raise RegistryError(f"{found} {WHERE}")
+    if found is not None:
+        compare(found)
+    TRIED.add(key)
+
+
+def _lend_file(name: Any, folder: Path) -> None:
+    """Put a file that a text names, seen from the present folder, into another folder."""
+    if not isinstance(name, str) or not name or os.path.isabs(name) or not os.path.exists(name):
+        return
+    there = Path(os.path.normpath(folder / name))
+    if there.exists() or not there.is_relative_to(folder.parents[DEEP.count("/")]):
+        return
+    there.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        there.symlink_to(os.path.abspath(name))
+    except OSError:
+        shutil.copy(name, there)
+
+
+def answer() -> None:
+    """Write the fingerprints of the models of a scenario as JSON; plugins and scenario are read from standard input."""
+    from skyarm.simulate.user_code import fingerprints
+
+    ANSWERING.append(True)
+    plugins, scenario = pickle.loads(sys.stdin.buffer.read())
+    found: Found | str | None = None
+    try:
+        load_again(plugins)
+        with suppress(AttributeError, ImportError):  # code of a script, which cannot travel
+            found = fingerprints(pickle.loads(scenario), anew=True)
+    except RegistryError as error:
+        found = str(error)
+    print(f"\n{json.dumps(found)}", end="")

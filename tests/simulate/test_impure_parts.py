@@ -1,0 +1,295 @@
+"""Parts of a user's own that are not pure: found before they fly, in one line with file, class and method."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import subprocess
+import sys
+import types
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import skyarm
+from added_components import registry_kept
+from commanded import refused
+from commanded import skyarm as typed
+from skyarm.records.registry.plugins import load_plugin
+from skyarm.scenario.scenario_file import LIBRARY, load_scenario
+from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario
+from skyarm.simulate import other_process
+from skyarm.simulate.user_code import check_law, require_shapes
+from skyarm.simulate.workers import TRIED, workers
+
+BASE = load_scenario("case1", duration=0.02)
+
+HEAD = """
+import os
+import random
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+import skyarm
+
+CALLS = []
+NAMES = {"alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta"}
+
+"""
+
+CLASS = (
+    HEAD
+    + """
+@skyarm.register.KIND("mine")
+@dataclass(frozen=True, kw_only=True)
+class Mine(skyarm.BASE):
+    file: str = ""
+
+"""
+)
+
+LAW = (
+    HEAD
+    + """
+@skyarm.register.law("mine")
+def make(model):
+    base = skyarm.preset("paper_pd", model)
+
+    def law(memory, measurement, reference, dt, *, par):
+        memory, command = base.law(memory, measurement, reference, dt, par=par)
+        speeds = tuple(speed + (VALUE) for speed in command.rotor_speeds)
+        return memory, skyarm.Command(rotor_speeds=speeds, efforts=command.efforts)
+
+    return skyarm.Controller(name="mine", law=law, par=base.par, memory=base.memory)
+"""
+)
+
+METHODS = {
+    "force": (
+        "wrenches(self, memory, t, motion, rotor_speeds)",
+        "(skyarm.Wrench(force_W=skyarm.Vec3(VALUE, 0.0, 0.0)),)",
+        "object.__setattr__(motion.state, 'position', motion.state.velocity) or 0.0",
+    ),
+    "air": (
+        "velocity(self, memory, t, position_W)",
+        "skyarm.Vec3(VALUE, 0.0, 0.0)",
+        "object.__setattr__(position_W, 'x', 0.0) or 0.0",
+    ),
+    "sensor": (
+        "measure(self, memory, t, state, specific_force, draws, dt)",
+        "memory, (VALUE + state.position.x,)",
+        "object.__setattr__(state, 'velocity', state.position) or 0.0",
+    ),
+    "drive": (
+        "effort(self, memory, setpoint, position, rate)",
+        "(VALUE) + setpoint",
+        "object.__setattr__(self, 'file', 'other') or 0.0",
+    ),
+    "ending": (
+        "fine(self, scenario, state, goal, slack)",
+        "state.position.z < (VALUE) + 9.0",
+        "object.__setattr__(state, 'velocity', state.position) or 0.0",
+    ),
+    "law": ("law", "", "object.__setattr__(measurement, 'velocity', measurement.rate) or 0.0"),
+}
+"""Of each kind its method, what that returns, and how it writes into what it is given."""
+
+IMPURE = {
+    "draw": "random.random()",
+    "drawn_by_numpy": "np.random.default_rng().normal()",
+    "clock": "time.perf_counter()",
+    "counter": "CALLS.append(0) or float(len(CALLS))",
+}
+
+ELSEWHERE = {
+    "environment": "float(os.environ.get('GAIN_OF_MINE', '1.0'))",
+    "needs_environment": "float(os.environ['GAIN_OF_MINE'])",
+    "file": "float(np.loadtxt('gain.txt'))",
+    "set": "float(sum(9**k * ord(name[0]) for k, name in enumerate(NAMES)))",  # of the whole order
+}
+
+
+@pytest.fixture(autouse=True)
+def _kept():
+    with registry_kept():
+        yield
+
+
+def text(kind: str, value: str) -> str:
+    if kind == "law":
+        return LAW.replace("VALUE", value)
+    method, result, _ = METHODS[kind]
+    head = CLASS.replace("KIND", kind).replace("BASE", kind.capitalize())
+    return f"{head}    def {method}:\n        return {result}\n".replace("VALUE", value)
+
+
+def planned(kind: str, module: Any, **fields: Any) -> Scenario:
+    if kind == "law":
+        return dataclasses.replace(BASE, controller=module.make(BASE.controller.par.model))
+    part = module.Mine(**fields)
+    changes: dict[str, Callable[[], Any]] = {
+        "force": lambda: {"forces": (part,)},
+        "air": lambda: {"air": (part,)},
+        "sensor": lambda: {"sensors": (NamedSensor(name="mine", sensor=part),)},
+        "drive": lambda: {"drives": (JointDrive(joint="joint2", drive=part),)},
+        "ending": lambda: {"endings": (part,)},
+    }
+    return dataclasses.replace(BASE, **changes[kind]())
+
+
+def by_python(folder: Path, kind: str, value: str) -> Scenario:
+    """As a script has it: no plugin is loaded."""
+    file, module = folder / "mine.py", types.ModuleType("mine")
+    file.write_text(text(kind, value).replace("@skyarm.register", "# "))
+    sys.modules["mine"] = module
+    exec(compile(file.read_text(), str(file), "exec"), module.__dict__)
+    return planned(kind, module)
+
+
+def by_plugin(folder: Path, kind: str, value: str, **fields: Any) -> Scenario:
+    file = folder / "mine.py"
+    file.write_text(text(kind, value))
+    return planned(kind, load_plugin(file), **fields)
+
+
+def line_of(check: Callable[[Any], Any], scenario: Scenario) -> str:
+    with pytest.raises(ValueError, match=r"mine\.py:\d+: ") as caught:
+        check(scenario)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def names_method(line: str, kind: str) -> bool:
+    return "law 'mine' " in line if kind == "law" else f" (Mine.{METHODS[kind][0].partition('(')[0]}) " in line
+
+
+@pytest.mark.parametrize("door", [by_python, by_plugin])
+@pytest.mark.parametrize("kind", METHODS)
+def test_what_is_frozen_at_tracing_is_found_before_it_flies(tmp_path, kind, door):
+    names = IMPURE if kind == "force" else ("draw", "counter") if door is by_python else ("clock",)
+    for name, value in ((name, IMPURE[name]) for name in names):
+        (tmp_path / name).mkdir()
+        with registry_kept():
+            line = line_of(require_shapes, door(tmp_path / name, kind, value))
+        assert f"{tmp_path / name / 'mine.py'}:" in line
+        assert names_method(line, kind), line
+        assert "gives another program whenever it is traced: it keeps state outside its memory" in line
+
+
+@pytest.mark.parametrize("kind", METHODS)
+def test_what_writes_into_its_arguments_is_found(tmp_path, kind):
+    line = line_of(require_shapes, by_python(tmp_path, kind, METHODS[kind][2]))
+    assert names_method(line, kind), line
+    assert "writes to its argument '" in line
+
+
+KEEPS = """object.__setattr__(self, "count", getattr(self, "count", 0.0) + 1.0) or self.count"""
+
+
+@pytest.mark.parametrize(
+    "value",
+    [KEEPS, "setattr(motion, 'rotation', skyarm.Mat3.identity()) or 0.0"],
+    ids=["attribute", "what_motion_keeps"],
+)
+def test_state_in_the_part_or_in_what_motion_computed_once_is_found(tmp_path, value):
+    assert names_method(line_of(require_shapes, by_python(tmp_path, "force", value)), "force")
+
+
+def test_every_flight_and_check_law_look(tmp_path):
+    scenario = by_python(tmp_path, "force", IMPURE["draw"])
+    for check in (skyarm.run, skyarm.Batch, skyarm.Session, check_law):
+        assert names_method(line_of(check, scenario), "force")
+
+
+def test_the_command_line_refuses_it_in_one_line_and_writes_nothing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    case = (LIBRARY / "case1.toml").read_text("utf-8").replace('name = "case1"', 'name = "own"')
+    Path("own.toml").write_text(f'{case}\n[[environment.forces]]\nkind = "mine"\n')
+    Path("mine.py").write_text(text("force", IMPURE["clock"]))
+    for command in ("run", "check"):
+        done = typed(command, "own.toml", "--plugin", "mine.py")
+        refused(done, "mine.py:", "environment.forces[0] (Mine.wrenches)")
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("kind", "cause"),
+    [
+        pytest.param(kind, cause, marks=() if (kind, cause) == ("force", "environment") else pytest.mark.thorough)
+        for kind in METHODS
+        for cause in ELSEWHERE
+    ],
+)
+def test_what_differs_in_another_process_is_found(tmp_path, monkeypatch, tried_elsewhere, kind, cause):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GAIN_OF_MINE", "2.0")
+    Path("gain.txt").write_text("3.0")
+    scenario = by_plugin(tmp_path, kind, ELSEWHERE[cause])
+    for _ in range(1 if kind == "force" else 2):  # what was refused once is not let through
+        line = line_of(require_shapes, scenario)
+        assert "in a process with an empty environment, another folder and another hash seed" in line
+        assert ("fails in " in line) == (cause in ("needs_environment", "file"))
+        assert kind == "law" or " (Mine" in line
+
+
+@pytest.mark.thorough
+def test_a_file_that_a_field_names_is_there_too_and_one_process_is_enough(tmp_path, monkeypatch, tried_elsewhere):
+    """The values of numbers are no reason for another one, nor is a worker."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    Path("../gain.txt").write_text("3.0")
+    scenario = by_plugin(tmp_path, "force", "float(np.loadtxt(self.file))", file="../gain.txt")
+    begun, before = [], subprocess.run
+    monkeypatch.setattr(other_process.subprocess, "run", lambda *a, **k: begun.append(a) or before(*a, **k))
+    for _ in range(2):
+        require_shapes(scenario)
+    assert len(begun) == 1
+    assert TRIED
+
+
+@pytest.mark.thorough
+def test_a_worker_starts_no_process_for_what_its_parent_tried(tmp_path, tried_elsewhere):
+    scenario = by_plugin(tmp_path, "force", "1.0")
+    require_shapes(scenario)
+    with workers(1) as submit:
+        assert submit(_tried).result() == TRIED
+
+
+def _tried() -> set[str]:
+    return TRIED
+
+
+@pytest.mark.thorough
+def test_a_plugin_that_cannot_be_loaded_there_is_refused(tmp_path, monkeypatch, tried_elsewhere):
+    monkeypatch.setenv("GAIN_OF_MINE", "2.0")
+    file = tmp_path / "mine.py"
+    file.write_text(text("air", "GAIN").replace("CALLS", "GAIN = float(os.environ['GAIN_OF_MINE'])\nCALLS"))
+    scenario = planned("air", load_plugin(file))
+    with pytest.raises(ValueError, match=r"mine\.py': line \d+: KeyError: 'GAIN_OF_MINE' in a process with an empty"):
+        require_shapes(scenario)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("value", ["random.random()", "float(os.environ['GAIN_OF_MINE'])"])
+def test_what_a_plugin_draws_or_reads_as_it_is_loaded_is_found(tmp_path, monkeypatch, tried_elsewhere, value):
+    monkeypatch.setenv("GAIN_OF_MINE", "2.0")
+    scenario = by_plugin(tmp_path, "air", "GAIN")
+    del scenario
+    file = tmp_path / "other.py"
+    made = f"GAIN = {value} if 'GAIN_OF_MINE' in os.environ else 1.0\nCALLS"
+    with registry_kept():
+        file.write_text(text("air", "GAIN").replace("CALLS", made, 1).replace('"mine"', '"other"'))
+        with pytest.raises(ValueError, match=r"other\.py:\d+: environment\.air\[0\] \(Mine\.velocity\) gives another"):
+            require_shapes(planned("air", load_plugin(file)))
+
+
+@pytest.mark.thorough
+def test_the_environment_of_the_other_process_is_empty(tmp_path, tried_elsewhere):
+    """Where this one has a hundred variables, a part cannot depend on one of them."""
+    assert len(os.environ) > 5
+    scenario = by_plugin(tmp_path, "air", "float(len(os.environ) > 5)")
+    assert names_method(line_of(require_shapes, scenario), "air")
