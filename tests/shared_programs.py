@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from record_text import whole_text
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import engine, session
 from skyarm.simulate.engine import Engine, EpisodeCode
@@ -52,7 +53,7 @@ def _codes(code: Callable[..., EpisodeCode]) -> Callable[..., EpisodeCode]:
     def kept(scenario: Any, vary: Any = None, numbers: Any = None, **options: Any) -> EpisodeCode:
         if not scenario.controller.compiled:
             return code(scenario, vary, numbers, **options)
-        text = repr((dataclasses.replace(scenario, changes=()), numbers, options))
+        text = whole_text((dataclasses.replace(scenario, changes=()), numbers, options))
         if text not in made:
             made[text] = code(scenario, vary, numbers, **options), scenario  # kept: no other takes its address
         return made[text][0]

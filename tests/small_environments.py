@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import skyarm
+from record_text import whole_text
 from skyarm.envs import env_lanes
 from skyarm.world.environment_tables import wind_from
 
@@ -26,7 +27,7 @@ def one_program_a_task(cache: object) -> Iterator[None]:
     program = env_lanes.EnvProgram
 
     def once(task: Any) -> Any:
-        text = repr(task)
+        text = whole_text(task)
         if text not in made:
             made[text] = program(task)  # which keeps the task, so that no other takes the address of a function in it
         return made[text]

@@ -109,7 +109,7 @@ def test_gravity_does_not_push_up() -> None:
         refused("gravity", -9.81, "must be at least 0", lambda: record(vehicle=vehicle(), gravity=-9.81))  # noqa: B023
 
 
-@pytest.mark.parametrize("value", ["case1", None, 3], ids=repr)
+@pytest.mark.parametrize("value", [["case1"], None, 3], ids=repr)
 def test_what_is_no_record_is_refused(value: Any) -> None:
     refused("scenario", value, "must be a Scenario", lambda: skyarm.run(value), skyarm.ScenarioError)
     refused("document", value, "must be a table", lambda: skyarm.scenario_from(value), skyarm.ScenarioError)

@@ -115,6 +115,8 @@ from skyarm.simulate.loop import replay as replay
 from skyarm.simulate.loop import run as run
 from skyarm.simulate.session import Session as Session
 from skyarm.simulate.user_code import check_law as check_law
+from skyarm.studies.assess.assessment import check as check
+from skyarm.studies.compare.compare_laws import compare as compare
 from skyarm.studies.identify.identify_flights import identify_flights as identify_flights
 from skyarm.studies.stability.along import margins as margins
 from skyarm.studies.stability.hover_delay import hover_delay as hover_delay
@@ -122,6 +124,7 @@ from skyarm.studies.sweep.runner import fly_sweep as fly_sweep
 from skyarm.studies.sweep.study import StudyError as StudyError
 from skyarm.studies.sweep.study_file import list_studies as list_studies
 from skyarm.studies.sweep.study_file import load_study as load_study
+from skyarm.studies.tune.tune_scenario import tune as tune
 from skyarm.vehicle import (
     Body as Body,
 )
@@ -148,6 +151,7 @@ from skyarm.vehicle.vehicle_files import load_vehicle as load_vehicle
 from skyarm.view.figures.flight_plot import plot as plot
 from skyarm.view.figures.study_figures import plot_sweep as plot_sweep
 from skyarm.view.figures.vehicle_drawing import vehicle_drawing as vehicle_drawing
+from skyarm.view.film.film_flights import film as film
 from skyarm.world import (
     Air as Air,
 )

@@ -11,7 +11,7 @@ import pytest
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.cli.output import Terminal
-from skyarm.cli.show_command import _sheet, vehicle_facts
+from skyarm.cli.show_command import vehicle_facts
 from skyarm.dynamics import workspace
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.workspace import AROUND, FEW, MANY, ROUNDS, SAMPLES, reach, samples_of, static_torques
@@ -119,7 +119,7 @@ def test_what_was_tried_less_is_told() -> None:
     def sheet(vehicle: Vehicle) -> str:
         console = Terminal(width=200, markup=False)
         with console.capture() as told:
-            console.print(*_sheet(vehicle, vehicle_facts(vehicle, 9.81)), sep="\n")
+            console.print(*sheet(vehicle, vehicle_facts(vehicle, 9.81)), sep="\n")
         return told.get()
 
     assert "for a level base, over all joint values" in sheet(long_arm(2))

@@ -119,14 +119,14 @@ WRONG: dict[str, tuple[Any, str, Any]] = {
               "uniforms: list index out of range", "# twice as many"),
     "grows": (with_(air=(Tether(), Growing())), "environment.air[1] (Growing) changes the structure of its memory: "
               "memory is a tuple of 2, must stay a tuple of 1", Growing.advance),
-    "tuple": (with_(air=(Tuple(),)), "environment.air[0] (Tuple.velocity) gives the velocity of the air as a tuple of 3: "
-              "must be a Vec3", Tuple.velocity),
+    "tuple": (with_(air=(Tuple(),)), "environment.air[0] (Tuple.velocity) gives the velocity of the air as a tuple of "
+              "3: must be a Vec3", Tuple.velocity),
     "alone": (with_(forces=(Alone(),)), "environment.forces[0] (Alone.wrenches) gives wrenches as a Wrench: must be "
               "a list of Wrench", Alone.wrenches),
-    "body": (with_(forces=(Placed(body=2),)), "environment.forces[0] (Placed.wrenches) gives a wrench on body 2: must be "
-             "-1 (base) or a link from 0 to 1", Placed.wrenches),
-    "below": (with_(forces=(Tether(), Placed(body=-2))), "environment.forces[1] (Placed.wrenches) gives a wrench on body "
-              "-2: must be -1 (base) or a link from 0 to 1", Placed.wrenches),
+    "body": (with_(forces=(Placed(body=2),)), "environment.forces[0] (Placed.wrenches) gives a wrench on body 2: must "
+             "be -1 (base) or a link from 0 to 1", Placed.wrenches),
+    "below": (with_(forces=(Tether(), Placed(body=-2))), "environment.forces[1] (Placed.wrenches) gives a wrench on "
+              "body -2: must be -1 (base) or a link from 0 to 1", Placed.wrenches),
     "branch": (with_(forces=(Branching(),)), "environment.forces[0] (Branching) cannot be traced: branch on a traced "
                "value; use skyarm.algebra.scalars.where(condition, a, b)", "# here"),
     "nothing": (drive(Nothing()), "plant.drives.joint2 (Nothing.effort) gives an effort that is None: must be a number",

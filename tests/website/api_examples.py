@@ -279,6 +279,9 @@ skyarm.vehicle.check.VehicleError: ...
 >>> skyarm.center_of_mass(vehicle, *pose).shape  # m, world axes
 (3,)
 
+## check
+>>> skyarm.check("case3").flies  # or a record, a vehicle, a path  # doctest: +SKIP
+
 ## check_law
 >>> model = skyarm.Model(vehicle=vehicle)
 >>> skyarm.check_law(lambda model: skyarm.make_controller("decoupled_pd", model))  # doctest: +SKIP
@@ -288,9 +291,16 @@ skyarm.vehicle.check.VehicleError: ...
 >>> np.array(path.at(0.0).position).round(3).tolist()
 [0.3, 0.0, 1.0]
 
+## compare
+>>> results = skyarm.compare("case3", ["paper_pd", "centroidal_tip"], "out/case3")  # doctest: +SKIP
+>>> print(results.report.markdown())  # doctest: +SKIP
+
 ## energy
 >>> bool(skyarm.energy(vehicle, *pose, rates) > 0.0)  # J
 True
+
+## film
+>>> skyarm.film(skyarm.run(scenario), "flight.viser")  # doctest: +SKIP
 
 ## fly_sweep
 >>> rows = skyarm.fly_sweep("robustness", "out/robustness")  # doctest: +SKIP
@@ -444,6 +454,10 @@ True
 ## score
 >>> sorted(skyarm.score(skyarm.run(scenario), ["rotor_jitter"]))
 ['rotor_jitter']
+
+## tune
+>>> tuned = skyarm.tune("case3", "centroidal_tip")  # doctest: +SKIP
+>>> skyarm.run(skyarm.load_scenario("case3").under(tuned.controller)).status  # doctest: +SKIP
 
 ## vehicle_drawing
 >>> figure = skyarm.vehicle_drawing(vehicle, (0.3, -0.6))  # doctest: +SKIP

@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from skyarm.records.files import must_be_one_of, read_toml, shown, unreadable
-from skyarm.records.files.names import READS, kind_of
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files.names import READS
 
 MOST_WORKERS = 10_000
 """Threads or processes: beyond this it is a slip."""
@@ -155,26 +155,6 @@ def chosen_names(option: str, words: str | None, there: Collection[str]) -> tupl
         if names.count(name) > 1:
             raise ValueError(f"{option} = {shown(name)}: must be named once")
     return tuple(name for name in there if name in names)
-
-
-def is_scenario(name: str) -> bool:
-    """True if a name denotes a scenario: a shipped one, a scenario file or a log.
-
-    All else is read as a vehicle, whose reader says what is wrong with a file that nobody can read.
-    """
-    if name in shipped_names("vehicle"):
-        return False
-    return name in shipped_names("scenario") or name.endswith(".npz") or kind_of_file(name) == "scenario"
-
-
-def kind_of_file(name: str) -> str:
-    """Kind of a TOML file (vehicle, scenario, study, gains) by its tables; empty for other files."""
-    if not name.endswith(".toml") or unreadable(Path(name)):
-        return ""
-    try:
-        return kind_of(read_toml(Path(name).read_bytes()))
-    except (OSError, ValueError):
-        return ""
 
 
 def require_not_another(name: str, wanted: str) -> None:

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterable
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from skyarm.cli.arguments import is_scenario, name_completion
+from skyarm.cli.arguments import name_completion
 from skyarm.cli.lines import DIFFERENT
 from skyarm.cli.output import bar, give, heading, shown_number, tell
 from skyarm.records.files import printable
-from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.without_effect import WithoutEffectWarning
-from skyarm.simulate.user_code import require_shapes
-from skyarm.studies.assess.assessment import Assessment, assess_scenario, assess_vehicle
+from skyarm.studies.assess.assessment import Assessment
+from skyarm.studies.assess.assessment import check as assess
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
-from skyarm.vehicle.vehicle_files import load_vehicle
 
 STYLES = {OK: "green", NOTE: "dim", WARNING: "yellow", FAULT: "bold red"}
 
@@ -44,24 +40,15 @@ def check(
     Thrust, torques, joint limits, workspace, largest payload and side force, units that look wrong; of a scenario also
     its reference against limits. Exit code 1 if a fault was found.
     """
-    options: dict[str, Any] = {"payload": payload, "poses": poses}
-    with bar(f"{what}: checking"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", WithoutEffectWarning)  # a finding below
-        if not is_scenario(what):
-            found = assess_vehicle(load_vehicle(what), gravity=9.81 if gravity is None else gravity, **options)
-        elif gravity is not None:
-            raise ValueError(f"--gravity = {gravity:g}: must be left out: the scenario states its own (plant.gravity)")
-        else:
-            scenario = load_scenario(what)
-            require_shapes(scenario)
-            found = assess_scenario(scenario, **options)
+    with bar(f"{what}: checking"):
+        found = assess(what, payload=payload, poses=poses, gravity=gravity)
     give(found.plain())
-    tell(*_sheet(found))
+    tell(*sheet(found))
     if not found.flies:
         raise typer.Exit(DIFFERENT)
 
 
-def _sheet(found: Assessment) -> list[RenderableType]:
+def sheet(found: Assessment) -> list[RenderableType]:
     """Report of a vehicle check as lines and tables: alarms with remedies, notes, then passed checks."""
     load = f", with {found.payload:g} kg at the tip" if found.payload else ""
     vehicle = f" ({found.vehicle.name})" if found.vehicle.name != found.name else ""

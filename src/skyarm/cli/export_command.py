@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from skyarm import __version__
-from skyarm.cli.arguments import is_scenario, kind_of_file, require_left_out, shipped_names
+from skyarm.cli.arguments import require_left_out, shipped_names
 from skyarm.cli.output import bar, give, tell
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.model import Model
@@ -28,7 +28,7 @@ from skyarm.records.files.own_inputs import require_no_input
 from skyarm.records.registry import names
 from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
-from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_file import is_scenario, kind_of_file, load_scenario
 from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state
 from skyarm.vehicle.vehicle_files import load_vehicle
 

@@ -76,10 +76,10 @@ PLAIN: Mapping[str, Any] = {"markup": False, "highlight": False, "emoji": False}
 console = Terminal(**PLAIN)
 
 
-def tell(*lines: RenderableType) -> None:
-    """Print lines (never wrapped) and tables to standard output."""
+def tell(*lines: RenderableType, screen: Console | None = None) -> None:
+    """Print lines (never wrapped) and tables, to standard output unless there is another screen."""
     for line in lines:
-        console.print(line, soft_wrap=isinstance(line, (str, Text)))
+        (screen or console).print(line, soft_wrap=isinstance(line, (str, Text)))
 
 
 def heading(text: str) -> Text:

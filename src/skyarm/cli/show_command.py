@@ -89,7 +89,7 @@ def show(
         raise ValueError(f"{shown}: rotors = {error}") from None
     say_unlikely(loaded.name, unlikely_in_vehicle(loaded))
     give(known)
-    for part in _sheet(loaded, known) if not is_document_wanted() else ():
+    for part in sheet(loaded, known) if not is_document_wanted() else ():
         tell(part, "")
 
 
@@ -229,7 +229,7 @@ def _hover(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
     }
 
 
-def _sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> list[RenderableType]:
+def sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> list[RenderableType]:
     """Make the data sheet of a vehicle as tables: totals, joints, bodies, rotors, battery and sources."""
     sections: dict[str, dict[str, Any]] = {
         "joints": {link.joint.name: link.joint for link in vehicle.links},
@@ -240,15 +240,15 @@ def _sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> list[RenderableType]:
         "battery": {} if vehicle.battery is None else {"": vehicle.battery},
     }
     title = f"{vehicle.name}, g = {known['gravity_m_s2']:g} m/s^2, arm at zero"
-    sheet: list[RenderableType] = [table_of(("", ""), _whole(vehicle, known), left=2, title=title)]
+    tables: list[RenderableType] = [table_of(("", ""), _whole(vehicle, known), left=2, title=title)]
     for title, records in sections.items():
         kinds = dict.fromkeys(map(type, records.values()))
         for kind in kinds:
             heading = f"{title}: {kind.__name__}" if len(kinds) > 1 else title
-            sheet += _tables(heading, {name: each for name, each in records.items() if type(each) is kind})
+            tables += _tables(heading, {name: each for name, each in records.items() if type(each) is kind})
     notes = "notes: what its file says that was left out, or taken in another way"
-    sheet += [table_of(("",), zip(vehicle.notes, strict=True), title=notes)] if vehicle.notes else []
-    return sheet + ([table_of(("", ""), vehicle.sources, left=2, title="sources")] if vehicle.sources else [])
+    tables += [table_of(("",), zip(vehicle.notes, strict=True), title=notes)] if vehicle.notes else []
+    return tables + ([table_of(("", ""), vehicle.sources, left=2, title="sources")] if vehicle.sources else [])
 
 
 APART = ("name", "tilt")

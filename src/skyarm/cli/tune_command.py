@@ -13,8 +13,6 @@ import typer
 from skyarm.cli.arguments import (
     Controller,
     Flying,
-    kind_of_file,
-    require_within,
     shipped_names,
     words_of,
     workers,
@@ -33,7 +31,7 @@ from skyarm.records.files import (
 )
 from skyarm.records.registry.plugins import identities, is_law_of_file, law_of_file_name
 from skyarm.scenario.controller_table import is_gains_file
-from skyarm.scenario.scenario_file import LIBRARY, load_scenario
+from skyarm.scenario.scenario_file import LIBRARY, kind_of_file, load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_files import load_vehicle
 
@@ -43,9 +41,6 @@ if TYPE_CHECKING:
 
 GAINS, PAGE = "tuned.toml", "tune.html"
 """Names of the file of the pick, and of the page."""
-
-BOUNDS = {"--candidates": (64, 100_000), "--plants": (4, 1000), "--seed": (0, 2**31 - 1)}
-"""Option -> its smallest and largest value."""
 
 
 def tune(
@@ -66,32 +61,19 @@ def tune(
 
     Exit code 3 if no gains meet the margins.
     """
-    for (option, bounds), value in zip(BOUNDS.items(), (candidates, plants, seed), strict=True):
-        require_within(option, value, *bounds)
+    from skyarm.studies.tune.tune_scenario import plan_of, require_size
+
+    require_size(candidates, plants, seed, "--")
     threads, wanted = workers(flying), wanted_of(target, controller)
-    from skyarm.studies.tune.candidate_flights import shorten
-    from skyarm.studies.tune.excitation import tuning_flight
     from skyarm.studies.tune.front import POINTS
     from skyarm.studies.tune.gain_search import Effort
-    from skyarm.studies.tune.law_knobs import find_knobs
     from skyarm.studies.tune.tune_page import front_name, gains_text, tune_page
-    from skyarm.studies.tune.tuning import Plan
     from skyarm.studies.tune.tuning import tune as perform
 
     scenario = wanted.scenario
     say_suspicious(scenario)
-    scenario.controller.require_compiled("skyarm tune")
-    flight, own = tuning_flight(scenario), tuning_flight(scenario, own_motion=True)
-    plan = Plan(
-        flight=flight,
-        check=own if wanted.has_motion else flight,
-        own=shorten(own) if wanted.has_motion else None,
-        aside=tuning_flight(scenario, unseen=True),
-        knobs=find_knobs(scenario.controller, scenario.controller.name, words_of(knobs)),
-        effort=Effort().scale(candidates, plants),
-        seed=seed,
-        label=wanted.label,
-    )
+    effort = Effort().scale(candidates, plants)
+    plan = plan_of(scenario, wanted.has_motion, wanted.label, words_of(knobs), effort, seed)
     folder = Path("out") / f"tune_{wanted.name}" if out is None else Path(out)
     begin = time.perf_counter()
     with taken_back(folder), bar(f"{wanted.label} for {scenario.name}") as advance:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
 from skyarm.algebra import Vec3
@@ -17,6 +16,7 @@ from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.actuators.rotor import speed_of_push
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -52,7 +52,7 @@ USUAL_EFFORT = 0.5
 """N m, N, rad or m at full action of a joint without a limit."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Actions:
     """Base class of action spaces, whose subclasses convert an action to a vehicle command.
 
@@ -102,7 +102,7 @@ class Actions:
         return 0.0, float(limit) if concrete(limit) and 0.0 < limit < math.inf else USUAL_EFFORT
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class RotorsAndJoints(Actions):
     """Action space of rotor speeds relative to hover, then joint setpoints.
 
@@ -118,7 +118,7 @@ class RotorsAndJoints(Actions):
         return now.memory, within_limits(now, speeds, self.efforts(action, now))
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class RatesAndThrust(Actions):
     """Action space of body rates and thrust for a built-in rate controller, then joint setpoints.
 
@@ -148,7 +148,7 @@ class RatesAndThrust(Actions):
         return now.memory, within_limits(now, speeds, self.efforts(action, now))
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class References(Actions):
     """Action space of offsets added to the control law's reference: base position, then joint positions.
 
@@ -175,7 +175,7 @@ class References(Actions):
         return now.law(now.memory, now.measurement, shifted)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Residual(Actions):
     """Action space of corrections added to the control law's command: rotor speeds, then joint setpoints.
 

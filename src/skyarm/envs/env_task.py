@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from skyarm.envs.observed_quantities import OBSERVED, USUAL, Observed
 from skyarm.envs.randomised_numbers import Randomised, read_randomised
 from skyarm.envs.reward_terms import REWARDS, USUAL_REWARD, RewardTerm
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -24,7 +24,7 @@ from skyarm.simulate.user_code import require_shapes
 PRECISIONS = ("single", "double", "bit_exact")
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Task:
     """Definition of a learning environment: scenario, actions, observation, reward and randomised parameters.
 

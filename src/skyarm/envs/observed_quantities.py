@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import Vec3
@@ -61,7 +60,7 @@ class Result:
     ended: Scalar
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Observed:
     """Base class of quantities that make up an observation."""
 
@@ -73,7 +72,7 @@ class Observed:
         raise NotImplementedError(f"{type(self).__name__} must define numbers()")
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class PositionError(Observed):
     """Observed position error: reference minus measured position of the base origin, world axes."""
 
@@ -84,7 +83,7 @@ class PositionError(Observed):
         return _divide(sight.reference.position - sight.measurement.position, self.scale)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class VelocityError(Observed):
     """Observed velocity error: reference minus measured velocity of the base origin, world axes."""
 
@@ -95,7 +94,7 @@ class VelocityError(Observed):
         return _divide(sight.reference.velocity - sight.measurement.velocity, self.scale)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Attitude(Observed):
     """Observed attitude: rotation matrix from base to world axes, row by row, continuous and unique."""
 
@@ -105,7 +104,7 @@ class Attitude(Observed):
         return [*R.r0, *R.r1, *R.r2]
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class BodyRate(Observed):
     """Observed angular velocity in base axes."""
 
@@ -116,7 +115,7 @@ class BodyRate(Observed):
         return _divide(sight.measurement.rate, self.scale)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class SpecificForce(Observed):
     """Observed specific force: accelerometer reading in base axes, +g along z in hover."""
 
@@ -127,7 +126,7 @@ class SpecificForce(Observed):
         return _divide(sight.measurement.specific_force, self.scale)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class JointErrors(Observed):
     """Observed joint errors: reference minus measured joint positions."""
 
@@ -139,7 +138,7 @@ class JointErrors(Observed):
         return [(wanted - now) / self.scale for wanted, now in pairs]
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class JointAngles(Observed):
     """Observed joint positions."""
 
@@ -150,7 +149,7 @@ class JointAngles(Observed):
         return [now / self.scale for now in sight.measurement.joints]
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class JointRates(Observed):
     """Observed joint rates."""
 
@@ -161,7 +160,7 @@ class JointRates(Observed):
         return [rate / self.scale for rate in sight.measurement.joint_rates]
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class TipError(Observed):
     """Observed tip error: reference minus measured tip position, world axes; the base's error if there is no arm."""
 
@@ -173,7 +172,7 @@ class TipError(Observed):
         return _divide(tip_error(vehicle, seen, sight.reference), self.scale)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class LastAction(Observed):
     """Observed action of the previous control period."""
 

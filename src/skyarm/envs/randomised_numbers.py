@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.lane_numbers import LaneRules, require_draws, require_paths, require_within_queue
@@ -26,7 +26,7 @@ MOST_CORNERS = 6
 """Paths up to which all combinations of their ends are looked at; beyond, all low, all high, and each end alone."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Randomised:
     """Scenario parameters that are drawn for every episode, each with its distribution.
 

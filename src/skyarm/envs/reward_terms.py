@@ -7,17 +7,17 @@ record's ``scale``, in the unit that its field states. Rewards read the truth, w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, exp, sqrt
 from skyarm.envs.observed_quantities import JointTravel, Metres, RadPerSecond, Result, tip_error
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class RewardTerm:
     """Base class of reward terms; a term returns one value per control period.
 
@@ -38,7 +38,7 @@ class RewardTerm:
         raise NotImplementedError(f"{type(self).__name__} must define value()")
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class TipNear(RewardTerm):
     """Reward exp(-(e / scale)^2) for the tip's distance e to its reference: 1 at zero distance."""
 
@@ -49,7 +49,7 @@ class TipNear(RewardTerm):
         return _nearness(tip_error(result.vehicle, result.state, result.reference), self.scale)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class TipDistance(RewardTerm):
     """Penalty for the tip's distance to its reference."""
 
@@ -60,7 +60,7 @@ class TipDistance(RewardTerm):
         return -_length(tip_error(result.vehicle, result.state, result.reference)) / self.scale
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class PositionNear(RewardTerm):
     """Reward exp(-(e / scale)^2) for the base's distance e to its reference."""
 
@@ -71,7 +71,7 @@ class PositionNear(RewardTerm):
         return _nearness(result.reference.position - result.state.position, self.scale)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class PositionDistance(RewardTerm):
     """Penalty for the base's distance to its reference."""
 
@@ -82,7 +82,7 @@ class PositionDistance(RewardTerm):
         return -_length(result.reference.position - result.state.position) / self.scale
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Upright(RewardTerm):
     """Reward for a level attitude: cosine of the tilt, 1 when level, -1 upside down."""
 
@@ -91,7 +91,7 @@ class Upright(RewardTerm):
         return result.state.quaternion.rotation().r2.z
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Spin(RewardTerm):
     """Penalty for rotation: minus the squared body rate."""
 
@@ -102,7 +102,7 @@ class Spin(RewardTerm):
         return -_squares(result.state.rate) / (self.scale * self.scale)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class JointDistance(RewardTerm):
     """Penalty for joint errors: minus their mean square; 0 without joints."""
 
@@ -114,7 +114,7 @@ class JointDistance(RewardTerm):
         return -_mean_square([(a - b) / self.scale for a, b in pairs])
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class ActionSize(RewardTerm):
     """Penalty for large actions: minus the mean square of their components."""
 
@@ -125,7 +125,7 @@ class ActionSize(RewardTerm):
         return -_mean_square(result.action)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class ActionChange(RewardTerm):
     """Penalty for action changes: minus the mean squared difference from the previous action."""
 
@@ -136,7 +136,7 @@ class ActionChange(RewardTerm):
         return -_mean_square([a - b for a, b in zip(result.action, result.action_before, strict=True)])
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Alive(RewardTerm):
     """Survival reward: 1 in every period without early termination."""
 
@@ -147,7 +147,7 @@ class Alive(RewardTerm):
         return 1.0 - result.ended
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Lost(RewardTerm):
     """Penalty for early termination: -1 in the period of termination."""
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated, TypeAlias
 
@@ -25,6 +25,7 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.raw_tables import turn_vectors
 from skyarm.flight_data.series import attitude_at, columns_at
 from skyarm.records.files import must_be_one_of
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -68,7 +69,7 @@ NORMAL = 1.959964
 ITERATIONS = 30
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ClockOffset:
     """Offset of a stream's clock: a sample stamped t was taken at t + offset + drift (t - middle) of the reference.
 
@@ -175,7 +176,7 @@ def _is_measurable(flight: FlightData, name: str) -> bool:
     return name == "quaternion" or "quaternion" in flight
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class _Means:
     """Means of a signal: (N, 3) at (N,) s, each over a kernel of ``order`` boxes of a width in s."""
 

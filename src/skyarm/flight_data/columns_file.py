@@ -29,11 +29,12 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from skyarm.flight_data.quantities import ATTITUDE, BODY, QUANTITIES, WORLD, Quantity
 from skyarm.records.files import Fields, must_be_one_of, read_toml, shown, unreadable
+from skyarm.records.immutable import immutable
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time -> seconds."""
@@ -47,7 +48,7 @@ STAMPS = "header", "receive"
 """Times of a message: of its header, or of its arrival in the file."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Signal:
     """Source of a quantity in a file: its columns, their unit and axes.
 
@@ -85,7 +86,7 @@ class Signal:
         return f"{self.topic}: {listed}" if self.topic else listed
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Columns:
     """Mapping from a file's columns to quantities.
 

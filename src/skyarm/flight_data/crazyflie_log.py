@@ -10,7 +10,6 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from skyarm.flight_data.columns_file import Columns, Signal
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
 from skyarm.flight_data.raw_tables import Table, flight_of
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 
 MAGIC, VERSIONS = 0xBC, (1, 2)
 
@@ -63,7 +63,7 @@ USUAL: Mapping[str, tuple[Signal, ...]] = {
 """Variables of the firmware that are quantities of a flight. Its axes are ours: x forward, y left, z up."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class _Event:
     """Type of event: name, names of the variables, and a row as a type of NumPy."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
@@ -14,6 +14,7 @@ import numpy.typing as npt
 from skyarm.flight_data.columns_file import Columns, read_columns
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
 from skyarm.records.files import must_be_one_of, one_line, shown, unreadable
+from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import flight_format_mistake
 from skyarm.records.units import Unit
@@ -22,7 +23,7 @@ Array: TypeAlias = npt.NDArray[np.float64]
 PathLike: TypeAlias = str | os.PathLike[str]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@immutable(eq=False)
 class Channel:
     """Measured quantity over time, in SI units and the axes of the library.
 
@@ -68,7 +69,7 @@ class Channel:
         return replace(self, time=self.time[chosen], values=self.values[chosen])
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@immutable(eq=False)
 class FlightData:
     """Measured flight: all that a file of a real flight holds, by the names of :data:`QUANTITIES`.
 
@@ -147,7 +148,7 @@ class FlightData:
         return replace(self, channels={**self.channels, **changed}, notes=(*self.notes, *notes))
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class FlightFormat:
     """File format of measured flights: a function that reads it, and the look of its files.
 

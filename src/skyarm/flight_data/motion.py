@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -11,12 +11,13 @@ import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.series import columns_at, continuous
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@immutable(eq=False)
 class Motion:
     """Poses of the base and positions of the joints over time.
 
@@ -52,7 +53,7 @@ class Motion:
         )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@immutable(eq=False)
 class PredictedMotion:
     """Predictions of a measured motion, set back to the measured state at the same instants.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -16,6 +16,7 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import ATTITUDE, BODY, QUANTITIES
 from skyarm.flight_data.series import attitude_at, continuous
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.immutable import immutable
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -29,7 +30,7 @@ UNUSED = 200
 """Names of unused columns that a flight lists at most."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Table:
     """Rows of a file that have a time in common: a topic, an event, or a whole CSV file.
 

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -64,7 +65,7 @@ FIELD = re.compile(r"([A-Za-z_]\w*)(?:\[(\d{1,5})\])? ([A-Za-z_]\w*)")
 """Type, number and name of a field in the text of a format."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Topic:
     """Instance of a topic: name, number of the instance, and type of a row.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, field, fields
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,7 +16,9 @@ from skyarm.algebra.quaternion import euler_angles
 from skyarm.dynamics.state import State
 from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, sources_of
 from skyarm.records.arrays import Array
+from skyarm.records.immutable import LONGEST, immutable
 from skyarm.records.leaves import parts
+from skyarm.records.notebook import notebook_html
 from skyarm.records.units import Unit, units
 
 PICTURES = "skyarm.view.figures.flight_plot"
@@ -35,7 +37,7 @@ def _if_any() -> Any:
     return field(default_factory=lambda: np.zeros((0, 0)))
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class Log:
     """Log of a flight at N control instants, as arrays; SI units, radians, world axes by default.
 
@@ -110,6 +112,10 @@ class Log:
     tilt_commands: Annotated[Array, Unit("rad", "commanded")] = _if_any()
     received: Mapping[str, Array] = field(default_factory=dict)
     info: dict[str, Any]
+
+    def __repr__(self) -> str:
+        said = (f"{name}={self.info.get(name)!r}" for name in ("scenario", "controller", "status", "end_time"))
+        return f"Log({', '.join(said)}, instants={self.time.size})"[:LONGEST]
 
     def __getitem__(self, array: str) -> Array:
         """Array of the log by its name."""
@@ -258,6 +264,29 @@ class Log:
         from skyarm.log.formats import write_csv
 
         return write_csv(self, path)
+
+    def to_pandas(self) -> Any:
+        """Return a pandas DataFrame: the columns of the CSV file over ``time``, units in ``attrs["units"]``.
+
+        Raises:
+            ValueError: pandas is missing; one line that says how to install it.
+        """
+        from skyarm.log.log_tables import log_frame
+
+        return log_frame(self)
+
+    def to_arrow(self) -> Any:
+        """Return a pyarrow Table: the columns of the CSV file, ``unit`` and ``meaning`` in each field's metadata.
+
+        Raises:
+            ValueError: pyarrow is missing; one line that says how to install it.
+        """
+        from skyarm.log.log_tables import log_table
+
+        return log_table(self)
+
+    def _repr_html_(self) -> str:
+        return notebook_html(self)
 
     @classmethod
     def load_npz(cls, path: str | os.PathLike[str]) -> Log:

@@ -154,6 +154,22 @@ def save_log(log: Log, path: PathLike) -> Path:
     return require_format(path).write(log, Path(path))
 
 
+def as_log(given: Log | PathLike) -> Log:
+    """Return a log that is given, or the one in the file at a path.
+
+    Raises:
+        ValueError: one line.
+    """
+    if isinstance(given, Log):
+        return given
+    if not isinstance(given, (str, os.PathLike)):
+        raise ValueError(f"log = {shown(given)}: must be a Log or the path of one's file")
+    reason = unreadable(Path(given))
+    if reason:
+        raise ValueError(f"log = {shown(os.fspath(given))}: {reason}")
+    return load_log(given)
+
+
 def load_log(path: PathLike) -> Log:
     """Read a log from a file.
 

@@ -3,10 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import TypeVar, dataclass_transform, overload
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar, dataclass_transform, overload
 
 T = TypeVar("T")
+
+LONGEST = 300
+"""Characters of a record's text: a notebook prints it below a cell whose last line it is."""
+
+
+def short_repr(record: Any) -> str:
+    """Text of a record of at most 300 characters: its class and fields; of long values the class alone if need be."""
+    texts = {
+        each.name: (type(value).__name__, " ".join(repr(value).split()))
+        for each in fields(record)
+        if each.repr
+        for value in [getattr(record, each.name)]
+    }
+    line = ""
+    for longest in (LONGEST, 60, 24):
+        shown = (text if len(text) <= longest else f"{kind}(...)" for kind, text in texts.values())
+        words = ", ".join(f"{name}={text}" for name, text in zip(texts, shown, strict=True))
+        line = f"{type(record).__qualname__}({words})"
+        if len(line) <= LONGEST:
+            return line
+    return line[: LONGEST - 4] + "...)"
 
 
 @overload
@@ -14,19 +35,26 @@ def immutable(kind: type[T], /) -> type[T]: ...
 
 
 @overload
-def immutable(*, kw_only: bool = True, eq: bool = True) -> Callable[[type[T]], type[T]]: ...
+def immutable(*, kw_only: bool = True, **options: bool) -> Callable[[type[T]], type[T]]: ...
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
 def immutable(
-    kind: type[T] | None = None, /, *, kw_only: bool = True, eq: bool = True
+    kind: type[T] | None = None, /, *, kw_only: bool = True, **options: bool
 ) -> type[T] | Callable[[type[T]], type[T]]:
-    """Make a class a frozen dataclass with slots.
+    """Make a class a frozen dataclass with slots and a short text (:func:`short_repr`) unless it has its own.
 
     Args:
         kind: the class, where the decorator has no arguments.
         kw_only: False allows positional arguments.
-        eq: False compares by identity, for records that hold arrays.
+        options: of a dataclass: ``eq=False`` compares by identity, for records that hold arrays; ``slots=False`` keeps
+            ``__dict__``, for cached properties.
     """
-    make = dataclass(frozen=True, slots=True, kw_only=kw_only, eq=eq)
+
+    def make(kind: type[T]) -> type[T]:
+        made = dataclass(**{"frozen": True, "slots": True, "kw_only": kw_only, "repr": False, **options})(kind)
+        if made.__repr__ is object.__repr__:
+            made.__repr__ = short_repr  # type: ignore[assignment, method-assign]
+        return made
+
     return make if kind is None else make(kind)

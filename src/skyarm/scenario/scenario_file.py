@@ -58,10 +58,11 @@ from skyarm.records.files import (
     file_name,
     number,
     one_line,
+    read_toml,
     shown,
     unreadable,
 )
-from skyarm.records.files.names import names_in, read_named
+from skyarm.records.files.names import kind_of, names_in, read_named
 from skyarm.records.read_table import record_from
 from skyarm.records.registry import names
 from skyarm.scenario import scenario_tables as tables
@@ -73,6 +74,7 @@ from skyarm.scenario.scenario_record import (
     Scenario,
     ScenarioError,
 )
+from skyarm.vehicle.vehicle_files import list_vehicles
 
 LIBRARY = resources.files("skyarm.scenario") / "library"
 
@@ -130,6 +132,43 @@ def _read_scenario(name_or_path: str | os.PathLike[str], replaced: Mapping[str, 
         return scenario_from(document, folder, given)
     except ValueError as error:
         raise ScenarioError(f"{text}: {error}") from None
+
+
+def as_scenario(given: Scenario | str | os.PathLike[str], controller: str | None = None) -> Scenario:
+    """Return a scenario that is given, or the one of a shipped name, or at the path of a .toml file or of a log.
+
+    Args:
+        given: a record, a name or a path.
+        controller: name of a law in place of its own.
+
+    Raises:
+        ScenarioError: one line.
+    """
+    if isinstance(given, (str, os.PathLike)):
+        return load_scenario(given, controller=controller)
+    if not isinstance(given, Scenario):
+        raise ScenarioError(f"scenario = {shown(given)}: must be a Scenario, or the name or path of one")
+    return given if controller is None else under_law(given, controller)
+
+
+def is_scenario(name: str) -> bool:
+    """True if a name denotes a scenario: a shipped one, a scenario file or a log.
+
+    All else is read as a vehicle, whose reader says what is wrong with a file that nobody can read.
+    """
+    if name in list_vehicles():
+        return False
+    return name in list_scenarios() or name.endswith(".npz") or kind_of_file(name) == "scenario"
+
+
+def kind_of_file(name: str) -> str:
+    """Kind of a TOML file (vehicle, scenario, study, gains) by its tables; empty for other files."""
+    if not name.endswith(".toml") or unreadable(Path(name)):
+        return ""
+    try:
+        return kind_of(read_toml(Path(name).read_bytes()))
+    except (OSError, ValueError):
+        return ""
 
 
 def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:

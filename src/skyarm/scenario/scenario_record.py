@@ -6,7 +6,6 @@ import dataclasses
 import math
 import numbers
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
 from skyarm.algebra import Quaternion, Vec3
@@ -25,6 +24,7 @@ from skyarm.records.files import did_you_mean, must_be_one_of, number, shown
 from skyarm.records.files.names import ALLOWED, is_result_name
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
+from skyarm.records.notebook import notebook_html
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.registry.registrations import registrations
 from skyarm.records.units import Unit
@@ -333,7 +333,7 @@ GROUPS: Mapping[str, type] = {"solver": Solver, "agent": Agent, "environment": E
 """Fields of a scenario that are records of several of a file's words."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, init=False)
+@immutable(init=False)
 class Scenario:
     """Complete definition of one experiment.
 
@@ -384,6 +384,9 @@ class Scenario:
         """Scenario with some fields replaced, also fields of its groups, such as ``wind`` of ``environment``."""
         made: Any = dataclasses.replace(self, **words)
         return made  # type: ignore[no-any-return]
+
+    def _repr_html_(self) -> str:
+        return notebook_html(self)
 
     @property
     def as_begun(self) -> Scenario:

@@ -6,15 +6,15 @@ import os
 import warnings
 from collections.abc import Callable
 from contextlib import closing
-from pathlib import Path
 
 from skyarm.compile.machine_code import SlowFlightWarning
 from skyarm.control.controller import Controller
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.flight_log import Log
-from skyarm.log.formats import load_log
-from skyarm.records.files import shown, unreadable
+from skyarm.log.formats import as_log
+from skyarm.records.files import shown
 from skyarm.scenario.controller_table import under_law
+from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.session import Session, open_session
 
@@ -30,8 +30,8 @@ class _Episode(Session):
     _commands = False
 
 
-def run(scenario: Scenario, progress: Progress | None = None) -> Log:
-    """Simulate a scenario's flight and return its log.
+def run(scenario: Scenario | str | os.PathLike[str], progress: Progress | None = None) -> Log:
+    """Simulate the flight of a scenario, or of the one at a path or of a shipped name, and return its log.
 
     A diverging episode, a joint past its limit or the ground ends the episode: the log's status, cause and end time
     say so. ``progress(done, total)`` is called about a hundred times.
@@ -41,7 +41,7 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Log:
 
     Changes in flight take hold in their control periods, as in a :class:`skyarm.Session` of the scenario.
     """
-    return _fly(scenario, progress)
+    return _fly(as_scenario(scenario), progress)
 
 
 def run_in_python(scenario: Scenario, progress: Progress | None = None) -> Log:
@@ -130,15 +130,8 @@ def read(log: Log | str | os.PathLike[str]) -> Log:
     Raises:
         ScenarioError: one line.
     """
-    if isinstance(log, Log):
-        return log
-    if not isinstance(log, (str, os.PathLike)):
-        raise ScenarioError(f"log = {shown(log)}: must be a Log or the path of one's file")
-    reason = unreadable(Path(log))
-    if reason:
-        raise ScenarioError(f"log = {shown(os.fspath(log))}: {reason}")
     try:
-        return load_log(log)
+        return as_log(log)
     except ValueError as error:
         raise ScenarioError(str(error)) from None
 

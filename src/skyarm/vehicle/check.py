@@ -123,8 +123,6 @@ def vehicle(value: Vehicle) -> None:
     for index, follower in enumerate(value.followers):
         _follower(value, follower, index)
     for each in value.rotors:
-        if each.direction not in (-1, 1):
-            refuse(f"rotors[{each.name}].direction", each.direction, "must be +1 (ccw) or -1 (cw)")
         if each.tilt is not None:
             each.tilt.require(f"rotors[{each.name}].tilt", each.axis)
     for frame in value.frames:

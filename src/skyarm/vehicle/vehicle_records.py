@@ -15,10 +15,11 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add
-from skyarm.records.coerce import number, pairs, proper_rotation, unit_vector, vector
+from skyarm.records.coerce import number, pairs, plain_number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
+from skyarm.records.notebook import notebook_html
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle import check
@@ -27,6 +28,14 @@ from skyarm.vehicle.check import FARTHEST, SHARE, VehicleError, accept_named
 from skyarm.vehicle.linkage import BASE, Body, Follower, Link
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
+
+
+def rotation_sense(field: str, value: object) -> int:
+    """Convert a rotor's sense of rotation; anything but 1 and -1 raises an error."""
+    sign = plain_number(value)
+    if isinstance(sign, bool) or not isinstance(sign, (int, float)) or abs(sign) != 1:
+        check.refuse(field, value, "must be 1 (ccw, seen from the tip of its axis) or -1 (cw)")
+    return int(sign)
 
 
 @immutable
@@ -53,7 +62,7 @@ class Rotor:
     name: str
     position: Annotated[Vec3, Unit("m", "hub, base axes", rule=vector, usual=FARTHEST)]
     axis: Annotated[Vec3, Unit("", "unit vector of positive thrust, base axes", rule=unit_vector)] = Vec3(0, 0, 1)
-    direction: int
+    direction: Annotated[int, Unit(rule=rotation_sense)]
     thrust_coefficient: Annotated[Scalar, Unit("N s^2/rad^2", low=0.0, strict=True, rule=number)]
     moment_coefficient: Annotated[Scalar, Unit("m", "drag torque per thrust", usual=0.5, **SHARE)]
     drag_coefficient: Annotated[Scalar, Unit("N s^2/(rad m)", "hub drag", **SHARE)] = 0
@@ -176,6 +185,9 @@ class Vehicle:
     def __post_init__(self) -> None:
         accept_fields(self, "vehicle", VehicleError)
         check.vehicle(self)
+
+    def _repr_html_(self) -> str:
+        return notebook_html(self)
 
     @property
     def n(self) -> int:

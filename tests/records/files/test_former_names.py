@@ -28,6 +28,9 @@ def test_a_former_module_or_name_is_refused_with_the_present_one() -> None:
         line = f"^{re.escape(former)}: is now {re.escape(now)}$"
         with pytest.raises(ModuleNotFoundError, match=line):
             importlib.import_module(f"{former}.whatever")
+        if former in ("skyarm.compare", "skyarm.film", "skyarm.tune"):
+            assert callable(getattr(skyarm, name))  # a function of now
+            continue
         with pytest.raises(ModuleNotFoundError, match=line):
             exec(f"from {above} import {name}")
         if above == "skyarm":

@@ -14,7 +14,7 @@ from rich.text import Text
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.cli.show_command import _sheet, vehicle_facts
+from skyarm.cli.show_command import sheet, vehicle_facts
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
@@ -163,7 +163,7 @@ def test_show_has_drives_and_battery():
     assert vehicle_facts(bare, 9.81)["battery"] is None
     shown, without = (
         {title.plain.split(":")[0] for part in parts for title in part.renderables if isinstance(title, Text)}
-        for parts in (_sheet(arm(), facts), _sheet(bare, vehicle_facts(bare, 9.81)))
+        for parts in (sheet(arm(), facts), sheet(bare, vehicle_facts(bare, 9.81)))
     )
     assert shown - without == {"drives", "battery"}
 

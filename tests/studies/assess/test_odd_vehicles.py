@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.cli.check_command import _sheet as sheet
+from skyarm.cli.check_command import sheet
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.studies.assess.arm_poses import Allocation, arm_poses, hover_efforts, joint_range
 from skyarm.studies.assess.assessment import Assessment, assess_vehicle

@@ -18,7 +18,7 @@ from matplotlib.transforms import Bbox
 import skyarm
 from estimated_flight import estimated
 from logs_synthetic import synthetic_log
-from skyarm.view.figures.flight_facts import LONGEST, flight_events, flight_labels
+from skyarm.view.figures.flight_facts import LONGEST, flight_events, flight_labels, flights_by_label
 from skyarm.view.figures.flight_panels import KINDS, panels_of
 from skyarm.view.figures.flight_plot import MOST, plot
 from skyarm.view.figures.style import PAPER
@@ -378,3 +378,21 @@ def test_changes_in_flight_are_lines_and_many_are_counted() -> None:
         ("gust", 0.3, 0.7),
         *[("4 changes of 4 numbers", 0.5, 0.5)] * 4,
     ]
+
+
+def test_flights_of_a_picture_are_logs_and_paths(tmp_path: Path) -> None:
+    ct, pd = flights().values()
+    a, b = ct.save_npz(tmp_path / "a.npz"), pd.save_npz(tmp_path / "b.npz")
+    assert list(flights_by_label(str(a))) == ["a"]
+    assert list(flights_by_label([a, str(b)])) == ["a", "b"]
+    assert list(flights_by_label({"mine": a, "its": pd})) == ["mine", "its"]
+    assert list(flights_by_label([a, pd])) == ["hybrid_computed_torque", "decoupled_pd"]
+    assert all(
+        np.array_equal(flights_by_label([a, pd])[law].tip, log.tip)
+        for law, log in (("hybrid_computed_torque", ct), ("decoupled_pd", pd))
+    )
+    (line,) = (each for each in plot(a, kind="tip").axes[0].get_lines() if each.get_label() == "a")
+    assert np.array_equal(line.get_ydata(), ct.tip[:, 0])
+    for given, words in ((3, "3: must be a Log or the path of one's file"), ("absent.npz", "'absent.npz': no such")):
+        with pytest.raises(ValueError, match=f"^log = {words}"):
+            plot(given)  # type: ignore[arg-type]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_part
+from skyarm.log.formats import as_log
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.accumulate import CONTINUOUS, Goal, Instant, Limits, advance_totals, first_totals, quantity
 from skyarm.log.metrics.metric_catalogue import metric_names, required_totals, values
@@ -24,11 +26,13 @@ from skyarm.records.files import shown
 from skyarm.records.leaves import leaves, rebuild
 
 
-def score(log: Log, metrics: Sequence[str] = ("standard",), windows: Windows | None = None) -> dict[str, float]:
+def score(
+    log: Log | str | os.PathLike[str], metrics: Sequence[str] = ("standard",), windows: Windows | None = None
+) -> dict[str, float]:
     """Compute metrics of a logged flight, by metric name.
 
     Args:
-        log: of the flight.
+        log: of the flight, or the path of its file.
         metrics: names and groups (:mod:`skyarm.log.metrics.metric_catalogue`), registered ones too.
         windows: time windows, in place of those of the scenario.
 
@@ -38,8 +42,7 @@ def score(log: Log, metrics: Sequence[str] = ("standard",), windows: Windows | N
     Raises:
         ValueError: no log, no windows, an unknown metric, or a window that ends after the planned flight.
     """
-    if not isinstance(log, Log):
-        raise ValueError(f"log = {shown(log)}: must be a Log, as run(scenario) or load_log(path) gives it")
+    log = as_log(log)
     if not isinstance(windows, (Windows, type(None))):
         raise ValueError(f"windows = {shown(windows)}: must be Windows or None")
     joints = log.joints.shape[1]

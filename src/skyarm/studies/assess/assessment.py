@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import warnings
 from typing import Any
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
@@ -10,6 +12,8 @@ from skyarm.plant.interface import require_gravity
 from skyarm.records.field_rules import rules
 from skyarm.records.files import number
 from skyarm.records.immutable import immutable
+from skyarm.records.notebook import notebook_html
+from skyarm.scenario.scenario_file import is_scenario, load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import (
     law_warnings,
@@ -18,6 +22,8 @@ from skyarm.scenario.unlikely_numbers import (
     unlikely_in_vehicle,
     unlikely_units,
 )
+from skyarm.scenario.without_effect import WithoutEffectWarning
+from skyarm.simulate.user_code import require_shapes
 from skyarm.studies.assess.along_reference import along_reference
 from skyarm.studies.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.studies.assess.causes import causes_first
@@ -29,6 +35,7 @@ from skyarm.studies.assess.pressing_flights import pressing_flights
 from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.thrust import largest_payload, largest_side_force, thrust_margin, torque_authority
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
+from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.payload import Payload
 
@@ -92,6 +99,9 @@ class Assessment:
     poses: int
     findings: tuple[Finding, ...]
 
+    def _repr_html_(self) -> str:
+        return notebook_html(self)
+
     @property
     def flies(self) -> bool:
         """True if no check found a fault, so that the vehicle can fly."""
@@ -112,6 +122,36 @@ class Assessment:
             "arm_poses": self.poses,
             "findings": [each.plain() for each in self.findings],
         }
+
+
+def check(
+    what: Vehicle | Scenario | str | os.PathLike[str],
+    *,
+    payload: float = 0.0,
+    poses: int = POSES,
+    gravity: float | None = None,
+) -> Assessment:
+    """Check whether a vehicle, or that of a scenario, can fly, and why not, as ``skyarm check`` does.
+
+    Args:
+        what: a vehicle or a scenario, or the name or path of one.
+        payload: kg, a point mass at the tip.
+        poses: sampled arm poses.
+        gravity: m/s^2, for a vehicle; 9.81 if left out.
+
+    Raises:
+        ValueError: one line: what cannot be read, or an argument outside of what is allowed.
+    """
+    if not isinstance(what, (Vehicle, Scenario)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", WithoutEffectWarning)  # a finding below
+            what = load_scenario(what) if is_scenario(str(what)) else load_vehicle(what)
+    if isinstance(what, Vehicle):
+        return assess_vehicle(what, gravity=9.81 if gravity is None else gravity, payload=payload, poses=poses)
+    if gravity is not None:
+        raise ValueError(f"--gravity = {gravity:g}: must be left out: the scenario states its own (plant.gravity)")
+    require_shapes(what)
+    return assess_scenario(what, payload=payload, poses=poses)
 
 
 def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 0.0, poses: int = POSES) -> Assessment:

@@ -13,7 +13,6 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
@@ -111,7 +110,7 @@ class Cell:
         return np.asarray(self.completed & self.upright & near)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Flights:
     """Description of the flights of one controller in one case and condition, to send to another process.
 

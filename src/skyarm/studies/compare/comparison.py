@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from skyarm.records.immutable import immutable
 from skyarm.studies.compare.cells import Cell, Flights
 from skyarm.studies.compare.comparison_report import TRACKING, comparison_report, value
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
@@ -23,7 +24,7 @@ BRIEF, WIDEST = ("step", "part"), "case3_wind"
 """Groups of entrants that meet perturbed plants in one case only: their tables say what a part of a law is worth."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Comparison(Suite[Flights]):
     """Benchmark that compares all shipped controllers on the same cases and perturbed plants.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from skyarm.control.controller import ControllerError
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
 from skyarm.studies.compare.contact_report import CONDITIONS, METRICS, cell_record, contact_report
@@ -27,7 +27,7 @@ WORLDS, QUICK = 200, 16
 """Perturbed worlds of each task; where it is to be quick."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class ContactFlights(Flights):
     """Flights of one controller in one contact task with perturbed surroundings and plant."""
 
@@ -86,7 +86,7 @@ def worlds_of(task: str, count: int, seed: int) -> Worlds:
     return found
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class ContactSuite(Suite[ContactFlights]):
     """Benchmark of several controllers on contact tasks, such as pressing or opening a door.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib import resources
 from typing import Any
 
@@ -20,6 +20,7 @@ from skyarm.control.catalogue import (
 )
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model, Terms
+from skyarm.records.immutable import immutable
 from skyarm.records.registry.plugins import law_of_file_name
 from skyarm.records.registry.registrations import SHIPPED, registrations
 from skyarm.studies.compare.suite import DELAY
@@ -28,7 +29,7 @@ PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERAT
 """Every step of the ladder flies with the paper's gains; only the law differs."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Entrant:
     """Controller that takes part in a comparison: control law, options and gains.
 

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.immutable import immutable
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
@@ -45,7 +45,7 @@ QUICK = 10.0
 """s, of a trial where the envelope is to be quick."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class AxisFlights(Flights):
     """Flights of one controller in a trial at increasing difficulty, all with the same noise.
 
@@ -135,7 +135,7 @@ def axis_flights(
     return [dataclasses.replace(whole, points=(value,)) for value in points]
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Envelope(Suite[AxisFlights]):
     """Benchmark that measures the performance envelope of several controllers.
 

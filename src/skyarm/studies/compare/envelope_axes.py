@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 from skyarm.algebra import E_X, Vec3
 from skyarm.dynamics.actuators.drive import LaggedTorque
 from skyarm.records.arrays import Array
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import walk
 from skyarm.reference import Constant, Product, Pulses, Ramp, Signal, Sine, Sum, Windowed
 from skyarm.reference.splines import uniform_curve
@@ -82,7 +82,7 @@ WIND_STEPS = {"x": ((0.0, 3.0, 1.0), (9.0, 12.0, -1.0)), "y": ((6.0, 9.0, 1.0),)
 Numbers = Mapping[str, float]
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Axis:
     """Difficulty axis of the performance envelope: one trial at several parameter values, the easiest first.
 

@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.workspace import reach
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -42,7 +42,7 @@ DURATION = 20.0
 """s, of a trial."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Setting:
     """Hover scenario of a vehicle, and the scales of the envelope's trials with the vehicle.
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from skyarm.control.catalogue import require_different
 from skyarm.control.controller import autopilot_of
 from skyarm.records.files import versions
 from skyarm.records.identity import identity
+from skyarm.records.immutable import immutable
 from skyarm.records.registry import names
 from skyarm.scenario.in_flight import stretches
-from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.draws import draws_needed
 from skyarm.studies.compare.cells import JITTER, LIMITED, Cell, Flights
@@ -43,28 +43,29 @@ COLUMNS: Sequence[tuple[str, str, float]] = (
 """Head, metric, factor from SI to the unit of the head; user-defined metrics follow in SI."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class GivenFlights(Flights):
     """Flights of a scenario as with ``skyarm run FILE --controller LAW``, one per noise seed."""
+
+    given: Scenario | str | os.PathLike[str]
 
     def scenario(self) -> Scenario:
         """Scenario of the user with this controller in place of its own."""
         law = None if self.entrant.name == OWN else self.entrant.law
-        found = load_scenario(self.case.scenario, plant=self.plant, controller=law)
-        return dataclasses.replace(found, seed=self.seed)
+        return as_scenario(self.given, law).with_words(kind=self.plant, seed=self.seed)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class OwnScenario(Suite[GivenFlights]):
     """Comparison of several controllers on one scenario of the user.
 
     Attributes:
-        scenario: file or name of a shipped one. laws: that fly after the scenario's own, any controllers.
+        scenario: or its file, or the name of a shipped one. laws: that fly after the scenario's own, any controllers.
         plant: its kind. seeds: flights of each law, if the scenario has noise or random parts; else one.
         seed: of the noise.
     """
 
-    scenario: str
+    scenario: Scenario | str | os.PathLike[str]
     laws: Sequence[str] = LAWS
     plant: str = "rigid_body"
     seeds: int = 8
@@ -93,16 +94,16 @@ class OwnScenario(Suite[GivenFlights]):
         """
         named = [law for law in self.laws if law != OWN]
         require_different(named, "--laws")
-        own = load_scenario(self.scenario, plant=self.plant)
-        case = Case(name=own.name, title=own.title, scenario=self.scenario)
+        own = as_scenario(self.scenario).with_words(kind=self.plant)
+        case = Case(name=own.name, title=own.title, scenario=own.name)
         by_chance = any(draws_needed(stretch.overrides.of(own)) for stretch in stretches(own))
         title = "the scenario as its file describes it"
         episodes = self.seeds if by_chance else 1
         condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
-        options: Document = {"case": case, "condition": condition, "plant": self.plant, "seed": self.seed}
+        options: Document = {"case": case, "condition": condition, "given": self.scenario} | self.options
         once = autopilot_of(own.controller) is not None and any(
             name == own.controller.name
-            and identity(own) == identity(load_scenario(self.scenario, plant=self.plant, controller=name))
+            and identity(own) == identity(as_scenario(self.scenario, name).with_words(kind=self.plant))
             for name in named
         )
         entrants = [Entrant(name=name, group="own", law=name) for name in (*(() if once else (OWN,)), *named)]

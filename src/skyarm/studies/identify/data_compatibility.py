@@ -8,7 +8,6 @@ which it explains (data compatibility: V. Klein, E. A. Morelli, Aircraft System 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import permutations, product
 from typing import TypeAlias
 
@@ -22,6 +21,7 @@ from skyarm.flight_data.flight_data import Channel
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.raw_tables import turn_vectors
 from skyarm.flight_data.series import attitude_at, means_of
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
 from skyarm.studies.identify.motion_model import Stretch, Surroundings, predict
 from skyarm.studies.identify.rotor_lag import lag_response
@@ -56,7 +56,7 @@ AIRBORNE, SETTLED = 0.5, 1.0
 """Of the weight, thrust at which a vehicle flies; s, over which it is averaged."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class Law:
     """Two signals without mean that should be equal, at the lag at which they fit best, as their second moments.
 

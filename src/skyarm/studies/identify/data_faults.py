@@ -11,7 +11,6 @@ import dataclasses
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -22,6 +21,7 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.own_log import SIMULATED
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
 from skyarm.records.files.messages import one_line
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.channel_scales import REFUSED, WARNED, Found, wrong_units
 from skyarm.studies.identify.fault_isolation import incompatible_channels
 from skyarm.studies.identify.stretches import SETTLING, SHORTEST, commanded_speeds, flying_spans
@@ -30,7 +30,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 Array: TypeAlias = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Fault:
     """Fault of a measured flight.
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.autoregression import innovations
 from skyarm.studies.identify.identify_vehicle import RATES, search_of
 from skyarm.studies.identify.motion_model import Stretch
@@ -43,7 +43,7 @@ SHRUNK, PATIENCE = 0.85, 20
 """Factor of the amplitudes of what breaks a limit, and turns of it before everything is shrunk."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class DesignLimits:
     """Limits of a flight.
 
@@ -93,7 +93,7 @@ def _overloading(vehicle: Vehicle, flight: RequiredFlight) -> list[int]:
     return [k for k, each in enumerate(worst.tolist()) if each >= 0.7 * worst.max()]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class Candidate:
     """Segment and its information matrix (P, P) on the scale of the search."""
 
@@ -101,7 +101,7 @@ class Candidate:
     information: Array
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@immutable(eq=False)
 class Measured:
     """Clock and noise of a measured flight, after which segments are judged.
 

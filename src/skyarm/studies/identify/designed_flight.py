@@ -11,7 +11,6 @@ import dataclasses
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -22,6 +21,7 @@ from skyarm.dynamics.workspace import reach
 from skyarm.flight_data.own_log import measured_flight
 from skyarm.log.flight_log import Log
 from skyarm.records.files.toml import toml_key, toml_value
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import run
 from skyarm.studies.compare.suite import DELAY, NOISE
@@ -47,7 +47,7 @@ SATURATED = 0.002
 """Largest share of commands at a rotor's limit."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Sharpened:
     """Number of a vehicle with the half widths of the 95 % intervals to expect.
 
@@ -64,7 +64,7 @@ class Sharpened:
         return self.undesigned.half_width / self.designed.half_width
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@immutable(eq=False)
 class DesignedFlight:
     """Designed excitation flight.
 

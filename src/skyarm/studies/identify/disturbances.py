@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -19,6 +18,7 @@ import numpy.typing as npt
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import continuous
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.lagged_inputs import to_base
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
 from skyarm.studies.identify.sampled_series import middle
@@ -46,7 +46,7 @@ constants that searches begin with.
 """
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class AxisNoise:
     """Noises of one axis, in units of its velocity and seconds.
 
@@ -71,7 +71,7 @@ class AxisNoise:
         return step, noise, self.measured**2
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class DisturbanceModel:
     """Noises of the base's linear and angular velocity along its axes: x, y, z of either."""
 

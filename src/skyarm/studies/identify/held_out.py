@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy.typing as npt
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import attitude_at, columns_at
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.disturbances import SETTLED, fit_disturbances
 from skyarm.studies.identify.identified_parts import surroundings_with
 from skyarm.studies.identify.identify_vehicle import Identified
@@ -49,7 +49,7 @@ LEARNT = 120.0
 """s, of the flights of the fit at most, that show the noises of disturbances and how much of a prediction counts."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class OneStep:
     """Root mean square errors of the mean accelerations over one period.
 
@@ -61,7 +61,7 @@ class OneStep:
     angular_acceleration: float
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class HeldOut:
     """Errors of predictions of flights that no fit has seen.
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.prediction_error import PredictionFit
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
 from skyarm.vehicle.linkage import Link
@@ -39,7 +39,7 @@ No half of an interval is smaller, whatever the noise: planted vehicles with lit
 """
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class IdentifiedNumber:
     """Identified number with its 95 % interval.
 
@@ -69,7 +69,7 @@ class IdentifiedNumber:
         return not self.reason
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class Scale:
     """Linearisation of the reported numbers at the estimate; of positive ones their logarithms.
 
@@ -235,7 +235,7 @@ def _sampling(scale: Scale, spread: Array, period: float, sample: float) -> Arra
     return np.asarray(np.hypot(least, late))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class Conditioned:
     """Estimate that fits to the starts of numbers that flights do not show.
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files import must_be_one_of, number
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.accelerometer_lag import accelerometer_lag
 from skyarm.studies.identify.identified_numbers import (
     NOT_SHOWN,
@@ -52,7 +53,7 @@ LEAST = 160
 """Periods of the shortest stretch: 20 orders of the whitening filter."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@immutable(eq=False)
 class Identified:
     """Vehicle that was identified from flights.
 
@@ -191,7 +192,7 @@ def _rate_noise(stretches: Sequence[Stretch]) -> list[float]:
     return [max(each) for each in zip(*known, strict=True)] if known else [0.0] * stretches[0].joints.shape[1]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class Search:
     """Numbers that flights may show, and the errors of the model's prediction as a function of them.
 

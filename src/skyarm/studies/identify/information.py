@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_numbers import SHOWN
 from skyarm.studies.identify.identify_vehicle import RATES, intervals_at, search_of, unseen_lags
 from skyarm.studies.identify.motion_model import Stretch
@@ -51,7 +51,7 @@ TITLES: Mapping[str, str] = {
 """Name of a number -> words."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ExpectedNumber:
     """Accuracy that a flight allows for a number of a vehicle.
 

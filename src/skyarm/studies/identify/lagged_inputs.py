@@ -6,7 +6,6 @@ Needed forces follow from the model's inverse dynamics; those that lagged comman
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +14,7 @@ from skyarm.algebra import ZERO3
 from skyarm.dynamics.actuators.rotor import push, rotor_forces
 from skyarm.dynamics.array_front import inverse_dynamics
 from skyarm.log.flight_log import Log
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 Array = npt.NDArray[np.float64]
@@ -26,7 +26,7 @@ UNEVEN = 0.01
 """Of a period: what instants may be off an even clock."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Needed:
     """Inverse dynamics of a flight log: mean wrench and joint efforts over each of its N - 1 control periods.
 

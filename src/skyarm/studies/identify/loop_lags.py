@@ -15,7 +15,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +23,7 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import setpoints_of
 from skyarm.records.files.toml import toml_key
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.lagged_inputs import (
     Needed,
     believed_lags,
@@ -36,7 +36,7 @@ from skyarm.studies.identify.whitened_fit import Fit, blocks_of, fit
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Estimated:
     """Estimated number with its 95 % confidence interval, SI units."""
 
@@ -50,7 +50,7 @@ class Estimated:
         return cls(value=value, low=max(least, value - half), high=value + half)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Lag:
     """Identified command delay and time constants of the rotors or of one joint drive.
 
@@ -78,7 +78,7 @@ class Lag:
         return not self.reason
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LoopLags:
     """Command delays and actuator lags identified from a flight log.
 

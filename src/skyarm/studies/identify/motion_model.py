@@ -20,6 +20,7 @@ from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
 from skyarm.dynamics import forward_dynamics, inverse_dynamics, mass_matrix
 from skyarm.dynamics.actuators.rotor import push, rotor_forces
 from skyarm.flight_data.series import columns_at
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.dry_friction import mean_bend
 from skyarm.studies.identify.rotor_lag import commands_at_ends, delay_commands, integral_bends, lag_response
 from skyarm.studies.identify.sampled_series import delay_series, middle, moving_mean, position_differences, smooth_rows
@@ -35,7 +36,7 @@ FLAT, PARABOLA = (0.2,) * 5, (-3 / 35, 12 / 35, 17 / 35, 12 / 35, -3 / 35)
 """Weights of five periods in the mean, and in the parabola's value in their middle."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@immutable(eq=False)
 class Stretch:
     """Part of a flight without gaps, on an even clock: N periods between N + 1 instants.
 
@@ -167,7 +168,7 @@ class Stretch:
         return self.size * self.period
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Surroundings:
     """Delays, places and offsets of a flight and of its sensors, identified beside the vehicle.
 
@@ -197,7 +198,7 @@ class Surroundings:
     setpoint_hold: float = 0.5
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class RotorSeries:
     """Rotors over the periods of a stretch, a list over the rotors.
 

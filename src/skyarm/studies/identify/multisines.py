@@ -11,12 +11,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.immutable import immutable
 from skyarm.reference.signal_tables import signal_from
 from skyarm.studies.tune.excitation import rest_and_size
 from skyarm.vehicle.linkage import Joint
@@ -46,7 +46,7 @@ HEADING, SWING, MARGIN = 1.2, 1.2, 0.05
 """rad: swing at most of the heading, and of a joint without limits; share of a joint's range that it stays inside."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@immutable(eq=False)
 class Segment:
     """Multisines of all axes (x, y, z, heading, joints) under one envelope from rest to rest.
 
@@ -88,7 +88,7 @@ class Segment:
         return np.stack([[zero + each for each in signal.derivatives(times)[:3]] for signal in signals], axis=1)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class Axes:
     """Rests and ranges of all axes.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.disturbances import SETTLED, DisturbanceModel, begin_at, unexplained_sums
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
 from skyarm.studies.identify.whitened_fit import scipy_parts
@@ -35,7 +36,7 @@ APART = 0.1
 """s from begin to begin."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@immutable(eq=False)
 class Poses:
     """Measured pose and velocity at the instants of a stretch.
 
@@ -51,7 +52,7 @@ class Poses:
     known_velocity: Array
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class HorizonErrors:
     """Root mean square errors of a prediction over one horizon.
 
@@ -68,7 +69,7 @@ class HorizonErrors:
     rate: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class BaseStates:
     """States of the base in several predictions at one instant, each (K, ...): as of :class:`Poses`, base rates."""
 
@@ -275,7 +276,7 @@ def rotations(first: Array, second: Array) -> Array:
     return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class Weights:
     """Shares of a prediction over one horizon, of each axis, in place of which holding stands.
 
@@ -351,7 +352,7 @@ def _shares(rows: Sequence[tuple[Array, Array]]) -> Array:
     return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class Ends:
     """Predictions a horizon after their begins.
 

@@ -12,12 +12,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.autoregression import ar_coefficients, innovations
 from skyarm.studies.identify.whitened_fit import FEWEST, jackknife_scores, scipy_parts
 
@@ -66,7 +66,7 @@ Errors: TypeAlias = Callable[[Array], Sequence[Array]]
 """numbers (P,) -> for each stretch (N, rows): what the prediction leaves."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class PredictedErrors:
     """Prediction errors as a function of the parameters, with work that several candidates share done beforehand.
 
@@ -83,7 +83,7 @@ class PredictedErrors:
         return self.at(values)
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Whitening:
     """Noise of a model's errors: a filter and a standard deviation of each row, and a weight of each error.
 
@@ -104,7 +104,7 @@ class Whitening:
         return _level_rows(errors, self.filters, self.weights, self.levels) / self.scales * self.weights
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class PredictionFit:
     """Estimated numbers.
 
@@ -256,7 +256,7 @@ def expected_fit(
     return _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@immutable(kw_only=False, eq=False)
 class LinearErrors:
     """Errors of a prediction, linear in the numbers.
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -21,6 +20,7 @@ from skyarm.dynamics import center_of_mass, inverse_dynamics
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.dynamics.state import State
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.multisines import BASE_AXES
@@ -39,7 +39,7 @@ BLUR = 0.2
 """s, of a window over the needed force: a loop does not follow the jumps of jerk where an envelope begins and ends."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@immutable(eq=False)
 class RequiredFlight:
     """Flight that a reference requires, at N + 1 even instants.
 

@@ -10,12 +10,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from itertools import pairwise
 
 from skyarm.algebra import Sym3
 from skyarm.algebra.scalars import Scalar
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.servo_response import servo_of
 from skyarm.vehicle.linkage import Body, Link
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
@@ -52,7 +53,7 @@ WIND = 0.3
 """1/s, drag of the rotors over speed and mass of which a start without hub drag is thought capable."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Unknown:
     """Number to identify.
 
@@ -89,7 +90,7 @@ class Unknown:
         return math.exp(searched) if self.positive else searched
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Reported:
     """Reported number: one unknown, or the sum of some whose logarithms are searched.
 

@@ -11,13 +11,13 @@ of the sandwich of scores summed over blocks of half a second, each of the resid
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.files.packages import needs_extra
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.autoregression import ar_coefficients, innovations
 
 Array = npt.NDArray[np.float64]
@@ -37,7 +37,7 @@ Left = Callable[[Array], Array]
 """(candidates, parameters) -> (candidates, N, rows): what predictions leave, summed up over time."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Fit:
     """Result of a least-squares fit: parameters, covariance, explained share of the variance.
 

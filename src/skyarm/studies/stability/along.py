@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy.typing as npt
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.reference import Constant, Trajectory
+from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.loop_state import LoopState
@@ -112,18 +114,22 @@ def hovering(scenario: Scenario) -> Scenario:
     )
 
 
-def margins(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
+def margins(
+    scenario: Scenario | str | os.PathLike[str],
+    instants: int = 4,
+    progress: Callable[[int, int], object] | None = None,
+) -> Evidence:
     """Stability margins of a scenario in hover and along its flight, as ``skyarm margins`` prints them.
 
     Args:
-        scenario: on any plant; the rigid-body plant is linearised.
+        scenario: or its name or path; on any plant, the rigid-body plant is linearised.
         instants: number of instants along the scenario, in addition to hover.
         progress: called with the number of finished instants and their total.
 
     Raises:
         ScenarioError: fewer than 0 instants, or the loop has a memory that its linearisation does not know.
     """
-    return evidence(without_adaptation(scenario), instants, progress)
+    return evidence(without_adaptation(as_scenario(scenario)), instants, progress)
 
 
 def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:

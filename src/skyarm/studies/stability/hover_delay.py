@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import os
 
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import ControllerError, innermost
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.immutable import immutable
+from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.studies.stability.along import frozen_instants, hovering
 from skyarm.studies.stability.frozen_scenario import LAGS, nominal, without_adaptation
@@ -65,12 +67,16 @@ class HoverDelay:
         return f"below {ENOUGH:g} times the believed delay"
 
 
-def hover_delay(scenario: Scenario) -> HoverDelay:
+def hover_delay(scenario: Scenario | str | os.PathLike[str]) -> HoverDelay:
     """Delay margin of a scenario's closed loop in settled hover; zero if the vehicle crashes.
+
+    Args:
+        scenario: or its name or path.
 
     Raises:
         ScenarioError: the loop has a memory that its linearisation does not know.
     """
+    scenario = as_scenario(scenario)
     still = without_adaptation(scenario)
     found = next(frozen_instants(hovering(nominal(still)), 1), None)
     believed = believed_delay(scenario)

@@ -6,7 +6,6 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
 """Beginnings of the paths on which the plant's joint friction depends."""
 
 
-@dataclass(frozen=True)
+@immutable(kw_only=False)
 class Plan:
     """Study that has been checked at the extremes of its varied parameters and is ready to be simulated.
 

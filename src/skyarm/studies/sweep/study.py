@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import MappingProxyType
 from typing import Any
 
 from skyarm.log.metrics.windows import Windows
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.sweep.distributions import Distribution, Values, finite
 from skyarm.studies.sweep.expressions import Expression, is_own_name
@@ -23,7 +24,7 @@ class StudyError(ValueError):
     """Error of an invalid study, or of a folder that belongs to another study."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class Study:
     """Definition of a parameter sweep: scenario, controllers, distributions, metrics and seed.
 

@@ -17,7 +17,6 @@ import math
 import re
 import typing
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -173,7 +172,7 @@ GIVEN = "before"
 """Name of the gains that a search was given."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Centred:
     """Tuning flight whose controller has the gains at the centre of the search.
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from skyarm.control.controller import Controller
 from skyarm.records.arrays import Array
 from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
@@ -34,7 +34,7 @@ from skyarm.studies.tune.candidate_flights import (
 from skyarm.studies.tune.excitation import KINDS, Plants, draw_plants, with_lost
 from skyarm.studies.tune.front import POINTS, Point, Required, finalists, front_of, is_allowed
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
-from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, required_margins
+from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, required_margins, with_gains
 from skyarm.studies.tune.law_knobs import Knob, with_catalogue_gains
 
 LEADERS = 3
@@ -56,7 +56,7 @@ PICKED = "pick"
 """Name of the pick among them."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class Plan:
     """Settings of a gain tuning: flights, tunable gains, size of the search, seed.
 
@@ -105,7 +105,7 @@ class Aside:
     meets: bool
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable(slots=False)
 class Tuning:
     """Result of a gain tuning: Pareto front of gains, selected gains, validation scores.
 
@@ -128,6 +128,11 @@ class Tuning:
     def pick(self) -> Point:
         """Selected set of gains of the Pareto front."""
         return self.points[self.picked]
+
+    @property
+    def controller(self) -> Controller:
+        """Controller with the selected gains."""
+        return with_gains(self.plan.flight.controller, self.plan.knobs, self.pick.logs)
 
     @property
     def meets(self) -> bool:

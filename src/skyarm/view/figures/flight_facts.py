@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from skyarm.log.flight_log import Log
+from skyarm.log.formats import as_log
 from skyarm.log.metrics.score import wanted_push
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
@@ -61,13 +63,20 @@ def gust_interval(log: Log) -> tuple[float, float] | None:
     return float(log.time[blowing[0]]), float(log.time[end])
 
 
-def flights_by_label(flights: Log | Sequence[Log] | Mapping[str, Log]) -> dict[str, Log]:
+Flight = Log | str | os.PathLike[str]
+"""Log, or the path of its file."""
+
+Flights = Flight | Sequence[Flight] | Mapping[str, Flight]
+
+
+def flights_by_label(flights: Flights) -> dict[str, Log]:
     """Return logs by their legend labels, in the order given."""
-    if isinstance(flights, Log):
-        flights = [flights]
     if isinstance(flights, Mapping):
-        return {shorten_label(str(label)): log for label, log in flights.items()}
-    return dict(zip(flight_labels(flights), flights, strict=True))
+        return {shorten_label(str(label)): as_log(log) for label, log in flights.items()}
+    given = list(flights) if isinstance(flights, Sequence) and not isinstance(flights, str) else [flights]
+    logs = [as_log(each) for each in given]
+    files = [os.fspath(each) for each in given if not isinstance(each, Log)]
+    return dict(zip(flight_labels(logs, files if len(files) == len(logs) else ()), logs, strict=True))
 
 
 def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:

@@ -15,7 +15,15 @@ from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
 from skyarm.records.files import number
 from skyarm.records.files.names import require_suffix
-from skyarm.view.figures.flight_facts import Event, end_time, ending_of, flight_events, flights_by_label, scenario_of
+from skyarm.view.figures.flight_facts import (
+    Event,
+    Flights,
+    end_time,
+    ending_of,
+    flight_events,
+    flights_by_label,
+    scenario_of,
+)
 from skyarm.view.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, Panel, measured_flights, panels_of
 from skyarm.view.figures.projection import SIDE, TOP, View, outline
 from skyarm.view.figures.style import PAPER, Handles, Picture, Style, limits, save_picture
@@ -150,8 +158,6 @@ def _draw_solid(ax: Axes, view: View, solid: Solid) -> None:
         ax.add_patch(drawn)
 
 
-Flights = Log | Sequence[Log] | Mapping[str, Log]
-
 MOST = 12
 """Flights of one picture: more cannot be told apart."""
 
@@ -179,7 +185,7 @@ def plot(
     """Plot one or several flights over time, with references, limits and events.
 
     Args:
-        flights: one log, several, or several by the words that the legend has for them.
+        flights: a log or the path of its file, several, or several by the words that the legend has for them.
         file: written there too, as PNG, SVG or PDF by its suffix.
         kind: "tracking" (base and joints with their references), "attitude", "tip" (with its error), "contact" (forces
             with the wanted one), "efforts" and "rotors" with their limits, "all" of these; or "path" (of the tip, from

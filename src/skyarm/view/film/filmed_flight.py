@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -53,7 +53,7 @@ WIDEST = 6.0
 """m of way beyond which the patch of a plane grows no more."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class FilmedFlight:
     """Flight data at the F frames of a film, in SI units and world axes: poses, references, tip error, forces.
 

@@ -19,12 +19,12 @@ Source: Gottschalk, Lin, Manocha 1996, OBBTree, section 5; Ericson 2005, Real-ti
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars import absolute, clip, divide, maximum, minimum, sqrt, where
+from skyarm.records.immutable import immutable
 from skyarm.world.contact.carrier import NOBODY, CarriedFrame, Carrier
 from skyarm.world.contact.surface import Surface
 
@@ -47,7 +47,7 @@ _PARALLEL = 1e-12
 """Square of the sine of an angle: parallel edges have a normal of zero instead of NaN."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class PlacedBox:
     """Box in the world: middle (m), rotation of its axes to world axes, and half lengths (m)."""
 
@@ -120,7 +120,7 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Any, Vec3]]
         yield each.place, minimum(each.inside, behind), each.normal
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class _Crossing:
     """Two edges: place between them (m), depth along their common normal (m), the same at most inside both, normal."""
 

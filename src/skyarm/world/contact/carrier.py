@@ -9,11 +9,11 @@ carriers, touch the surfaces that it carries.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, divide
+from skyarm.records.immutable import immutable
 from skyarm.world.component import Column, moved_by
 from skyarm.world.contact.surface import Surface
 
@@ -21,7 +21,7 @@ Spot = tuple[Vec3, Any]
 """A ball of a carrier that touches surfaces: its middle (m, world axes) and its radius (m; an int of 0 is a point)."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class CarriedFrame:
     """Position, rotation, velocity and angular velocity of a movable body (free object or mechanism) in the world.
 

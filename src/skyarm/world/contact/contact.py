@@ -8,7 +8,7 @@ beside them, since it advances within a control period.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,6 +19,7 @@ from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError
@@ -63,7 +64,7 @@ then errs by 0.006 % of its energy at any phase of the steps, and by 0.014 % at 
 up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bristle has it, where a share of 1 leaves 7 N."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ContactMemory:
     """Internal state of the contact model: surface clock, friction bristles, movable bodies and grippers.
 
@@ -81,7 +82,7 @@ class ContactMemory:
     grips: tuple[Grip, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Contact(Force):
     """Contact model: surfaces, movable bodies, grippers and the points of the vehicle that may touch them.
 

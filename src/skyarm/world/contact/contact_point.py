@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
@@ -13,6 +13,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import RecordError, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Name, Unit
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -26,7 +27,7 @@ MOST = 64
 """Points of a ring at most: each costs as much as any other."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Ring:
     """Equally spaced contact points on a circle about the z axis, such as the rim of a peg.
 
@@ -46,7 +47,7 @@ class Ring:
         return [Vec3(self.radius * math.cos(angle), self.radius * math.sin(angle), 0) for angle in angles]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ContactPoint:
     """Point or ball fixed to a body of the vehicle, at which surfaces exert contact forces.
 
@@ -101,7 +102,7 @@ class ContactPoint:
         return self.position, names.index(self.body)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Touch:
     """Contact state of one point at one surface: penetration, slip velocity, normal force and friction.
 

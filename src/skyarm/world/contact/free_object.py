@@ -7,7 +7,7 @@ and for other objects; with its own corners, rims or as a ball it touches the su
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import product
 from typing import Annotated, Any
 
@@ -17,6 +17,7 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Name, Unit
 from skyarm.world.component import Column
@@ -50,7 +51,7 @@ _LEVEL = 1e-10
 """Share of a fixed direction in that of the rim's deepest place, which a cylinder that stands upright does not have."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ObjectMotion:
     """State of a free object: position, attitude, velocity and angular velocity.
 
@@ -65,7 +66,7 @@ class ObjectMotion:
     rate: Vec3
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class FreeObject(Carrier):
     """Free object: a rigid box, cylinder or ball that lies on surfaces and can be pushed or grasped.
 

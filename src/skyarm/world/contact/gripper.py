@@ -20,7 +20,7 @@ Taking hold and giving way happen at control instants. What gave way takes hold 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
@@ -29,6 +29,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Name, Unit
 from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.signals import Constant, Signal
@@ -48,7 +49,7 @@ ADHESIVE = ("magnet", "suction")
 """Kinds that are pulled off along the normal."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Command:
     """Command of a gripper over time: closed while its signal is above one half."""
 
@@ -67,7 +68,7 @@ class Command:
         return self.signal.derivatives(t)[0] > 0.5
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Grip:
     """Internal state of a gripper: index of the held body, pose of the grasp, and number of slips.
 
@@ -86,7 +87,7 @@ class Grip:
     turn: Mat3
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Hold:
     """Force and torque of a grasp on the grasped body, world axes.
 
@@ -102,7 +103,7 @@ class Hold:
     twist: Vec3 | None = None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Gripper:
     """Gripper of the vehicle (magnet, suction cup, jaw, ball or hook) that can hold one movable body.
 
@@ -325,7 +326,7 @@ UNCHANGED = Grip(
 """Rate of a grip's memory: it changes at control instants only."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Grasps:
     """Grippers of the vehicle together with the bodies that they can grasp.
 

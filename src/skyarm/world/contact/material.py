@@ -18,12 +18,12 @@ Source: Hunt, Crossley 1975 (normal force); Dahl 1968 and Canudas de Wit, Olsson
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, divide, exp, maximum, minimum, same, sqrt, where
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 BRISTLE_DAMPING = 5.0
@@ -71,7 +71,7 @@ ROUGHEST = 100.0
 """Coefficient of friction; rubber has 1 to 4."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Material:
     """Contact material of a surface: stiffness, dissipation and friction."""
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import E_X, E_Z, ZERO3, Vec3
@@ -17,6 +17,7 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Name, Unit
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import CarriedFrame, Carrier
@@ -24,7 +25,7 @@ from skyarm.world.contact.material import BRISTLE_STEP, DULLEST, LONGEST, Materi
 from skyarm.world.contact.surface import Surface, rotation_of
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Mechanism(Carrier):
     """Mechanism with one degree of freedom and contact surfaces, such as a door, valve, drawer or button.
 
@@ -248,7 +249,7 @@ STEEPEST = 16.0 / 3.0**1.5
 """Largest slope of a detent, in F / w: that of 16 u^2 (1 - u)^2, at u = (1 - 3^-0.5) / 2."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Detent:
     """Detent of a mechanism: an interval of the coordinate with an opposing force, as of a latch or click.
 
@@ -270,7 +271,7 @@ class Detent:
         return (16.0 * self.force) * (hump * hump)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class MechanismMotion:
     """State of a mechanism: coordinate (rad or m), rate, and deflection of its friction bristle if any."""
 
@@ -342,7 +343,7 @@ def _at_stop(limit: Any) -> bool:
     return not (concrete(limit) and math.isinf(limit))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Kind:
     """Kind of mechanism, such as a door: whether it turns, its axis, and the lengths that define its body.
 
@@ -368,7 +369,7 @@ KINDS = {
 """Word -> how it moves. A valve of two lengths is a wheel, one of three a lever."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Solid:
     """Box or cylinder of a mechanism, in the mechanism's axes.
 

@@ -8,11 +8,11 @@ a memory: points by surface, spots by body and surface, edges.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, maximum, neg, sqrt
+from skyarm.records.immutable import immutable
 from skyarm.world.contact.box_edges import box_of, edge_touches, pairs_with_edges
 from skyarm.world.contact.carrier import NOBODY, CarriedFrame, both
 from skyarm.world.contact.contact_point import Moving, Touch, touch_of
@@ -30,7 +30,7 @@ EDGE = -1
 """Index of a meeting of two edges, in place of that of a spot."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Meeting:
     """Contact state of one surface with one point of the vehicle or of a movable body.
 
@@ -49,7 +49,7 @@ class Meeting:
     place: Vec3
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class _Place:
     """Point or ball that may touch a surface: centre, velocity, angular velocity, radius (m) and mass (kg)."""
 

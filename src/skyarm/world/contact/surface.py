@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, Any
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
@@ -29,6 +29,7 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Name, Unit
 from skyarm.reference.signals import Constant
@@ -52,7 +53,7 @@ Face = tuple[Any, Vec3]
 """Height of a point above a face (m, negative inside) and the face's outward normal, axes of the surface."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Surface:
     """Contact surface: plane, box, cylinder, ball or plate with a hole, with its pose, motion and material.
 

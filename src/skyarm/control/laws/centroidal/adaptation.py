@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3
@@ -26,6 +25,7 @@ from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import jacobian_columns
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -49,7 +49,7 @@ def _towards(old: Scalar, new: Scalar, share: Scalar) -> Scalar:
     return add(old, mul(share, sub(new, old)))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Regressor:
     """Adaptation regressor of one joint: effort per kg at the tip, planned position and planned rate."""
 
@@ -64,7 +64,7 @@ class Regressor:
         return Regressor(load=load, place=place, rate=rate)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class JointLearned:
     """Adaptation state of one joint: friction damping, effort offset and slope, and filtered signals.
 
@@ -120,7 +120,7 @@ class JointLearned:
         )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Learned:
     """Adapted tip mass and joint friction, and the resulting feed-forward of the next period."""
 
@@ -129,7 +129,7 @@ class Learned:
     feedforward: Disturbance
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class AdaptationGains(Part):
     """Rates and bounds of the tip-mass and friction adaptation; a rate of None disables that estimate."""
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
@@ -34,6 +33,7 @@ from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.coerce import concrete
 from skyarm.records.files import Fields, shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -44,7 +44,7 @@ FASTEST = 50.0
 """rad/s, of the virtual body: no loop of an arm follows a faster one."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Compliance:
     """Virtual mass, damping and stiffness of the admittance along three axes; an axis of mass int 0 is locked."""
 
@@ -55,7 +55,7 @@ class Compliance:
     axes: Annotated[tuple[Vec3, ...], Unit("", "unit vectors, world axes; none for those of the world")] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class VirtualBody:
     """State of the admittance's virtual body: offset from the reference and its rate along three axes."""
 
@@ -103,7 +103,7 @@ def along_world(axes: Sequence[Vec3], values: Sequence[Scalar]) -> Vec3:
     return total
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Detection:
     """Constants for the detection of an external force at the tip."""
 
@@ -115,7 +115,7 @@ class Detection:
     wind_rate: Annotated[Scalar, Unit("rad/s", "filter of the base's force beside one that counts")] = 1.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class AdmittanceMemory:
     """Internal state of the admittance control: virtual body, external-force detection and disturbance bias."""
 
@@ -129,7 +129,7 @@ class AdmittanceMemory:
     sensor_bias: Annotated[Vec3 | tuple[()], Unit("N", "bias of that sensor, axes of the tip")] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class AdmittanceGains(Part):
     """Constants of the admittance control."""
 

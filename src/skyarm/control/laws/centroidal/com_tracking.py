@@ -11,7 +11,6 @@ compensates the share arm_turn / size of the horizontal motion of h about its sl
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
@@ -21,10 +20,11 @@ from skyarm.control.blocks.attitude import Attitude, derivative, reachable, vect
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.sideways_force import Reach, achievable_force, across
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Thrust:
     """Desired and achievable force on the centre of mass, and the resulting acceleration.
 
@@ -147,7 +147,7 @@ MEAN = 1.0
 SMALL = 1e-9
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ArmMotion:
     """Filter state of the arm's motion: intensity, and slow mean of the centre of mass."""
 

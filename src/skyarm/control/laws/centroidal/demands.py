@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, maximum, minimum, mul, sqrt, sub
@@ -31,10 +30,11 @@ from skyarm.control.laws.centroidal.shift_motion import Following
 from skyarm.control.laws.centroidal.sideways_force import Reach, leaning, planned_rate, reach_of, thrust_axis
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Planned:
     """Planned motion without tracking errors: attitude, accelerations and joint signals.
 
@@ -52,7 +52,7 @@ class Planned:
     angles: tuple[Taylor, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Demand:
     """Desired thrust, angular acceleration and joint accelerations of one control step.
 
@@ -74,7 +74,7 @@ class Demand:
     gap: Scalar = 0
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Course:
     """Desired motion of base and arm at one instant, with the quasi-static attitude.
 

@@ -11,7 +11,6 @@ Sources: Gao 2003 (poles of the tracker); the slope is the Wiener coefficient of
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import Vec3
@@ -20,6 +19,7 @@ from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 STAGES = 3
@@ -41,7 +41,7 @@ SLOWEST, STEEPEST = 0.1, 5.0
 """m/s^3: changes of the force per mass that are too slow to tell, and too quick to go on."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class TrendGains(Part):
     """Constants of the force trend: tracking filter of force and rate, and evidence for the rate's weight."""
 
@@ -70,7 +70,7 @@ class TrendGains(Part):
         return trend
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ForceTrend:
     """Filter state of the force trend: tracked force and rate, delay lines and prediction statistics."""
 

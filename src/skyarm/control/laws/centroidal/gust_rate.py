@@ -24,7 +24,6 @@ tip^2 shifts by (p - a) / (p + a) of what a lasting force asks for. The shift's 
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.algebra import Vec3
@@ -34,6 +33,7 @@ from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.control.laws.centroidal.presets import PRESETS_ARM, SHORTEST, arm_length, noise_share
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -69,7 +69,7 @@ It trades steps for turbulence: 43.9 / 14.5 / 5.7 and 40.9 / 16.6 / 5.7.
 """
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class GustRateGains(Part):
     """Constants of the rate of gusts: its share, the arm's length, and the rates between noise and saturation."""
 
@@ -107,7 +107,7 @@ class GustRateGains(Part):
         return after
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class GustRate:
     """Filter state of the rate of gusts: the force, and mean squares of its rate and of the arm's."""
 

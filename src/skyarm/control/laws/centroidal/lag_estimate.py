@@ -18,7 +18,6 @@ or a late servo, look like a slow actuator, and less bandwidth swings them more.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import accumulate
 from typing import Annotated, Any
 
@@ -28,6 +27,7 @@ from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares
 from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 TILTS = 2
@@ -71,7 +71,7 @@ IGNORED = 0.002
 """Lag that changes nothing, s: what the middle of a control period and rounding leave."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LagGains(Part):
     """Constants of the lag estimate: lags that halve the bandwidths of rotor and joint loops, spacing of candidates."""
 
@@ -184,7 +184,7 @@ class LagGains(Part):
         )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Bank:
     """Residual statistics of the candidate lags for one group of axes."""
 
@@ -192,7 +192,7 @@ class Bank:
     scale: Annotated[Scalar, Unit("(rad/s^2)^2", "size of the residuals")]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LagMemory:
     """State of the lag estimate: filtered accelerations of roll, pitch and joints, and residual statistics."""
 

@@ -12,7 +12,6 @@ Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -30,13 +29,14 @@ from skyarm.control.laws.centroidal.shift_motion import Following, slow_force, s
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.preview import Sample, samples, samples_ahead
 from skyarm.sensing.measurement import Measurement
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class PartMemories:
     """Internal states of the law's optional parts (lag estimate, contact control ...); empty for a disabled part."""
 
@@ -50,7 +50,7 @@ class PartMemories:
     adaptation: Any = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class CentroidalMemory:
     """Internal state of the centroidal law between two control steps: observer, filters, commands, optional parts.
 

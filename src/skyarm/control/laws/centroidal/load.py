@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
@@ -28,6 +27,7 @@ from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import BASE, Body
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -142,7 +142,7 @@ def _step(pace: Scalar, bandwidth: Scalar, holds: Scalar, learns: Scalar, dt: Sc
     return where(holds, low_pass_share(mul(pace, bandwidth), dt), 0.0) * learns
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LoadGains(Part):
     """Constants of the load estimate.
 
@@ -222,7 +222,7 @@ class LoadGains(Part):
         return found
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class LoadMemory:
     """State of the load estimate: mass, centre of mass, and disturbance without the load."""
 

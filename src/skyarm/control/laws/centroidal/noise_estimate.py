@@ -14,7 +14,6 @@ Sources: Mehra 1970 (noise from the innovations' autocovariance); Kalman, Bucy 1
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
@@ -23,6 +22,7 @@ from skyarm.control.blocks.filters import double_pole
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
 RATE = 2.0
@@ -36,7 +36,7 @@ LEAST = 1e-3
 """Share of an innovation that is left, at least: an observer that takes measurements whole shows no noise."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class NoiseGains(Part):
     """Constant of the noise estimate: density of velocity noise up to which the observer keeps its bandwidth."""
 
@@ -72,7 +72,7 @@ class NoiseGains(Part):
         )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class NoiseMemory:
     """State of the noise estimate: the last residual and change, and the variance."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
@@ -13,6 +12,7 @@ from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.laws.centroidal.part import Part
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics.actuators import Mixer
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
 from skyarm.records.units import Unit
 
@@ -33,7 +33,7 @@ BRACES, QUICKER = (0.05, 9.0, 3.2), (0.15, 3.0, 2.0)
 The same of their observer's bandwidth with an accelerometer, where a tenth of the thrust is too little to tell."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class SidewaysGains:
     """Constants of the rotors' sideways force; ``attitude`` is the roll and pitch held meanwhile, None for level."""
 
@@ -41,7 +41,7 @@ class SidewaysGains:
     attitude: Annotated[tuple[Scalar, Scalar], Unit("rad", "roll and pitch that sideways force holds")] | None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class CenterGains:
     """Bounds and shaping of the desired force on the centre of mass; a field of None disables that bound."""
 
@@ -53,7 +53,7 @@ class CenterGains:
     sideways: SidewaysGains | None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class RotorGains:
     """Constants of the rotor commands.
 
@@ -66,7 +66,7 @@ class RotorGains:
     leads_thrust: bool
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class GustGains:
     """Constants of the base offset under gusts: pace of the offset, and force change that counts as large."""
 
@@ -74,7 +74,7 @@ class GustGains:
     size: Annotated[Scalar, Unit("N", "change of the force below which the base shifts slowly", low=0.0, strict=True)]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class ShiftGains:
     """Constants of the base's shift that keeps the tip in place; ``gust`` is None without the filter for gusts."""
 
@@ -82,7 +82,7 @@ class ShiftGains:
     gust: GustGains | None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class TipGains:
     """Gains of tip control, and constants of the base offset that keeps the tip in place.
 
@@ -100,7 +100,7 @@ class TipGains:
     links: Annotated[tuple[Scalar, ...], Unit("", "bandwidth of each link's orientation over the tip's; () for 1")] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Parts:
     """Optional parts of the centroidal law (lag estimate, contact ...) in order of execution; None disables a part."""
 
@@ -118,7 +118,7 @@ class Parts:
         return [(name, part) for name, part in parts(self).items() if part is not None]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class CentroidalParameters:
     """Constants of the centroidal law.
 

@@ -13,7 +13,6 @@ input force, whose hard bound of the lateral force is smooth here.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, cast
 
 from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
@@ -21,13 +20,14 @@ from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.attitude import Attitude, derivative, vector_series
 from skyarm.dynamics.actuators import Mixer
+from skyarm.records.immutable import immutable
 
 LEAST = 0.4
 """Of what hover takes of a rotor: the least room that is reckoned with. Less lets the base swing far over when thrust
 goes away for a moment; more counts on force that is not there (tried from 0.05 to 1 near free fall)."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Reach:
     """Squared rotor speeds per unit of force, and limits of the squared speeds, for sideways forces.
 

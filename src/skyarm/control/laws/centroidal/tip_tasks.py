@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin, total
@@ -24,11 +23,12 @@ from skyarm.control.blocks.center_of_mass import axes, com_columns
 from skyarm.control.blocks.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.parameters import TipGains
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-@dataclass(frozen=True, slots=True)
+@immutable(kw_only=False)
 class Goal:
     """Tip and link references for a level base, world axes, with first and second derivatives.
 
@@ -238,7 +238,7 @@ def plan_weight(vehicle: Vehicle, directions: Sequence[Vec3], errors: Sequence[V
     return 1.0 + MORE - divide(MORE * MORE * unit, MORE * unit + total(mul(each, each) for each in turning))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Now:
     """Present motion of the vehicle: attitude, body rate, joints, posture and tip.
 

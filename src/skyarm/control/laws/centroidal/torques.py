@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from skyarm.algebra import E_Z, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, add, clip, logical_and, maximum, sqrt, sub, where
@@ -15,6 +15,7 @@ from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command, friction, mix
+from skyarm.records.immutable import immutable
 
 TRIM = 0.1
 """Bound of the trim as a share of a rotor's largest squared speed: more than the lag of motors takes."""
@@ -42,7 +43,7 @@ def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> 
     )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@immutable
 class Done:
     """Result of one control step: command, flags of unsaturated actuators, and rotor trim.
 

@@ -1,0 +1,64 @@
+"""Lines and picture of a record in a notebook: those of the command that prints it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from rich.console import RenderableType
+
+from skyarm.cli.check_command import sheet
+from skyarm.cli.output import PLAIN, Terminal, heading, table_of, tell
+from skyarm.cli.run_command import facts, summary
+from skyarm.cli.show_command import sheet as vehicle_sheet
+from skyarm.cli.show_command import vehicle_facts
+from skyarm.log.flight_log import Log
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.studies.assess.assessment import Assessment
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.figures.flight_plot import plot
+from skyarm.view.figures.vehicle_drawing import vehicle_drawing
+from skyarm.view.pages import image
+
+WIDTH = 100
+"""Characters of a line of a table."""
+
+PARTS = ("air", "forces", "faults", "sensors", "drives", "payloads", "changes", "endings")
+"""Fields of a scenario with any number of records, which are counted by class."""
+
+
+def scenario_lines(scenario: Scenario) -> Iterable[RenderableType]:
+    """Lines of a scenario: title, vehicle, law, plant, surroundings."""
+    rows = {
+        "vehicle": scenario.plant.vehicle.name,
+        "law": scenario.controller.name,
+        "plant": f"{scenario.kind} ({scenario.integrator}), g = {float(scenario.plant.gravity):g} m/s^2",
+        "duration": f"{scenario.duration:g} s, control at {scenario.rates.control} Hz, seed {scenario.seed}",
+        "wind": type(scenario.wind).__name__,
+    }
+    rows |= {name: ", ".join(type(each).__name__ for each in getattr(scenario, name)) for name in PARTS}
+    return heading(f"{scenario.name}: {scenario.title}"), table_of(
+        ("", ""), [each for each in rows.items() if each[1]], left=2
+    )
+
+
+SHOWN: Mapping[type, tuple[Callable[[Any], Iterable[RenderableType]], Callable[[Any], Any] | None]] = {
+    Log: (lambda log: summary(log, facts(log)), lambda log: plot(log, kind="tracking")),
+    Scenario: (scenario_lines, lambda scenario: vehicle_drawing(scenario.plant.vehicle)),
+    Vehicle: (lambda vehicle: vehicle_sheet(vehicle, vehicle_facts(vehicle, 9.81))[:1], vehicle_drawing),
+    Assessment: (sheet, None),
+}
+"""Class -> functions that return its lines, and its picture."""
+
+
+def words_and_picture(record: object) -> tuple[str, str]:
+    """Lines of a record as text, and its picture as HTML; no picture where none can be drawn."""
+    lines, draw = SHOWN[type(record)]
+    words = io.StringIO()
+    tell(*lines(record), screen=Terminal(file=words, width=WIDTH, force_jupyter=False, **PLAIN))
+    try:
+        picture = "" if draw is None else image(type(record).__name__, "", draw(record)._repr_png_())
+    except Exception:  # the words are there
+        picture = ""
+    return words.getvalue(), picture

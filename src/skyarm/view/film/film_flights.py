@@ -1,0 +1,63 @@
+"""Film or 3-D recording of flights, from Python: scenarios are flown first."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from skyarm.log.flight_log import Log
+from skyarm.log.formats import as_log
+from skyarm.records.files import output_file
+from skyarm.records.registry import names
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.loop import run
+from skyarm.view.film.make_film import FilmSettings, Progress, make_film
+from skyarm.view.film.recording import SUFFIXES, record, save_recording
+from skyarm.view.film.video_files import require_film_format, usual_size_and_rate
+
+Flight = Log | Scenario | str | os.PathLike[str]
+"""Log or scenario, or the path or name of one."""
+
+
+def film(
+    flights: Flight | Sequence[Flight],
+    file: str | os.PathLike[str],
+    *,
+    labels: Sequence[str] | None = None,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> Path:
+    """Film flights as MP4 or WebP, or record them for a browser (.viser, .html), as ``skyarm film`` does.
+
+    Args:
+        flights: a log or a scenario, the path or name of one, or several; scenarios are flown first.
+        file: appears whole or not at all.
+        labels: name of each flight.
+        progress: called with (frames drawn, frames in all).
+        settings: fields of :class:`skyarm.view.film.make_film.FilmSettings`: layout, camera, width, height, fps, speed,
+            start, stop, ghost, plot, fine, title.
+
+    Returns:
+        the file.
+
+    Raises:
+        ValueError: one line: a flight, a suffix, a setting, or what is missing on this machine.
+        OSError: the file cannot be written.
+    """
+    path = output_file(os.fspath(file), "file")
+    recorded = require_film_format(path, SUFFIXES) is None
+    usual = dict(zip(("width", "height", "fps"), usual_size_and_rate(path), strict=True))
+    chosen = FilmSettings(**{**usual, **settings})
+    several = isinstance(flights, Sequence) and not isinstance(flights, str)
+    logs = [_log(each) for each in (flights if several else [flights])]
+    if recorded:
+        return save_recording(record(logs, chosen, labels=labels, progress=progress), path)
+    return make_film(logs, path, chosen, labels=labels, progress=progress)
+
+
+def _log(flight: Any) -> Log:
+    """Return the log of a flight; a scenario is flown first."""
+    is_file = isinstance(flight, (str, os.PathLike)) and Path(flight).suffix[1:] in names("log_format")
+    return as_log(flight) if is_file or isinstance(flight, Log) else run(flight)
