@@ -99,7 +99,7 @@ docs: $(VENV)/.docs
 	$(BIN)/python tests/website/build_site.py
 	$(BIN)/pytest -m "not attack and not digests and not thorough" tests/test_readme.py tests/test_docs*.py tests/website tests/openness
 
-WIND := case3_wind --controller paper_pd,paper_ct,centroidal_tip_stiff --label PD --label CT --label "centroidal law"
+WIND := case3_wind --laws paper_pd,paper_ct,centroidal_tip_stiff --label PD --label CT --label "centroidal law"
 
 PRESS := examples/press_and_slide.toml --label "centroidal law with interaction"
 

@@ -15,11 +15,11 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "run": ("case3", "--duration", "0.5"),
     "diff": ("flight.npz",),
     "plot": ("flight.npz", "-o", "flight.png", "--kind", "tip"),
-    "film": ("flight.npz", "flight.viser", "--fps", "5"),
+    "film": ("flight.npz", "-o", "flight.viser", "--fps", "5"),
     "export": ("flight.npz", "--to", "csv"),
     "identify": ("flight.npz", "--end", "2"),
     "margins": ("short.toml", "--instants", "0"),
-    "tune": ("hummingbird", "--controller", "decoupled_pd", "--candidates", "64", "--plants", "4", "--out", "tuned"),
+    "tune": ("hummingbird", "--laws", "decoupled_pd", "--candidates", "64", "--plants", "4", "--out", "tuned"),
     "sweep": ("study.toml", "--out", "rows"),
     "compare": ("short.toml", "--laws", "paper_pd"),
     "reproduce": (),
@@ -32,6 +32,12 @@ KEPT: Mapping[str, tuple[str, ...]] = {"new": ("fresh.py", "test_fresh.py")}
 NEEDS = {"sweep": "pyarrow", "film": "viser", "tune": "cmaes", "identify": "scipy"}
 """Command -> the library without which it is not tried."""
 
+READS = ("check", "diff", "doctor")
+"""Commands that write no result: all others take ``-o/--out``."""
+
+CHOOSES = ("run", "fly", "film", "studio", "margins", "tune", "compare", "sweep")
+"""Commands that fly laws by choice: ``--laws``."""
+
 SERVES: Mapping[str, str] = {
     "studio": "it flies on a page until Ctrl-C",
     "fly": "it needs an autopilot (tests/links/outside)",
@@ -39,7 +45,7 @@ SERVES: Mapping[str, str] = {
 """Command that runs until it is ended -> why it has no result to print."""
 
 OVERWRITES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
-    "show": "it writes nothing",
+    "show": ((("ours.toml", "-o", "a.svg"), "ours.toml", "a.svg"),),
     "check": "it writes nothing",
     "doctor": "it reads and writes no file",
     "diff": "it writes nothing",
@@ -51,7 +57,7 @@ OVERWRITES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
         (("short.toml", "--log", "short.csv", "--force"), "short.toml", "short.csv"),
         (("flight.npz", "--log", "flight.npz", "--force"), "flight.npz", "flight.npz"),
         (("short.toml", "--log", "a.csv", "--plot", "a.png"), "short.toml", "a.png"),
-        (("short.toml", "--controller", "law.py:make", "--log", "a.csv", "--force"), "law.py", "a.csv"),
+        (("short.toml", "--laws", "law.py:make", "--log", "a.csv", "--force"), "law.py", "a.csv"),
     ),
     "fly": "an earlier file of this name gets another one, as of run without --force",
     "plot": ((("flight.npz", "--out", "a.svg"), "flight.npz", "a.svg"),),
@@ -70,7 +76,7 @@ OVERWRITES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
     "margins": (
         (("short.toml", "--instants", "0", "--out", "a.json"), "short.toml", "a.json"),
         (("short.toml", "--instants", "0", "--html", "a.html"), "short.toml", "a.html"),
-        (("short.toml", "--controller", "law.py:make", "--out", "law.json"), "law.py", "law.json"),
+        (("short.toml", "--laws", "law.py:make", "--out", "law.json"), "law.py", "law.json"),
     ),
     "tune": ((("short.toml", "--out", "."), "short.toml", "tuned.toml"),),
     "compare": "its folder's files have names of their own; a link there is refused as it is written",

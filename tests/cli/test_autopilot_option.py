@@ -84,7 +84,7 @@ def test_the_command_of_the_program_outside_names_a_law_where_the_file_has_none(
     assert outside_command("case3", scenario) == command.format("case3")
     file = tmp_path / "own.toml"
     file.write_text(OWN, "utf-8")
-    assert outside_command(str(file), scenario) == command.format(f"{file} --controller LAW")
+    assert outside_command(str(file), scenario) == command.format(f"{file} --laws LAW")
     assert outside_command("case3", load_scenario("case3")) == ""
     other = with_typed_options(load_scenario("case3", controller="ardupilot"), "ardupilot:outside")
     assert outside_command("case3", other).endswith(":14640 --rate-bandwidth 18,18,6")

@@ -13,6 +13,7 @@ import pytest
 
 from commanded import refused, skyarm
 from skyarm.cli.main import main
+from skyarm.records.files import needs_extra
 from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
 
@@ -388,7 +389,7 @@ def test_an_output_folder_without_a_name_is_refused(folder: Path, command: list[
         (["reproduce", "--workers", "-1"], ("--workers = -1", "from 0 to")),
         (["reproduce", "--plant", "gazebo"], ("--plant = 'gazebo'", "rigid_body, mujoco, both")),
         (["run", "case1", "--plant", "gazebo"], ("'gazebo'", "rigid_body, mujoco")),
-        (["run", "case1", "--controller", "lqr"], ("'lqr'", "paper_pd")),
+        (["run", "case1", "--laws", "lqr"], ("'lqr'", "paper_pd")),
         (["run", "case1", "--seed", "-1"], ("seed = -1", "from 0")),
         (["run", "case1", "--duration", "-1"], ("duration = -1.0", "above 0")),
         (["run", "case1", "--duration", "nan"], ("duration = nan", "finite")),
@@ -429,4 +430,4 @@ def test_a_missing_optional_library_is_named_with_its_extra(tmp_path):
     hiding = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, env=hiding, check=False, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "skyarm: needs the extra 'tune'; python -m pip install \"skyarm[tune]\"\n"
+    assert done.stderr == f"skyarm: {needs_extra('tune')}\n"

@@ -151,7 +151,7 @@ def test_run_sums_up_over_the_scenario_s_own_window(tmp_path: Path, monkeypatch:
     monkeypatch.chdir(tmp_path)
     low = LOW.replace("0.1]", "1.0]") + STEADY
     (tmp_path / "low.toml").write_text(low)
-    lines = succeeded(typed("run", "low.toml", "--controller", "indi")).splitlines()
+    lines = succeeded(typed("run", "low.toml", "--laws", "indi")).splitlines()
     assert lines[1].startswith("law indi on hummingbird_arm2_rotors, ")
     log = Log.load_npz(tmp_path / "out" / "run" / "low.npz")
     norm = np.linalg.norm(log.position - log.position_reference, axis=1)[40:60]
@@ -164,7 +164,7 @@ def test_run_sums_up_over_the_scenario_s_own_window(tmp_path: Path, monkeypatch:
 def test_the_centroidal_law_shows_what_the_readme_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The tip of Case 3 stays within a millimetre; in the last third of the flight its reference jumps."""
     monkeypatch.chdir(tmp_path)
-    lines = succeeded(typed("run", "case3", "--controller", "centroidal_tip")).splitlines()
+    lines = succeeded(typed("run", "case3", "--laws", "centroidal_tip")).splitlines()
     mean, largest, whole = next(line for line in lines if line.startswith("tip, m")).split()[-3:]
     assert float(mean) < float(largest) < 1e-3
     assert float(whole) > 0.1
@@ -206,7 +206,7 @@ def test_plugins_that_flew_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 def test_run_chooses_plant_and_controller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    typed("run", "case1", "--duration", "0.1", "--plant", "mujoco", "--controller", "paper_pd")
+    typed("run", "case1", "--duration", "0.1", "--plant", "mujoco", "--laws", "paper_pd")
     log = Log.load_npz(tmp_path / "out" / "run" / "case1.npz")
     assert (log.info["plant"], log.info["controller"]) == ("mujoco", "decoupled_pd")
 

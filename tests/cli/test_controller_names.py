@@ -67,7 +67,7 @@ def test_a_controller_is_told_of_its_loop(name: str, periods: int) -> None:
     ("name", "law"), [("centroidal", "centroidal_joint_robust"), ("indi", "indi"), ("kim2013", "")]
 )
 def test_run_takes_any_law(folder: Path, name: str, law: str) -> None:
-    assert skyarm("run", "case1", "--duration", "0.1", "--controller", name).code == 0
+    assert skyarm("run", "case1", "--duration", "0.1", "--laws", name).code == 0
     assert Log.load_npz(folder / "out" / "run" / "case1.npz").info["controller"] == (law or name)
 
 
@@ -84,7 +84,7 @@ def test_a_controller_tells_its_preset_by_its_name(mode: str) -> None:
 def test_run_takes_tuned_gains(folder: Path) -> None:
     records = []
     for name in ("indi", "indi_tuned"):
-        assert skyarm("run", "case1", "--duration", "0.1", "--controller", name).code == 0
+        assert skyarm("run", "case1", "--duration", "0.1", "--laws", name).code == 0
         records.append(Log.load_npz(folder / "out" / "run" / "case1.npz").info["scenario_record"])
     assert records[0] != records[1]
 
@@ -99,8 +99,8 @@ def test_c_is_exported_of_any_name(folder: Path) -> None:
 @pytest.mark.parametrize(
     "command",
     [
-        ("run", "case1", "--controller", "{}"),
-        ("margins", "case1", "--controller", "{}"),
+        ("run", "case1", "--laws", "{}"),
+        ("margins", "case1", "--laws", "{}"),
         ("export", "--to", "c", "{}", "--vehicle", "hummingbird", "--out", "x.c"),
     ],
 )
@@ -175,7 +175,7 @@ def test_numbers_beyond_any_use_are_refused(folder: Path, arguments: tuple[str, 
 @pytest.mark.parametrize("word", ["mylqr.py", "mylqr.py:", "mylqr.toml:make", "mylqr.py:4"])
 @pytest.mark.parametrize(
     "words",
-    [("run", "case3", "--controller"), ("margins", "case3", "--controller"), ("export", "--to", "c", "-o", "x.c")],
+    [("run", "case3", "--laws"), ("margins", "case3", "--laws"), ("export", "--to", "c", "-o", "x.c")],
 )
 def test_a_law_of_a_file_that_is_written_otherwise_is_told_how(folder: Path, words: tuple[str, ...], word: str) -> None:
     refused(
@@ -187,7 +187,7 @@ def test_a_law_of_a_file_that_is_written_otherwise_is_told_how(folder: Path, wor
 
 
 def test_every_list_of_controllers_and_every_help_says_file_make(folder: Path) -> None:
-    refused(skyarm("run", "case3", "--controller", "lqr"), "or FILE.py:make on the command line")
+    refused(skyarm("run", "case3", "--laws", "lqr"), "or FILE.py:make on the command line")
     for command in ("run", "margins", "export"):
         shown = " ".join(skyarm(command, "--help").out.replace("│", " ").split())
         assert "FILE.py:make" in shown, command

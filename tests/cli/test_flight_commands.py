@@ -82,7 +82,7 @@ def test_a_flight_that_is_not_what_its_log_says_is_said_with_the_first_differenc
 
 
 def test_another_law_stands_beside_the_log(folder: Path) -> None:
-    assert run(folder, "run", "flight.npz", "--controller", "paper_pd", "--log", "pd.npz").code == 0
+    assert run(folder, "run", "flight.npz", "--laws", "paper_pd", "--log", "pd.npz").code == 0
     done = run(folder, "diff", "flight.npz", "pd.npz")
     assert (done.code, done.err) == (1, "")
     own, new = (skyarm.load_log(folder / name) for name in ("flight.npz", "pd.npz"))

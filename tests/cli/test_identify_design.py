@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+
 import pytest
 
 from commanded import refused, skyarm
+from skyarm.records.units import units
+from skyarm.studies.identify.design import DesignLimits
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -24,6 +29,15 @@ pytest.importorskip("scipy", reason="needs the extra 'identify'")
 )
 def test_what_is_refused(words, message):
     refused(skyarm("identify", *words), message)
+
+
+def test_the_help_has_each_limit_with_its_unit_and_default():
+    lines = skyarm("identify", "--help", columns=100).out.splitlines()
+    for each in dataclasses.fields(DesignLimits):
+        (line,) = (line for line in lines if line.startswith(f"  --{each.name} "))
+        unit, usual = units(DesignLimits)[each.name], each.default
+        shown, usual = ("deg", math.degrees(usual)) if unit.unit == "rad" else (unit.unit, usual)
+        assert line.endswith(f"of --design: {shown}, {unit.meaning}  [default: {usual:g}]")
 
 
 @pytest.mark.thorough

@@ -86,7 +86,7 @@ def changed(folder: Path) -> None:
 
 def test_run_flies_it_on_both_plants(folder):
     for plant in ("rigid_body", "mujoco"):
-        ran("run", "case3", "--controller", LAW, "--plant", plant, "--duration", "1", "--out", plant)
+        ran("run", "case3", "--laws", LAW, "--plant", plant, "--duration", "1", "--out", plant)
         (file,) = (folder / plant).glob("*.npz")
         log = Log.load_npz(file)
         assert (log.status, log.info["controller"]) == ("completed", "lqr")
@@ -98,7 +98,7 @@ def test_sweep_flies_it_beside_others_and_refuses_another_file(folder, ways):
     pytest.importorskip("pyarrow")
     from skyarm.studies.sweep.stats import Rows
 
-    words = ["sweep", "study.toml", "--controller", LAW, "--controller", "paper_ct", *ways]
+    words = ["sweep", "study.toml", "--laws", LAW, "--laws", "paper_ct", *ways]
     assert "12 rows" in ran(*words).out
     (folder / "out" / "quick" / "rows" / "chunk_0000001.parquet").unlink()
     assert "3 episodes were there" in ran(*words).out
@@ -148,7 +148,7 @@ def test_compare_flies_it_beside_others_and_another_file_again(folder, plant, wo
 
 
 def test_margins_take_it(folder):
-    ran("margins", "case3", "--controller", LAW, "--instants", "0", "--out", "margins.json")
+    ran("margins", "case3", "--laws", LAW, "--instants", "0", "--out", "margins.json")
     found = json.loads((folder / "margins.json").read_text())
     assert (found["controller"], found["plugins"]) == ("lqr", {"own_law.py": DIGEST})
     radii = [each["radius"] for each in found["instants"][0]["by_lag"].values()]
@@ -168,22 +168,22 @@ def test_a_file_never_names_a_file(folder):
     case = (LIBRARY / "case3.toml").read_text("utf-8")
     start, end = case.index("[controller]"), case.index("[", case.index("[controller]") + 1)
     (folder / "mine.toml").write_text(f'{case[:start]}[controller]\nlaw = "{LAW}"\n\n{case[end:]}')
-    words = ("controller.law = 'own_law.py:make_lqr': must not be a file's; only --controller takes FILE.py:make",)
+    words = ("controller.law = 'own_law.py:make_lqr': must not be a file's; only --laws takes FILE.py:make",)
     refused(skyarm("run", "mine.toml"), *words)
     refused(skyarm("margins", "mine.toml", "--plugin", "own_law.py"), *words)
     (folder / "file.toml").write_text(STUDY.replace('"paper_ct"', f'"{LAW}"'))
-    words = ("controllers = 'own_law.py:make_lqr': must not be a file's; only --controller takes FILE.py:make",)
+    words = ("controllers = 'own_law.py:make_lqr': must not be a file's; only --laws takes FILE.py:make",)
     refused(skyarm("sweep", "file.toml"), *words)
-    refused(skyarm("sweep", "file.toml", "--controller", LAW), *words)
+    refused(skyarm("sweep", "file.toml", "--laws", LAW), *words)
 
 
 WORDS = {
-    "run": ["run", "case1", "--duration", "0.5", "--controller"],
-    "mujoco": ["run", "case1", "--duration", "0.5", "--plant", "mujoco", "--controller"],
-    "sweep": ["sweep", "study.toml", "--workers", "2", "--controller"],
+    "run": ["run", "case1", "--duration", "0.5", "--laws"],
+    "mujoco": ["run", "case1", "--duration", "0.5", "--plant", "mujoco", "--laws"],
+    "sweep": ["sweep", "study.toml", "--workers", "2", "--laws"],
     "compare": ["compare", "--only", "perfect", "--workers", "2", "--laws"],
     "compare_mujoco": ["compare", "--only", "perfect", "--plant", "mujoco", "--workers", "2", "--laws"],
-    "margins": ["margins", "case1", "--instants", "0", "--controller"],
+    "margins": ["margins", "case1", "--instants", "0", "--laws"],
     "export_c": ["export", "--to", "c", "-o", "x.c", "--vehicle", "hummingbird_arm2"],
 }
 RAISES = Mistake("def law(memory, seen, wanted, dt, *, par):\n    raise KeyError('no such gain')  # here\n", "")
@@ -214,7 +214,7 @@ def test_an_error_in_a_worker_process_is_one_line_too(folder):
 def test_an_error_of_a_maker_is_one_line(folder):
     text = "def make(model):\n    return [][0]\n"
     (folder / "mine.py").write_text(text)
-    refused(skyarm("run", "case1", "--controller", "mine.py:make"), "mine.py:2: IndexError: list index out of range")
+    refused(skyarm("run", "case1", "--laws", "mine.py:make"), "mine.py:2: IndexError: list index out of range")
 
 
 @pytest.mark.thorough

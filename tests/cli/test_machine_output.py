@@ -8,16 +8,18 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
-from every_command import COMMANDS, KEPT, NEEDS, SERVES
+import typer
+from every_command import CHOOSES, COMMANDS, KEPT, NEEDS, READS, SERVES
 
 import skyarm as package
 from added_components import registry_kept
 from commanded import refused, skyarm
 from skyarm.cli import output
+from skyarm.cli.arguments import OLDER
 from skyarm.cli.commands import COMMANDS as SHIPPED
 from skyarm.cli.output import Terminal
 from skyarm.paper.published import PAPER
@@ -99,10 +101,23 @@ def test_every_command_is_tried_here_and_documented() -> None:
 
 
 @pytest.mark.parametrize("command", sorted(THERE))
-def test_every_command_takes_both_options_and_says_so(command: str) -> None:
+def test_every_command_takes_the_common_options_and_says_so(command: str) -> None:
     text = skyarm(command, "--help").out
     assert re.search(r"^  --json  +the result as one JSON document", text, re.MULTILINE)
-    assert re.search(r"^  --quiet  +no output and no progress", text, re.MULTILINE)
+    assert re.search(r"^  -q, --quiet  +no output and no progress", text, re.MULTILINE)
+    assert re.search(r"^  --plugin FILE.py  +a .py file that registers names; repeat", text, re.MULTILINE)
+    assert ("-o, --out " in text) == (command not in READS), "enter it in tests/cli/every_command.py"
+    assert ("--laws LAW,..." in text) == (command in CHOOSES)
+    assert not set(re.findall(r"--[\w-]+", text)) & set(OLDER), "help shows one spelling"
+
+
+def test_a_short_option_of_a_plugin_s_command_stays_its_own() -> None:
+    def own(quantity: Annotated[int, typer.Option("-q")] = 3) -> None:
+        """Say a number."""
+        print(f"quantity {quantity}")
+
+    assert run_own(own, "-q", "5").out == "quantity 5\n"
+    assert run_own(own, "-q", "5", "--quiet").out == ""
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -128,7 +143,7 @@ def test_a_quiet_command_says_nothing(command: str) -> None:
         pytest.skip(f"{NEEDS[command]} is not installed")
     for file in KEPT.get(command, ()):
         Path(file).unlink(missing_ok=True)
-    ended = skyarm(command, *COMMANDS[command], "--quiet")
+    ended = skyarm(command, *COMMANDS[command], "-q")
     assert (ended.code, ended.out, ended.err) == (0, "", "")
 
 

@@ -113,12 +113,12 @@ def told(outcome: Outcome, code: int, *words: str) -> None:
 
 NEED_IT = {
     "sweep": ("sweep", "robustness", "--out", "rows"),
-    "margins": ("margins", "case1", "--controller", "centroidal_tip", "--instants", "0"),
+    "margins": ("margins", "case1", "--laws", "centroidal_tip", "--instants", "0"),
     "margins along": ("margins", "case1", "--instants", "2"),
     "compare": ("compare", "--laws", "paper_ct", "--only", "perfect", "--workers", "1"),
     "compare in mujoco": ("compare", "--laws", "paper_ct", "--only", "perfect", "--plant", "mujoco"),
-    "nmpc": ("run", "case1", "--controller", "nmpc", "--duration", "0.1"),
-    "nmpc in mujoco": ("run", "case1", "--controller", "nmpc", "--duration", "0.1", "--plant", "mujoco"),
+    "nmpc": ("run", "case1", "--laws", "nmpc", "--duration", "0.1"),
+    "nmpc in mujoco": ("run", "case1", "--laws", "nmpc", "--duration", "0.1", "--plant", "mujoco"),
     "reproduce": ("reproduce", "--workers", "1"),
     "reproduce in mujoco": ("reproduce", "--workers", "1", "--plant", "mujoco"),
 }

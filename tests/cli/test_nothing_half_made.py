@@ -60,10 +60,10 @@ def called(*words):
 
 
 COMMANDS = {
-    "sweep": ("sweep", "small.toml", "--controller", "mine.py:make", "--out", "new/out"),
+    "sweep": ("sweep", "small.toml", "--laws", "mine.py:make", "--out", "new/out"),
     "compare": ("compare", "case3", "--laws", "mine.py:make", "--out", "new/out"),
     "suite": ("compare", "--laws", "mine.py:make", "--only", "perfect", "--out", "new/out"),
-    "run": ("run", "case3", "--controller", "mine.py:make", "--out", "new/out"),
+    "run": ("run", "case3", "--laws", "mine.py:make", "--out", "new/out"),
 }
 
 

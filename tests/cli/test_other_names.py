@@ -14,7 +14,7 @@ def test_a_comparison_names_its_entrants_of_which_a_list_of_laws_has_not_all() -
     from skyarm.studies.compare.entrants import ENTRANTS
 
     with pytest.raises(ValueError, match=re.escape(f"must be one of {', '.join(ENTRANTS)}")):
-        _entrants("xyzzy")
+        _entrants(["xyzzy"])
 
 
 def test_a_command_that_is_gone_says_what_it_is_now(capsys: pytest.CaptureFixture[str], monkeypatch) -> None:

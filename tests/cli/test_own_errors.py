@@ -88,12 +88,12 @@ def flown(folder, code, raises, case=CASE, options=()):
 def test_an_error_of_a_law(tmp_path, kind, compiled):
     raises, words = ERRORS[kind]
     code = LAW.replace("COMPILED", compiled)
-    line, done = flown(tmp_path, code, raises, options=("--controller", "mine.py:make"))
+    line, done = flown(tmp_path, code, raises, options=("--laws", "mine.py:make"))
     refused(done, f"mine.py:{line}: {words}")
 
 
 OTHERS = {
-    "maker": (MAKER, CASE, ("--controller", "mine.py:make")),
+    "maker": (MAKER, CASE, ("--laws", "mine.py:make")),
     "air": (AIR, CASE + '[[environment.air]]\nkind = "mine"\n', ()),
     "estimator": (ESTIMATOR, CASE + '[estimator]\nkind = "mine"\n', ()),
     "motion": (MOTION, re.sub('kind = "hover"\n.*', 'kind = "mine"', CASE), ()),
@@ -119,7 +119,7 @@ def test_what_a_records_own_check_says_stays_the_files_word(tmp_path):
 def test_what_the_library_refuses_stays_its_word(tmp_path):
     maker = MAKER.replace("RAISE", "return RAISE")
     code = maker.replace("import sys", "from skyarm.control.catalogue import make_controller")
-    _, done = flown(tmp_path, code, 'make_controller("nope", model)', options=("--controller", "mine.py:make"))
+    _, done = flown(tmp_path, code, 'make_controller("nope", model)', options=("--laws", "mine.py:make"))
     refused(done, "'nope'", "must be one of")
     assert "Error" not in done.err
 

@@ -1,4 +1,4 @@
-"""``skyarm plot`` and ``skyarm show --drawing`` as a user types them."""
+"""``skyarm plot`` and ``skyarm show -o`` as a user types them."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ def test_flights_are_drawn_into_the_file_named(folder: Path) -> None:
 
 
 def test_a_vehicle_is_drawn_into_the_file_named(folder: Path) -> None:
-    done = skyarm("show", "hummingbird_arm2", "--drawing", "bird.pdf")
+    done = skyarm("show", "hummingbird_arm2", "-o", "bird.pdf")
     assert done.code == 0, done.err
     assert done.out == "drawing: bird.pdf\n"
     assert (folder / "bird.pdf").read_bytes().startswith(b"%PDF")
-    refused(skyarm("show", "hummingbird_arm2", "--drawing", "bird.bmp"), "--drawing = 'bird.bmp'", "png, svg, pdf")
-    refused(skyarm("show", "hummingbird_arm3", "--drawing", "bird.png"), "hummingbird_arm3", "did you mean")
-    refused(skyarm("show", "case1", "--drawing", "bird.png"), "must be a vehicle")
+    refused(skyarm("show", "hummingbird_arm2", "-o", "bird.bmp"), "--out = 'bird.bmp'", "png, svg, pdf")
+    refused(skyarm("show", "hummingbird_arm3", "-o", "bird.png"), "hummingbird_arm3", "did you mean")
+    refused(skyarm("show", "case1", "-o", "bird.png"), "must be a vehicle")
 
 
 @pytest.mark.parametrize(

@@ -75,12 +75,12 @@ def test_without_it_the_file_is_refused_in_one_line(folder):
 
 def test_a_law_of_a_file_flies_from_the_command_line(folder):
     words = ["run", "mine.toml", "--duration", "0.1", "--plugin", "own_plugin.py"]
-    for option in (["--controller", "own_plugin.py:make"], ["--controller=own_plugin.py:make"]):
+    for option in (["--laws", "own_plugin.py:make"], ["--laws=own_plugin.py:make"]):
         done = skyarm(*words, *option)
         assert done.code == 0, done
         flown = logged(folder)
         assert flown.info["controller"] in ("own_plugin.py:make", "decoupled_pd")
-    shipped = skyarm(*words, "--controller", "decoupled_pd")
+    shipped = skyarm(*words, "--laws", "decoupled_pd")
     assert shipped.code == 0
     assert same_logs(flown, logged(folder))
-    refused(skyarm(*words, "--controller", "own_plugin.py:none"), "must have a function 'none'")
+    refused(skyarm(*words, "--laws", "own_plugin.py:none"), "must have a function 'none'")

@@ -45,7 +45,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_margins_are_printed_and_written(folder: Path) -> None:
     """Their digits within 78 columns."""
-    ended = skyarm("margins", "short.toml", "--controller", "paper_ct", "--instants", "1", "--out", "m.json")
+    ended = skyarm("margins", "short.toml", "--laws", "paper_ct", "--instants", "1", "--out", "m.json")
     assert ended.code == 0, ended.err
     assert "hybrid_computed_torque in short" in ended.out
     assert "hover" in ended.out
@@ -158,13 +158,13 @@ def test_the_command_line_keeps_blas_to_one_thread_and_leaves_what_the_user_set(
 
 def test_wrong_words_are_one_line(folder: Path) -> None:
     assert folder.exists()
-    refused(skyarm("margins", "short.toml", "--controller", "best"), "controller = 'best': must be a preset")
+    refused(skyarm("margins", "short.toml", "--laws", "best"), "controller = 'best': must be a preset")
     refused(skyarm("margins", "short.toml", "--instants", "-1"), "instants = -1: must be from 0 to 10000")
 
 
 @pytest.mark.thorough
 def test_the_margins_of_the_centroidal_law_hold_its_slow_adaptation(folder: Path) -> None:
-    ended = skyarm("margins", "case3", "--controller", "centroidal_tip", "--instants", "1", "--out", "m.json")
+    ended = skyarm("margins", "case3", "--laws", "centroidal_tip", "--instants", "1", "--out", "m.json")
     assert ended.code == 0, ended.err
     assert "adaptation of load and friction is held" in ended.out
     found = json.loads((folder / "m.json").read_text())
@@ -176,7 +176,7 @@ def test_the_margins_of_the_centroidal_law_hold_its_slow_adaptation(folder: Path
 def test_a_scenario_s_own_guard_stays_and_is_not_put_on_twice(folder: Path) -> None:
     (folder / "guarded.toml").write_text(SHORT.replace('"paper_pd"', '"paper_pd"\nsafety = true'))
     for words in ([], ["--safety"]):
-        ended = skyarm("margins", "guarded.toml", "--controller", "paper_pd", "--instants", "0", *words)
+        ended = skyarm("margins", "guarded.toml", "--laws", "paper_pd", "--instants", "0", *words)
         assert ended.code == 0, ended.err
         assert ended.out.startswith("guarded_decoupled_pd in short")
 

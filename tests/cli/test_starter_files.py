@@ -129,5 +129,5 @@ def test_the_law_that_was_written_flies_by_its_file(written, monkeypatch):
     monkeypatch.chdir(written)
     assert package.__version__
     with registry_kept():
-        done = skyarm("run", "case1", "--controller", "my_law.py:make", "--duration", "0.5", "--quiet")
+        done = skyarm("run", "case1", "--laws", "my_law.py:make", "--duration", "0.5", "--quiet")
     assert done.code == 0, done

@@ -59,9 +59,9 @@ def test_a_thing_of_another_kind_is_called_by_its_kind(folder: Path, words: tupl
         (("run", "CASE3"), "case3"),
         (("show", "humingbird"), "hummingbird"),
         (("sweep", "robust"), "robustness"),
-        (("run", "case1", "--controller", "centroidaltip"), "centroidal_tip"),
-        (("run", "case1", "--controller", "nmpc_tune"), "nmpc_tuned"),
-        (("margins", "case1", "--controller", "pape_ct"), "paper_ct"),
+        (("run", "case1", "--laws", "centroidaltip"), "centroidal_tip"),
+        (("run", "case1", "--laws", "nmpc_tune"), "nmpc_tuned"),
+        (("margins", "case1", "--laws", "pape_ct"), "paper_ct"),
         (("export", "--to", "c", "indy", "-o", "x.c"), "indi"),
         (("compare", "--laws", "paperct"), "paper_ct"),
         (("compare", "--only", "nois"), "noisy"),
@@ -159,8 +159,9 @@ def test_a_grid_without_its_design_is_told_of_it(folder: Path) -> None:
 
 
 def test_an_extra_is_named_with_what_installs_it() -> None:
-    assert how_to_install("sweep", "logs") == 'python -m pip install "skyarm[sweep,logs]"'
-    assert needs_extra("sweep") == f"needs the extra 'sweep'; {how_to_install('sweep')}"
+    checkout = 'python -m pip install -e ".[sweep,logs]" in a checkout'
+    assert how_to_install("sweep", "logs") == f'{checkout}, python -m pip install "skyarm[sweep,logs]" from an index'
+    assert needs_extra("sweep") == f"needs the extra 'sweep': {how_to_install('sweep')}"
 
 
 @pytest.mark.parametrize(("words", "command"), [(("run",), "skyarm run"), (("runn",), "skyarm"), (("-x",), "skyarm")])

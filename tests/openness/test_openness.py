@@ -158,7 +158,7 @@ def test_scripts_run(name: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_law_of_ones_own_flies_from_its_file(tmp_path: Path) -> None:
     """On the command line only: a file that is read never runs code."""
-    words = ["run", "case3", "--controller", f"{EXAMPLES / 'own_law.py'}:make_lqr", "--duration", "5"]
+    words = ["run", "case3", "--laws", f"{EXAMPLES / 'own_law.py'}:make_lqr", "--duration", "5"]
     with registry_kept():
         done = typed(*words, "--out", str(tmp_path))
     assert done.code == 0, done.err

@@ -44,7 +44,7 @@ def test_the_forms_of_issues_are_whole() -> None:
 
 @pytest.mark.parametrize(
     ("option", "command"),
-    [("--plugin", ()), ("--controller", ("run",)), ("--clear", ("doctor",))],
+    [("--plugin", ()), ("--laws", ("run",)), ("--clear", ("doctor",))],
 )
 def test_the_options_that_security_names_are_options(option: str, command: tuple[str, ...]) -> None:
     assert option in (ROOT / "SECURITY.md").read_text("utf-8")

@@ -159,13 +159,13 @@ def test_a_law_of_a_file_is_flown_again_on_the_command_line(tmp_path: Path) -> N
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
 
     law = EXAMPLES / "own_law.py"
-    assert run("case1", "--controller", f"{law}:make_lqr", "--duration", "0.1").returncode == 0
+    assert run("case1", "--laws", f"{law}:make_lqr", "--duration", "0.1").returncode == 0
     (tmp_path / "again" / "case1.npz").rename(tmp_path / "lqr.npz")
     ended = run("lqr.npz")
     assert ended.returncode == 2
     assert "plugin own_law.py" in ended.stderr
     assert "Traceback" not in ended.stderr
-    assert run("lqr.npz", "--controller", "paper_pd", "--plugin", str(law), "--force").returncode == 0
+    assert run("lqr.npz", "--laws", "paper_pd", "--plugin", str(law), "--force").returncode == 0
     assert run("lqr.npz", "--plugin", str(law), "--force").returncode == 0
     assert same_logs(*(skyarm.load_log(tmp_path / name) for name in ("lqr.npz", "again/case1.npz")))
 

@@ -29,7 +29,7 @@ def carried(folder, name="one_arm"):
 
 
 def test_without_the_packages_the_line_says_how_to_install_them(nothing_installed):
-    with pytest.raises(VehicleError, match=r"^robot:one_arm: robot = 'robot:one_arm': needs the extra 'robots'; "):
+    with pytest.raises(VehicleError, match=r"^robot:one_arm: robot = 'robot:one_arm': needs the extra 'robots': "):
         load_vehicle("robot:one_arm")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -51,18 +51,36 @@ def name_completion(*kinds: str) -> Callable[[str], list[str]]:
     """Make a shell completion function for names that ship and files in the current folder."""
 
     def complete(incomplete: str) -> list[str]:
+        before, comma, begun = incomplete.rpartition(",")
         suffixes = [suffix for kind in kinds for suffix in SUFFIXES[kind]]
         here = sorted(entry.name for entry in Path().iterdir() if entry.suffix in suffixes)
         names = dict.fromkeys([*(name for kind in kinds for name in shipped_names(kind)), *here])
-        return [name for name in names if name.startswith(incomplete)]
+        return [f"{before}{comma}{name}" for name in names if name.startswith(begun)]
 
     return complete
 
 
-# text, not Path: an empty name would become the present folder
-Out = Annotated[str, typer.Option("--out", help="folder for the results, made if missing")]
+OLDER: Mapping[str, str] = {"--controller": "--laws", "--drawing": "--out"}
+"""Older spelling of an option, still accepted with a note -> the one that help and pages show."""
 
-OutFile = Annotated[str, typer.Option("--out", "-o", help="file to write")]
+
+def out_option(words: str, *older: str, metavar: str | None = None) -> Any:
+    """Option for where results go. Of type text, not Path: an empty name would become the present folder."""
+    return typer.Option("--out", "-o", *older, metavar=metavar, help=words)
+
+
+Out = Annotated[str, out_option("folder for the results, made if missing")]
+
+Plugins = Annotated[
+    list[str] | None, typer.Option("--plugin", metavar="FILE.py", help="a .py file that registers names; repeat")
+]
+
+EVERY: Mapping[str, Any] = {
+    "as_json": Annotated[bool, typer.Option("--json", help="the result as one JSON document, and nothing else")],
+    "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="no output and no progress, only warnings and errors")],
+    "plugin": Plugins,
+}
+"""Parameter -> the option that every command has."""
 
 Flying = Annotated[int, typer.Option("--workers", help="threads that fly; 0 takes every core")]
 
@@ -79,10 +97,13 @@ Vehicle = Annotated[
     ),
 ]
 
-Controller = Annotated[
-    str | None,
+Laws = Annotated[
+    list[str] | None,
     typer.Option(
-        help="in place of its own: a preset, a law or FILE.py:make",
+        "--laws",
+        "--controller",
+        metavar="LAW,...",
+        help="in place of its own: presets, laws, files of gains or FILE.py:make",
         autocompletion=name_completion("controller"),
     ),
 ]
@@ -123,7 +144,7 @@ def require_left_out(context: typer.Context, options: Iterable[str], why: str) -
             raise ValueError(f"{option}: must be left out{why}")
 
 
-def split_names(option: str, words: str, *, of: str = "") -> list[str]:
+def split_names(option: str, words: str) -> list[str]:
     """Split a comma-separated list of names.
 
     Raises:
@@ -131,13 +152,36 @@ def split_names(option: str, words: str, *, of: str = "") -> list[str]:
     """
     names = [name.strip() for name in words.split(",") if name.strip()]
     if not names:
-        raise ValueError(f"{option}: must name at least one{of}")
+        raise ValueError(f"{option}: must name at least one")
     return names
 
 
-def words_of(options: Sequence[str] | None) -> list[str] | None:
-    """Split the values of a repeatable option at commas; None if the option was not given."""
-    return None if options is None else [word for each in options for word in each.split(",") if word]
+def names_of(option: str, values: Sequence[str] | None) -> list[str]:
+    """Names in the values of a repeatable option, between commas; empty if it was not given.
+
+    Raises:
+        ValueError: a value of nothing but commas.
+    """
+    # a file of gains may have a comma in its path; an empty name is refused with the names that there are
+    lists = ([each] if not each or os.path.lexists(each) else split_names(option, each) for each in values or ())
+    return [name for names in lists for name in names]
+
+
+def law_names(laws: Sequence[str] | None) -> list[str]:
+    """Names in the values of ``--laws``; empty if it was not given."""
+    return names_of("--laws", laws)
+
+
+def one_law(laws: Sequence[str] | None) -> str | None:
+    """Law of ``--laws`` for a command of one, the last if it was repeated; None if it was not given.
+
+    Raises:
+        ValueError: several between commas, or none at all.
+    """
+    names = law_names((laws or ())[-1:])
+    if len(names) > 1:
+        raise ValueError(f"--laws = {shown(','.join(names))}: must be one law")
+    return names[0] if names else None
 
 
 def chosen_names(option: str, words: str | None, there: Collection[str]) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ def autopilot_name(typed: str, controller: str | None) -> str:
     """
     name = typed.partition(":")[0]
     if controller is not None:
-        raise ValueError(f"--controller = {shown(controller)}: must be left out beside --autopilot")
+        raise ValueError(f"--laws = {shown(controller)}: must be left out beside --autopilot")
     if name not in AUTOPILOTS:
         raise ValueError(f"--autopilot = {shown(typed)}: {must_be_one_of(AUTOPILOTS, name)}")
     return name
@@ -107,7 +107,7 @@ def outside_command(scenario: str, planned: Scenario) -> str:
     if record is None or not record.outside:
         return ""
     mavlink, joints = record.outside_ports
-    law = " --controller LAW" if autopilot_of(load_scenario(scenario).controller) is not None else ""
+    law = " --laws LAW" if autopilot_of(load_scenario(scenario).controller) is not None else ""
     address = f"--link mavlink://127.0.0.1:{mavlink} --joints udp://127.0.0.1:{joints}"
     vehicle = planned.controller.par.model.vehicle
     return f"skyarm fly {shlex.quote(scenario)}{law} {address}{record.outside_options(vehicle)}"

@@ -17,8 +17,9 @@ from importlib import import_module
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
+from skyarm.cli.arguments import EVERY, OLDER, Plugins
 from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, say, say_warning
 from skyarm.cli.output import console, with_output_options
 from skyarm.records.files import shown
@@ -70,9 +71,7 @@ SLOW = "no machine code here"
 def top(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="print the version and stop")] = False,
-    plugin: Annotated[
-        list[str] | None, typer.Option("--plugin", metavar="FILE.py", help="a .py file that registers names; repeat")
-    ] = None,
+    plugin: Plugins = None,
 ) -> None:
     """Aerial manipulation: multirotors that carry robot arms."""
     del plugin  # read before the command is
@@ -83,6 +82,33 @@ def top(
         raise typer.Exit
     if context.invoked_subcommand is None:
         console.print(context.get_help(), soft_wrap=True)
+
+
+class Spelled(TyperCommand):
+    """Typer command that takes older spellings of its options with a note, and does not show them."""
+
+    def __init__(self, *words: Any, **more: Any) -> None:
+        super().__init__(*words, **more)
+        own = {word for each in self.params if each.name not in EVERY for word in each.opts}
+        for each in self.params:  # a short name that a plugin's command has for something else stays its own
+            each.opts = [word for word in each.opts if each.name not in EVERY or word not in own]
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the options without their older spellings, and without --help itself."""
+        self.add_help_option = False
+        for each in self.params:
+            each.opts = [word for word in each.opts if word not in OLDER]
+        super().format_options(ctx, formatter)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words of the command, and print a note on an older spelling among them."""
+        words = dict.fromkeys(word.partition("=")[0] for word in args)
+        left = super().parse_args(ctx, args)
+        taken = {word for each in self.params for word in each.opts}
+        for word in words:
+            if word in OLDER and word in taken and not (ctx.resilient_parsing or ctx.params.get("quiet")):
+                say(f"note: {word} is an older spelling of {OLDER[word]}")
+        return left
 
 
 class Grouped(TyperGroup):
@@ -117,11 +143,11 @@ def program(words: Sequence[str]) -> typer.Typer:
         if name in words:
             module, _, function = place.partition(":")
             found = getattr(import_module(f"skyarm.cli.{module}"), function)
-            made.command(name)(with_output_options(name, found))
+            made.command(name, cls=Spelled)(with_output_options(name, found))
         else:
             made.command(name, help=title)(lambda: None)
     for name, row in registrations("command").items():
-        made.command(name, help=row.title)(with_output_options(name, row.load()))
+        made.command(name, cls=Spelled, help=row.title)(with_output_options(name, row.load()))
     return made
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,12 +10,14 @@ import typer
 
 from skyarm.cli.arguments import (
     Flying,
+    Laws,
     chosen_names,
+    law_names,
     name_completion,
+    out_option,
     require_left_out,
     require_within,
     shipped_names,
-    split_names,
     workers,
 )
 from skyarm.cli.output import bar, give, tell
@@ -62,13 +64,8 @@ def compare(
             autocompletion=name_completion("scenario"),
         ),
     ] = SUITE,
-    out: Annotated[str | None, typer.Option("--out", help="folder of the results")] = None,
-    laws: Annotated[
-        str | None,
-        typer.Option(
-            help="names or FILE.py:make, with commas; else the suite's", autocompletion=name_completion("controller")
-        ),
-    ] = None,
+    out: Annotated[str | None, out_option("folder of the results")] = None,
+    laws: Laws = None,
     only: Annotated[str | None, typer.Option(help="conditions, axes or tasks of the suite, with commas")] = None,
     vehicle: Annotated[
         str, typer.Option(help="of the envelope, with an arm", autocompletion=name_completion("vehicle"))
@@ -91,26 +88,25 @@ def compare(
     if plant not in registered("plant"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
     _require_effect(context, suite)
-    folder = "out/compare"
+    folder, names = "out/compare", law_names(laws)
     if suite == ENVELOPE:
         folder, usual = "out/envelope", LAWS if vehicle == PAPER else TUNED_LAWS
         axes = chosen_names("--only", only, AXES)
         asked: Suite[Any] = Envelope(
-            laws=_laws(laws, usual), axes=axes, vehicle=vehicle, quick=quick, seed=seed, plant=plant
+            laws=_laws(names, usual), axes=axes, vehicle=vehicle, quick=quick, seed=seed, plant=plant
         )
     elif suite == CONTACT:
         if quick and plants is not None:
             raise ValueError(f"--plants: must be left out beside --quick, which flies {QUICK}")
         folder, worlds = "out/contact", plants or (QUICK if quick else WORLDS)
         tasks = chosen_names("--only", only, TASKS)
-        asked = ContactSuite(laws=_laws(laws, CONTACT_LAWS, OWN), tasks=tasks, worlds=worlds, seed=seed, plant=plant)
+        asked = ContactSuite(laws=_laws(names, CONTACT_LAWS, OWN), tasks=tasks, worlds=worlds, seed=seed, plant=plant)
     elif suite == SUITE:
         there = conditions_of(plants or PLANTS, seeds)
         conditions = {name: there[name] for name in chosen_names("--only", only, there)}
-        asked = Comparison(entrants=_entrants(laws), conditions=conditions, seed=seed, plant=plant)
+        asked = Comparison(entrants=_entrants(names), conditions=conditions, seed=seed, plant=plant)
     elif suite.endswith(".toml") or suite in shipped_names("scenario"):
-        named = USUAL_LAWS if laws is None else split_names("--laws", laws)
-        asked = OwnScenario(scenario=suite, laws=named, seeds=seeds, seed=seed, plant=plant)
+        asked = OwnScenario(scenario=suite, laws=names or USUAL_LAWS, seeds=seeds, seed=seed, plant=plant)
     else:
         suites = f"{SUITE}, {ENVELOPE}, {CONTACT}"
         raise ValueError(
@@ -147,11 +143,10 @@ def _fly(suite: Suite[Any], out: str, threads: int) -> None:
     tell(report.markdown(), f"{suite.name} in {folder}: report.html, tables.md, {suite.file}.json")
 
 
-def _entrants(words: str | None) -> dict[str, Entrant]:
-    """Look up the laws of a comma-separated list for the paper suite; all shipped laws for None."""
-    if words is None:
+def _entrants(names: Sequence[str]) -> dict[str, Entrant]:
+    """Look up the named laws for the paper suite; all shipped laws for no name."""
+    if not names:
         return dict(ENTRANTS)
-    names = split_names("--laws", words, of=f" of {', '.join(ENTRANTS)}")
     require_different(names, "--laws")
     chosen = {name: each for name, each in ENTRANTS.items() if name in names}
     for name in names:
@@ -159,13 +154,13 @@ def _entrants(words: str | None) -> dict[str, Entrant]:
         if found is None:
             raise ValueError(f"--laws = {shown(name)}: {must_be_one_of(ENTRANTS, name)}")
         if chosen.setdefault(found.name, found) != found:
-            raise ValueError(f"--laws = {shown(words)}: must not name two files and makers of the same names")
+            raise ValueError(f"--laws = {shown(','.join(names))}: must not name two files and makers of the same names")
     return chosen
 
 
-def _laws(words: str | None, usual: tuple[str, ...], own: Collection[str] = ()) -> tuple[str, ...]:
-    """Parse and check a comma-separated list of control law names."""
-    names = usual if words is None else split_names("--laws", words)
+def _laws(names: Sequence[str], usual: tuple[str, ...], own: Collection[str] = ()) -> tuple[str, ...]:
+    """Check names of control laws; the usual ones for no name."""
+    names = names or usual
     require_different(names, "--laws")
     for name in names:
         if name not in own and not is_named(name):

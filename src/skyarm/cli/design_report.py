@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
+from typing import Any
 
+import typer
 from rich.console import RenderableType
 
 from skyarm.cli.output import aligned_lines, bar, give, heading, tell
 from skyarm.records.files import number, output_file, taken_back, write_atomically
+from skyarm.records.units import units
 from skyarm.studies.identify.design import SEGMENT, DesignLimits
 from skyarm.studies.identify.designed_flight import DesignedFlight, Sharpened, design_flight
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
@@ -20,6 +23,13 @@ FLATTEST, STEEPEST, LONGEST = 2.0, 60.0, 600.0
 HEADS = ("", "95 % interval, designed", "undesigned", "sharper by")
 
 USUAL = DesignLimits()
+
+
+def limit_option(name: str) -> Any:
+    """Option of a limit: unit, meaning and usual value as its record declares them, an angle in degrees."""
+    unit, usual = units(DesignLimits)[name], getattr(USUAL, name)
+    of, usual = ("deg", math.degrees(usual)) if unit.unit == "rad" else (unit.unit, usual)
+    return typer.Option(help=f"of --design: {of}, {unit.meaning}  [default: {usual:g}]")
 
 
 def identify_design(

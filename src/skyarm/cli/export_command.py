@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from skyarm import __version__
-from skyarm.cli.arguments import require_left_out, shipped_names
+from skyarm.cli.arguments import out_option, require_left_out, shipped_names
 from skyarm.cli.output import bar, give, tell
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.model import Model
@@ -50,9 +50,7 @@ def export(
         str, typer.Argument(help="a log (.npz, .mcap); for c a law or a scenario; for mjcf a vehicle or one")
     ],
     to: Annotated[str | None, typer.Option(metavar="FORMAT", help="mcap, npz or csv of a log; c; mjcf")] = None,
-    file: Annotated[
-        str | None, typer.Option("--out", "-o", help="file to write; for a log beside it if left out")
-    ] = None,
+    file: Annotated[str | None, out_option("file to write; for a log beside it if left out")] = None,
     vehicle: Annotated[str | None, typer.Option(help="of c: the vehicle of a preset's or law's model")] = None,
     gravity: Annotated[float | None, typer.Option(help="of c, mjcf: m/s^2; 9.81, or the scenario's")] = None,
     rate: Annotated[float | None, typer.Option(help="of c: Hz of the control; 200, or the scenario's")] = None,

@@ -8,7 +8,7 @@ from typing import Annotated, Any, cast
 
 import typer
 
-from skyarm.cli.arguments import chosen_names, require_left_out, words_of
+from skyarm.cli.arguments import Laws, chosen_names, law_names, out_option, require_left_out
 from skyarm.cli.output import bar, give, tell
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
@@ -29,11 +29,12 @@ PARTS = ("ghost", "plot")
 
 def film(
     context: typer.Context,
-    flights: Annotated[list[str], typer.Argument(metavar="FLIGHT...", help="logs, or scenarios that are flown first")],
-    file: Annotated[str, typer.Argument(metavar="FILE", help=".mp4, .webp; .viser or .html: a recording")],
-    controller: Annotated[
-        list[str] | None, typer.Option(metavar="LAW", help="laws of each scenario, or FILE.py:make; repeat")
-    ] = None,
+    flights: Annotated[
+        list[str],
+        typer.Argument(metavar="FLIGHT...", help="logs, or scenarios that are flown first; then FILE, or -o"),
+    ],
+    out: Annotated[str | None, out_option(".mp4, .webp; .viser or .html: a recording", metavar="FILE")] = None,
+    laws: Laws = None,
     label: Annotated[list[str] | None, typer.Option(metavar="TEXT", help="name of each flight in turn; repeat")] = None,
     layout: Annotated[str, typer.Option(help="flights beside (side) or on each other (over)")] = "side",
     camera: Annotated[str, typer.Option(help="follow, fixed or tip")] = "follow",
@@ -50,6 +51,9 @@ def film(
 
     A recording is a scene that plays in a browser: NAME.viser, or NAME.html with its player.
     """
+    *flights, file = [*flights, *([] if out is None else [out])]
+    if not flights:
+        raise ValueError("FILE: is missing: must be the film's file, by --out or as the last word")
     path = Path(file)
     if path.suffix.removeprefix(".") in SUFFIXES:
         require_left_out(context, OF_FILMS, " of a recording, which is drawn where it is looked at")
@@ -76,7 +80,7 @@ def film(
     recorded = require_film_format(path, SUFFIXES) is None
     with taken_back(path.parent):
         _require_renderer(recorded=recorded)
-        logs = _logs(flights, controller, settings)
+        logs = _logs(flights, law_names(laws), settings)
         require_no_input(path, "FILE")
         with bar("recording" if recorded else "filming") as advance:
             options: dict[str, Any] = {
@@ -102,15 +106,15 @@ def _require_renderer(*, recorded: bool) -> None:
             pass
 
 
-def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: FilmSettings) -> list[Log]:
+def _logs(flights: Sequence[str], names: Sequence[str], settings: FilmSettings) -> list[Log]:
     """Load the named logs, and simulate the named scenarios."""
-    laws: Sequence[str | None] = words_of(controllers) or [None]
+    laws: Sequence[str | None] = names or [None]
     found = []
     for name in flights:
         if _is_flown(name):
             found += [_fly(name, law, settings.stop) for law in laws]
-        elif controllers:
-            raise ValueError(f"--controller = {controllers[0]!r}: must be left out, {name!r} is the log of a flight")
+        elif names:
+            raise ValueError(f"--laws = {names[0]!r}: must be left out, {name!r} is the log of a flight")
         else:
             found.append(load_log(name))
     return found

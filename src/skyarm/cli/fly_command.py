@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli.arguments import name_completion, require_not_another
+from skyarm.cli.arguments import Laws, Out, name_completion, one_law, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import give, say_cause, tell
 from skyarm.cli.run_command import earlier_kept, facts, headline, summary
@@ -30,13 +30,7 @@ def fly(
     joints: Annotated[
         str | None, typer.Option(metavar="URL", help="udp://HOST:PORT, dynamixel:DEVICE?ids=1,2, FILE.py:make")
     ] = None,
-    controller: Annotated[
-        str | None,
-        typer.Option(
-            help="in place of the file's: preset, law or FILE.py:make",
-            autocompletion=name_completion("controller"),
-        ),
-    ] = None,
+    laws: Laws = None,
     rate_bandwidth: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="rad/s, of the rate loop of an autopilot but PX4")
     ] = None,
@@ -44,7 +38,7 @@ def fly(
     leash: Annotated[float, typer.Option(help="m off the reference at which it ends")] = 1.5,
     patience: Annotated[float, typer.Option(help="s to wait for a vehicle that hovers")] = 60.0,
     duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
-    out: Annotated[str, typer.Option("--out", help="folder for the results")] = "out/fly",
+    out: Out = "out/fly",
 ) -> None:
     """Fly through an autopilot, by a law that runs here.
 
@@ -52,7 +46,7 @@ def fly(
     code 3 if it ended early.
     """
     require_not_another(scenario, "scenario")
-    planned = load_scenario(scenario, controller=controller, duration=duration)
+    planned = load_scenario(scenario, controller=one_law(laws), duration=duration)
     require_outside(planned)
     if world not in ("here", "local"):
         raise ValueError(f"--world = {world!r}: must be here or local")

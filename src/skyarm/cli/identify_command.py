@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.design_report import identify_design
+from skyarm.cli.arguments import out_option
+from skyarm.cli.design_report import identify_design, limit_option
 from skyarm.cli.identified_report import (
     FIGURE,
     NUMBERS,
@@ -79,15 +80,14 @@ def identify(
     gravity: Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81", hidden=True)] = None,
     design: Annotated[
         str | None,
-        typer.Option(metavar="VEHICLE", help="design a flight within --box, --clear (m), --tilt (deg), --seconds"),
+        typer.Option(metavar="VEHICLE", help="design a flight that shows the numbers of this vehicle"),
     ] = None,
-    box: Annotated[float | None, typer.Option(help="m, edge of the cube of the base; 1.5", hidden=True)] = None,
-    tilt: Annotated[float | None, typer.Option(help="deg, at most; 25", hidden=True)] = None,
-    seconds: Annotated[float | None, typer.Option(help="s, of the flight; 60", hidden=True)] = None,
-    clear: Annotated[float | None, typer.Option(help="m, of the arm; 0.1", hidden=True)] = None,
+    box: Annotated[float | None, limit_option("box")] = None,
+    tilt: Annotated[float | None, limit_option("tilt")] = None,
+    seconds: Annotated[float | None, limit_option("seconds")] = None,
+    clear: Annotated[float | None, limit_option("clear")] = None,
     out: Annotated[
-        str | None,
-        typer.Option("--out", "-o", help="folder of the vehicle file and all numbers; with --lags and --design a file"),
+        str | None, out_option("folder of the vehicle file and all numbers; with --lags and --design a file")
     ] = None,
 ) -> None:
     """Identify a vehicle, or delays and lags, from flights."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skyarm.cli.arguments import Controller, Scenario, require_not_another, require_within
+from skyarm.cli.arguments import Laws, Scenario, one_law, out_option, require_not_another, require_within
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, write_json
 from skyarm.control.catalogue import is_named, must_be_named
@@ -54,10 +54,10 @@ Safety = Annotated[bool, typer.Option("--safety", help="with the safety layer")]
 
 def margins(
     scenario: Scenario,
-    controller: Controller = None,
+    laws: Laws = None,
     instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
     safety: Safety = False,
-    file: Annotated[str | None, typer.Option("--out", help="write eigenvalues and margins there, as JSON")] = None,
+    file: Annotated[str | None, out_option("write eigenvalues and margins there, as JSON")] = None,
     page: Annotated[
         str | None, typer.Option("--html", metavar="PAGE", help="write a page with Nyquist diagrams there, too (.html)")
     ] = None,
@@ -70,7 +70,7 @@ def margins(
     from skyarm.studies.stability.along import evidence
     from skyarm.studies.stability.frozen_scenario import without_adaptation
 
-    planned = _prepare(scenario, controller, safety=safety)
+    planned = _prepare(scenario, one_law(laws), safety=safety)
     require_within("--instants", instants, 0, MOST_INSTANTS)
     frozen = without_adaptation(planned)
     with taken_back(*(Path(each).parent for each in (file, page) if each)):

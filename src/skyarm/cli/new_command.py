@@ -5,6 +5,7 @@ from __future__ import annotations
 import keyword
 import os
 import re
+import shlex
 import sys
 from importlib import resources
 from importlib.util import find_spec
@@ -13,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from skyarm.cli.arguments import Out
 from skyarm.cli.output import give, tell
 from skyarm.records.files import must_be_one_of, require_writable, shown, write_atomically
 from skyarm.records.files.names import is_result_name
@@ -32,10 +34,10 @@ KINDS: dict[str, tuple[tuple[str, str], ...]] = {
 """Kind -> (file that ships, file that is written)."""
 
 FIRST = {
-    "vehicle": "skyarm run NAME_hover.toml",
-    "scenario": "skyarm run NAME.toml",
-    "law": "skyarm run case3 --controller NAME.py:make",
-    "study": "skyarm sweep NAME.toml --out out/NAME",
+    "vehicle": "skyarm run {file}_hover.toml",
+    "scenario": "skyarm run {file}.toml",
+    "law": "skyarm run case3 --laws {file}.py:make",
+    "study": "skyarm sweep {file}.toml --out out/{name}",
 }
 """Kind -> the command that flies the new files."""
 
@@ -50,18 +52,19 @@ def new(
         ),
     ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="of the files and of what they describe")],
+    out: Out = ".",
 ) -> None:
     """Write starter files of a vehicle, scenario, law or study.
 
-    Commented files in the present folder, which fly as they are, with a test for pytest. Nothing is overwritten.
+    Commented files, which fly as they are, with a test for pytest. Nothing is overwritten.
     """
-    files = write_starter(kind, name, Path())
-    first = FIRST[kind].replace("NAME", name)
+    files = write_starter(kind, name, out)
+    first = shlex.join(word.format(file=Path(out, name), name=name) for word in FIRST[kind].split())
     give(kind=kind, name=name, files=files, next=first)
     tell(f"written: {', '.join(map(str, files))}", f"fly it: {first}")
 
 
-def write_starter(kind: str, name: str, folder: Path) -> list[Path]:
+def write_starter(kind: str, name: str, folder: str | Path) -> list[Path]:
     """Write the starter files of a new vehicle, scenario, law or study into a folder, all or none.
 
     Raises:
@@ -75,7 +78,7 @@ def write_starter(kind: str, name: str, folder: Path) -> list[Path]:
         raise ValueError(f"name = {shown(name)}: {allowed}")
     if kind == "law" and (name in sys.stdlib_module_names or name == "conftest" or find_spec(name) is not None):
         raise ValueError(f"name = {shown(name)}: must not be that of a module: {name}.py would hide it")
-    files = [folder / written.replace("NAME", name) for _, written in KINDS[kind]]
+    files = [Path(folder, written.replace("NAME", name)) for _, written in KINDS[kind]]
     for file in files:
         if os.path.lexists(file):
             raise ValueError(f"file = {shown(str(file))}: must not be there yet: nothing is overwritten")

@@ -1,6 +1,6 @@
 """Output of all commands: text, tables and progress bars, or one JSON document.
 
-``--json`` and ``--quiet`` are options of every command (:func:`with_output_options`), which hands its result to
+Every command has ``--json``, ``--quiet`` and ``--plugin`` (:func:`with_output_options`) and hands its result to
 :func:`give`. The document's first keys are the same for all commands; docs/command_line.md lists the others.
 """
 
@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path, PurePath
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from rich.console import Console, ConsoleOptions, Group, RenderableType
@@ -29,17 +29,12 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from skyarm.cli.arguments import EVERY
 from skyarm.cli.lines import say
 from skyarm.records.files import printable, write_atomically
 
 SCHEMA = 1
 """Of the document: keys are added under the same number; one that goes or means something else raises it."""
-
-OPTIONS: Mapping[str, Any] = {
-    "as_json": Annotated[bool, typer.Option("--json", help="the result as one JSON document, and nothing else")],
-    "quiet": Annotated[bool, typer.Option("--quiet", help="no output and no progress, only warnings and errors")],
-}
-"""Parameter -> the option that every command has."""
 
 PAUSE = 10.0
 """s between two lines of progress at least, and before the first."""
@@ -144,18 +139,19 @@ def say_cause(line: str) -> None:
 
 
 def with_output_options(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator that adds the options ``--json`` and ``--quiet`` to a command."""
+    """Decorator that adds the options of every command to one."""
     signature = inspect.signature(function, eval_str=True)
     own = list(signature.parameters.values())
     added = [
-        inspect.Parameter(parameter, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
-        for parameter, option in OPTIONS.items()
+        inspect.Parameter(parameter, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option)
+        for parameter, option in EVERY.items()
+        if parameter not in signature.parameters
     ]
 
     @functools.wraps(function)
     def perform(*arguments: Any, **options: Any) -> Any:
-        asked: dict[str, Any] = {each.name: bool(options.pop(each.name, False)) for each in added}
-        with _output(name, _Asked(**asked)):
+        asked = {each.name: bool(options.pop(each.name, False)) for each in added}
+        with _output(name, _Asked(asked.get("as_json", False), asked.get("quiet", False))):
             return function(*arguments, **options)
 
     perform.__dict__["__signature__"] = signature.replace(parameters=[*own, *added])

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from skyarm.cli.arguments import out_option
 from skyarm.cli.output import give, tell
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
@@ -21,7 +22,7 @@ from skyarm.view.figures.flight_plot import plot as draw
 
 def plot(
     flights: Annotated[list[str], typer.Argument(metavar="FLIGHT...", help="logs, NAME=FILE for a name; or a sweep")],
-    file: Annotated[str, typer.Option("--out", "-o", help="the picture to write: .png, .svg or .pdf")],
+    file: Annotated[str, out_option("the picture to write: .png, .svg or .pdf")],
     kind: Annotated[
         str | None,
         typer.Option(

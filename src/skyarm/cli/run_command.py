@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import count
@@ -15,10 +16,11 @@ import numpy as np
 import typer
 from rich.console import RenderableType
 
-from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
+from skyarm.cli.arguments import Laws, Out, law_names, name_completion, require_left_out, require_not_another
 from skyarm.cli.autopilot_option import load_under_autopilot, outside_command
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious, say_unlikely
 from skyarm.cli.output import Advance, bar, give, heading, say_cause, shown_number, table_of, tell
+from skyarm.control.catalogue import require_different
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.log.flown_scenario import restored_part
@@ -40,6 +42,8 @@ from skyarm.records.files import (
 )
 from skyarm.records.files.names import picture_file
 from skyarm.records.files.writing import one_writer
+from skyarm.records.registry.plugins import law_of_file_name
+from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import Log
@@ -63,15 +67,9 @@ def run(
             autocompletion=name_completion("scenario"),
         ),
     ],
-    out: Annotated[str, typer.Option("--out", help="folder for the results")] = "out/run",
+    out: Out = "out/run",
     plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco for the file's")] = None,
-    controller: Annotated[
-        str | None,
-        typer.Option(
-            help="in place of the file's: a preset, a law or FILE.py:make",
-            autocompletion=name_completion("controller"),
-        ),
-    ] = None,
+    laws: Laws = None,
     autopilot: Annotated[
         str | None,
         typer.Option(
@@ -103,17 +101,63 @@ def run(
     if ros is None:
         require_left_out(context, ["--pace"], " without --ros")
     require_not_another(scenario, "scenario")
+    words: dict[str, Any] = {"plant": plant, "seed": seed, "duration": duration}
+    names = law_names(laws)
+    require_different(names, "--laws")
+    if len(names) > 1:
+        require_left_out(context, ["--log", "--ros"], " with several laws, whose logs are OUT/NAME_LAW")
     if autopilot is None:
-        planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
+        flights = [load_scenario(scenario, controller=name, **words) for name in names or (None,)]
     else:
-        planned = load_under_autopilot(scenario, autopilot, controller, plant=plant, seed=seed, duration=duration)
-    hint = outside_command(scenario, planned)
-    folder = Path(out)
-    files = log_files(logs) if logs else [folder / f"{planned.name}{suffix}" for suffix in (".npz", ".csv")]
+        flights = [load_under_autopilot(scenario, autopilot, ",".join(names) or None, **words)]
+    files = [log_files(logs)] if logs else _files_by_law(Path(out), flights, names)
     drawn = None if picture is None else picture_file(picture, "--plot")
-    new = not (logs or folder.exists())
-    with taken_back(*(() if logs else (folder,))):
-        if not logs:
+    flown = list[tuple[Log, dict[str, Any], BaseException | None]]()
+    for planned, own in zip(flights, files, strict=True):
+        hint = outside_command(scenario, planned)
+        flown.append(_fly_one(planned, own, None if logs else out, ros, pace, hint, force=force))
+        if flown[-1][2] is not None:
+            break
+    found = [each | {"picture": drawn} for _, each, _ in flown]
+    if drawn is not None:
+        from skyarm.view.figures.flight_plot import plot
+
+        plot([log for log, *_ in flown] if len(flown) > 1 else flown[0][0], drawn)
+        tell(f"picture: {drawn}")
+    give(found[0] if len(names) < 2 else {"flights": found})
+    for log, each, interrupted in flown:
+        if interrupted is not None:
+            raise interrupted
+        if log.status != "completed":
+            say_cause(headline(log, each))
+    if any(log.status != "completed" for log, *_ in flown):
+        raise typer.Exit(NOT_COMPLETED)
+
+
+def _files_by_law(folder: Path, flights: Sequence[Scenario], names: Sequence[str]) -> list[list[Path]]:
+    """Files of the log of each flight: the scenario's name, and of several laws that of the law."""
+    stems = [flights[0].name]
+    if len(names) > 1:
+        shorts = [Path(name).stem if is_gains_file(name) else law_of_file_name(name) for name in names]
+        laws = [re.sub(r"\W+", "_", short) for short in shorts]
+        # two files of gains may have one name
+        stems = [f"{stems[0]}_{law}" + (f"_{i}" if laws.count(law) > 1 else "") for i, law in enumerate(laws)]
+    return [[folder / f"{stem}{suffix}" for suffix in (".npz", ".csv")] for stem in stems]
+
+
+def _fly_one(
+    planned: Scenario, files: Sequence[Path], out: str | None, ros: int | None, pace: float, hint: str, *, force: bool
+) -> tuple[Log, dict[str, Any], BaseException | None]:
+    """Fly a scenario, write its log and print its summary.
+
+    The folder ``out`` is made; it is None for files that were named by themselves.
+
+    Returns:
+        the log, its facts, and what ended the flight from outside, to be raised again.
+    """
+    new = out is not None and not Path(out).exists()
+    with taken_back(*(() if out is None else (out,))):
+        if out is not None:
             require_writable(out)
         require_replaceable(*files, renames=not force)
         say_suspicious(planned)
@@ -128,21 +172,13 @@ def run(
         *(live.lines if live else []),
         f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}",
     )
-    if drawn is not None:
-        from skyarm.view.figures.flight_plot import plot
-
-        plot(log, drawn)
-        tell(f"picture: {drawn}")
-    give(found, logs=written, kept=[str(name) for name in kept], picture=drawn)
     if kept:
         tell(f"the flight before it is kept: {', '.join(map(str, kept))}")
+    found |= {"logs": written, "kept": [str(name) for name in kept]}
     if live is not None:
-        give(ros={"version": live.version, "commanded": live.commanded, "goals": live.goals, "late_s": live.late})
-    if interrupted is not None:
-        raise interrupted
-    if log.status != "completed":
-        say_cause(headline(log, found))
-        raise typer.Exit(NOT_COMPLETED)
+        seen = {"version": live.version, "commanded": live.commanded, "goals": live.goals, "late_s": live.late}
+        found |= {"ros": seen}
+    return log, found, interrupted
 
 
 def _fly(

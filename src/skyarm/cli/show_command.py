@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import RenderableType
 
-from skyarm.cli.arguments import name_completion, require_left_out, require_not_another
+from skyarm.cli.arguments import name_completion, out_option, require_left_out, require_not_another
 from skyarm.cli.lines import say_unlikely
 from skyarm.cli.output import (
     NOTHING,
@@ -51,7 +51,7 @@ def show(
     ] = None,
     gravity: Annotated[float, typer.Option(help="m/s^2")] = 9.81,
     drawing: Annotated[
-        str | None, typer.Option(metavar="FILE", help="draw it there (.png, .svg, .pdf) instead, all labelled")
+        str | None, out_option("draw it there (.png, .svg, .pdf) instead, all labelled", "--drawing", metavar="FILE")
     ] = None,
     vehicle: Annotated[
         str | None, typer.Option(help="of a flight: the start of an identification, whose numbers it may excite")
@@ -62,24 +62,24 @@ def show(
 
     Without a vehicle: names and titles of vehicles, scenarios, studies and controllers. Of a vehicle: mass, centre of
     mass, hover speed and thrust margin, arm reach, static joint torques of a level base; limits of the joints,
-    inertias, motor constants; sources of the numbers. With --drawing a picture with frames, senses and lengths.
+    inertias, motor constants; sources of the numbers. With --out a picture with frames, senses and lengths.
 
     Of a measured flight: channels, rates, gaps and clock; with --vehicle its faults, and of each number of the vehicle
     whether the flight excites it.
     """
     if shown is None:
-        require_left_out(context, ["--gravity", "--drawing", "--vehicle", "--columns"], " without a vehicle or flight")
+        require_left_out(context, ["--gravity", "--out", "--vehicle", "--columns"], " without a vehicle or flight")
         return _show_library()
     if _is_flight(shown):
         from skyarm.cli.flight_page import show_flight
 
-        require_left_out(context, ["--gravity", "--drawing"], " of a flight")
+        require_left_out(context, ["--gravity", "--out"], " of a flight")
         return show_flight(shown, columns, vehicle)
     require_left_out(context, ["--vehicle", "--columns"], " of a vehicle")
     number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)
     require_not_another(shown, "vehicle")
     if drawing is not None:
-        require_left_out(context, ["--gravity"], " beside --drawing, which shows no numbers of it")
+        require_left_out(context, ["--gravity"], " beside --out, a drawing, which shows no numbers of it")
         return _draw(shown, drawing)
     loaded = load_vehicle(shown)
     try:
@@ -107,7 +107,7 @@ def _draw(name: str, file: str) -> None:
     from skyarm.view.figures.style import save_picture
     from skyarm.view.figures.vehicle_drawing import vehicle_drawing
 
-    target = picture_file(file, "--drawing")
+    target = picture_file(file, "--out")
     save_picture(vehicle_drawing(load_vehicle(name)), target)
     give(drawing=target)
     tell(f"drawing: {target}")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skyarm.cli.arguments import name_completion, require_left_out, require_within
+from skyarm.cli.arguments import Laws, law_names, name_completion, out_option, require_left_out, require_within
 from skyarm.cli.lines import say
 from skyarm.cli.output import tell
 from skyarm.records.files import one_line, require_writable, shown
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from skyarm.view.studio.page_loop import PageLoop
     from skyarm.view.studio.replay import Replay
 
-OF_SIMULATION, OF_REPLAY = ("--controller", "--out"), ("--horizon", "--delay", "--columns")
+OF_SIMULATION, OF_REPLAY = ("--laws", "--out"), ("--horizon", "--delay", "--columns")
 """Options without effect with and without ``--vehicle``."""
 
 
@@ -45,13 +45,10 @@ def studio(
             autocompletion=name_completion("scenario"),
         ),
     ] = "case2",
-    controller: Annotated[
-        list[str] | None,
-        typer.Option(metavar="LAW", help="in place of the file's; up to three: repeat"),
-    ] = None,
+    laws: Laws = None,
     port: Annotated[int, typer.Option(help="of the page; 0 takes a free one")] = 8080,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="print the address, open nothing")] = False,
-    out: Annotated[str, typer.Option("--out", help="folder of saved flights")] = "out/studio",
+    out: Annotated[str, out_option("folder of saved flights")] = "out/studio",
     vehicle: Annotated[
         str | None,
         typer.Option(
@@ -84,6 +81,7 @@ def studio(
         _serve(port, no_browser, f"skyarm studio: {replay.title}", lambda: replay_page)
         return
     require_left_out(context, OF_REPLAY, " without --vehicle")
+    names = law_names(laws)
     made = [each for each in (Path(out), *Path(out).parents) if not os.path.lexists(each)]
     folder = require_writable(out)
     for each in made:  # they come with the first flight that is saved
@@ -93,8 +91,8 @@ def studio(
         from skyarm.view.studio.fleet import open_fleet
         from skyarm.view.studio.page import Page
 
-        fleet = open_fleet(scenario, controller or [])
-        return lambda server: Page(server, fleet, controller or [None], folder)
+        fleet = open_fleet(scenario, names)
+        return lambda server: Page(server, fleet, names or [None], folder)
 
     _serve(port, no_browser, f"skyarm studio: {scenario}", simulation)
 

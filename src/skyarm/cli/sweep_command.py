@@ -12,11 +12,13 @@ import typer
 
 from skyarm.cli.arguments import (
     Flying,
+    Laws,
+    law_names,
     name_completion,
+    out_option,
     require_left_out,
     require_not_another,
     shipped_names,
-    words_of,
     workers,
 )
 from skyarm.cli.lines import say_unlikely
@@ -38,10 +40,8 @@ def sweep(
             help="a study (.toml or a shipped name), or the folder of a sweep", autocompletion=name_completion("study")
         ),
     ],
-    controller: Annotated[
-        list[str] | None, typer.Option(metavar="LAW", help="in place of the study's: names or FILE.py:make; repeat")
-    ] = None,
-    out: Annotated[str | None, typer.Option("--out", help="folder; out/NAME of a study, FOLDER/stats of one")] = None,
+    laws: Laws = None,
+    out: Annotated[str | None, out_option("folder; out/NAME of a study, FOLDER/stats of one")] = None,
     flying: Flying = 0,
     part: Annotated[
         str | None, typer.Option(metavar="K/N", help="of N machines that share the folder the K-th")
@@ -59,11 +59,11 @@ def sweep(
     differences and maps, as report.html and stats.json.
     """
     if study not in shipped_names("study") and Path(study).is_dir() and study:
-        require_left_out(context, ["--controller", "--workers", "--part"], " with the folder of a sweep")
+        require_left_out(context, ["--laws", "--workers", "--part"], " with the folder of a sweep")
         _sum_up(study, out, success, paths)
     else:
         require_left_out(context, ["--success", "--map"], "; only the folder of a sweep has it")
-        _fly(study, words_of(controller), out, workers(flying), part)
+        _fly(study, law_names(laws) or None, out, workers(flying), part)
 
 
 def _fly(study: str, controllers: list[str] | None, out: str | None, threads: int, part: str | None) -> None:

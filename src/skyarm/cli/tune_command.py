@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from skyarm.cli.arguments import (
-    Controller,
     Flying,
+    Laws,
+    names_of,
+    one_law,
+    out_option,
     shipped_names,
-    words_of,
     workers,
 )
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
@@ -47,8 +49,8 @@ def tune(
     target: Annotated[
         str, typer.Argument(metavar="SCENARIO|VEHICLE", help="a file (.toml) or the name of a shipped one")
     ],
-    controller: Controller = None,
-    out: Annotated[str | None, typer.Option("--out", help="folder of the results; out/tune_... if left out")] = None,
+    laws: Laws = None,
+    out: Annotated[str | None, out_option("folder of the results; out/tune_... if left out")] = None,
     candidates: Annotated[int, typer.Option(help="sets of gains that are tried")] = 1640,
     plants: Annotated[int, typer.Option(help="wrong plants that each of them flies")] = 24,
     knobs: Annotated[
@@ -64,7 +66,7 @@ def tune(
     from skyarm.studies.tune.tune_scenario import plan_of, require_size
 
     require_size(candidates, plants, seed, "--")
-    threads, wanted = workers(flying), wanted_of(target, controller)
+    threads, wanted = workers(flying), wanted_of(target, one_law(laws))
     from skyarm.studies.tune.front import POINTS
     from skyarm.studies.tune.gain_search import Effort
     from skyarm.studies.tune.tune_page import front_name, gains_text, tune_page
@@ -73,7 +75,7 @@ def tune(
     scenario = wanted.scenario
     say_suspicious(scenario)
     effort = Effort().scale(candidates, plants)
-    plan = plan_of(scenario, wanted.has_motion, wanted.label, words_of(knobs), effort, seed)
+    plan = plan_of(scenario, wanted.has_motion, wanted.label, names_of("--knobs", knobs) or None, effort, seed)
     folder = Path("out") / f"tune_{wanted.name}" if out is None else Path(out)
     begin = time.perf_counter()
     with taken_back(folder), bar(f"{wanted.label} for {scenario.name}") as advance:
@@ -91,7 +93,7 @@ def tune(
     flown = target if wanted.has_motion else "SCENARIO"
     tell(
         f"written: {folder / GAINS}; the page of the front: {folder / PAGE}",
-        f"next: skyarm run {flown}{loads} --controller {folder / GAINS}",
+        f"next: skyarm run {flown}{loads} --laws {folder / GAINS}",
     )
     give(plain_tuning(found), folder=folder, gains=folder / GAINS, page=folder / PAGE)
     if not found.meets:
@@ -120,7 +122,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
     from skyarm.studies.tune.tune_page import words_of as words_of_law
 
     if controller is not None and not is_named(controller) and not is_gains_file(controller):
-        raise ValueError(f"--controller = {shown(controller)}: {must_be_named(controller)}; or a .toml file")
+        raise ValueError(f"--laws = {shown(controller)}: {must_be_named(controller)}; or a .toml file")
     of_a_vehicle, names = _is_vehicle(target), shipped_names("scenario")
     if not (of_a_vehicle or target in names or Path(target).suffix or os.path.lexists(target)):
         allowed = must_be_one_of((*names, *shipped_names("vehicle")), target)

@@ -2,7 +2,7 @@
 
 A file of gains has a law by its words, and numbers in place of those of its constants. ``skyarm tune`` writes such
 files, and anyone may. A scenario names one by ``[controller] tuned = "FILE.toml"``, a command line by
-``--controller FILE.toml``::
+``--laws FILE.toml``::
 
     schema = 1
     [law]                 the words of a scenario's [controller]: preset, or law and its options
@@ -216,9 +216,7 @@ def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: 
         return preset(_preset_name(fields), model, known)
     law = fields.take("law")
     if is_law_of_file(law) and not loaded:
-        raise ValueError(
-            f"{fields.at('law')} = {shown(law)}: must not be a file's; only --controller takes FILE.py:make"
-        )
+        raise ValueError(f"{fields.at('law')} = {shown(law)}: must not be a file's; only --laws takes FILE.py:make")
     if not isinstance(law, str) or law not in LAWS:
         hint = f"; it is a preset: preset = {law!r}" if law in (*PRESETS,) else ""
         raise ValueError(f"{fields.at('law')} = {shown(law)}: {must_be_one_of(LAWS, law, 'skyarm show')}{hint}")

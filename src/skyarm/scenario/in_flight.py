@@ -86,7 +86,7 @@ def _law(scenario: Scenario, name: object) -> Controller:
     if not isinstance(name, str):
         raise ValueError(f"{LAW} = {shown(name)}: must be the name of a preset, a law or LAW_tuned")
     if is_law_of_file(name):
-        raise ValueError(f"{LAW} = {shown(name)}: must not be a file's; only --controller takes FILE.py:make")
+        raise ValueError(f"{LAW} = {shown(name)}: must not be a file's; only --laws takes FILE.py:make")
     try:
         return controller_by_name(scenario, name)
     except ControllerError as error:

@@ -23,7 +23,7 @@ def test_a_law_flies_the_papers_circle_through_ardupilot(tmp_path):
         wait_for_port(JOINT_PORT, simulator, 150.0)
         subprocess.run(
             [
-                *skyarm, "fly", "case3", "--controller", "centroidal_tip", "--duration", "20", "--out", "law",
+                *skyarm, "fly", "case3", "--laws", "centroidal_tip", "--duration", "20", "--out", "law",
                 "--rate-bandwidth", "18,18,6", "--link", f"mavlink://127.0.0.1:{ONBOARD_PORT}",
                 "--joints", f"udp://127.0.0.1:{JOINT_PORT}",
             ],

@@ -119,7 +119,7 @@ def test_an_earlier_flight_is_kept():
         (("--link", "mavlink://127.0.0.1:9", "--leash", "-1"), "leash = -1.0"),
         (("--link", "mavlink://127.0.0.1:9", "--leash", "nan"), "leash = nan: must be a finite number"),
         (("--link", "mavlink://127.0.0.1:9", "--patience", "inf"), "patience = inf: must be a finite number"),
-        (("--link", "mavlink://127.0.0.1:9", "--controller", "px4"), "must be a law"),
+        (("--link", "mavlink://127.0.0.1:9", "--laws", "px4"), "must be a law"),
     ],
 )
 def test_wrong_words_are_one_line(words, line):

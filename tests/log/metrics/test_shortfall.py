@@ -202,7 +202,7 @@ def test_a_flight_with_a_governor_is_judged_by_its_distance_to_the_path():
 
 
 def test_the_command_line_says_it_in_words_and_in_json(tmp_path):
-    arguments = ["run", "press_and_hold", "--controller", "paper_ct", "--duration", "4", "--out", str(tmp_path)]
+    arguments = ["run", "press_and_hold", "--laws", "paper_ct", "--duration", "4", "--out", str(tmp_path)]
     assert "not reached: force of the push" in command(*arguments).out
     found = json.loads(command(*arguments, "--json").out)
     assert [each["reference"] for each in found["unreached"]] == ["force", "phase"]

@@ -17,7 +17,7 @@ from skyarm.studies.tune.excitation import draw_plants
 from skyarm.studies.tune.tuning import ASIDE, FURTHER, POOL, UNSEEN
 from skyarm.vehicle.vehicle_files import load_vehicle
 
-SMALL = ("hummingbird", "--controller", "decoupled_pd", "--candidates", "100", "--plants", "4", "--seed", "2")
+SMALL = ("hummingbird", "--laws", "decoupled_pd", "--candidates", "100", "--plants", "4", "--seed", "2")
 
 
 def tune(*words, folder):
@@ -119,9 +119,9 @@ def test_the_page_has_a_stop_for_every_file_and_asks_for_nothing(tuned):
         (("--candidates", "10"), "--candidates = 10: must be from 64 to 100000"),
         (("--plants", "1"), "--plants = 1: must be from 4 to 1000"),
         (("--knobs", "gains.positon"), "--knobs: 'gains.positon': did you mean 'gains.position'"),
-        (("--controller", "decoupled"), "--controller = 'decoupled': did you mean 'decoupled_pd'"),
-        (("--controller", "none.toml"), "no such file"),
-        (("--controller", "nmpc"), "its law cannot be traced, skyarm tune needs a traceable law"),
+        (("--laws", "decoupled"), "--laws = 'decoupled': did you mean 'decoupled_pd'"),
+        (("--laws", "none.toml"), "no such file"),
+        (("--laws", "nmpc"), "its law cannot be traced, skyarm tune needs a traceable law"),
         (("--workers", "-1"), "--workers = -1: must be from 0"),
         (("--seed", "2147483648"), "--seed = 2147483648: must be from 0 to 2147483647"),
     ],
@@ -157,7 +157,7 @@ def test_a_scenario_is_tuned_along_its_own_motion_too(target, own, tmp_path, mon
         raise ValueError("enough")
 
     monkeypatch.setattr(tuning, "tune", seen)
-    words = ["tune", target, "--controller", "decoupled_pd", "--out", str(tmp_path)]
+    words = ["tune", target, "--laws", "decoupled_pd", "--out", str(tmp_path)]
     with pytest.raises(ValueError, match="enough"):
         CliRunner().invoke(program(words), words, catch_exceptions=False)
     (plan,) = plans

@@ -71,7 +71,7 @@ def test_a_log_and_a_scenario_are_filmed_together(film: Film, log: Path, tmp_pat
             "skyarm: start = 2: must leave at least one frame before the end, 1 s",
         ),
         (("LOG", "a.webp", "--label", "x", "--label", "y"), "skyarm: labels = ['x', 'y']: must be as many as the"),
-        (("LOG", "a.webp", "--controller", "paper_ct"), "skyarm: --controller = 'paper_ct': must be left out"),
+        (("LOG", "a.webp", "--laws", "paper_ct"), "skyarm: --laws = 'paper_ct': must be left out"),
         (("case3", "case3_wind"), "skyarm: FILE = 'case3_wind': must be the film's file, the last word"),
         (("LOG", ""), "skyarm: FILE = '': must be the path of a file"),
     ],

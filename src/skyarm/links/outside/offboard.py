@@ -107,7 +107,7 @@ def require_outside(scenario: Scenario) -> None:
     """
     name, vehicle = scenario.controller.name, scenario.controller.par.model.vehicle
     if autopilot_of(scenario.controller) is not None:
-        raise ScenarioError(f"controller.autopilot = {shown(name)}: must be a law, as by --controller LAW")
+        raise ScenarioError(f"controller.autopilot = {shown(name)}: must be a law, as by --laws LAW")
     if vehicle.tilts:
         raise ScenarioError("model.vehicle: must have rotors that do not tilt, for rates and thrust")
     if episode_inputs(scenario).waits.guards:

@@ -111,7 +111,7 @@ READS = {
     "vehicle": "skyarm show",
     "scenario": "skyarm run",
     "study": "skyarm sweep",
-    "gains": "skyarm run SCENARIO --controller",
+    "gains": "skyarm run SCENARIO --laws",
 }
 """Kind of a file -> a command that reads it."""
 

@@ -100,10 +100,11 @@ PACKAGE = "skyarm"
 
 
 def how_to_install(*extras: str) -> str:
-    """Command that installs extras of this package, whichever way the package was installed."""
-    return f'python -m pip install "{PACKAGE}[{",".join(extras)}]"'
+    """Commands that install extras of this package, in a checkout and from an index."""
+    pip, names = "python -m pip install", ",".join(extras)
+    return f'{pip} -e ".[{names}]" in a checkout, {pip} "{PACKAGE}[{names}]" from an index'
 
 
 def needs_extra(extra: str) -> str:
     """Message for a missing optional package, with the command that installs it."""
-    return f"needs the extra {extra!r}; {how_to_install(extra)}"
+    return f"needs the extra {extra!r}: {how_to_install(extra)}"

@@ -45,7 +45,7 @@ COLUMNS: Sequence[tuple[str, str, float]] = (
 
 @immutable
 class GivenFlights(Flights):
-    """Flights of a scenario as with ``skyarm run FILE --controller LAW``, one per noise seed."""
+    """Flights of a scenario as with ``skyarm run FILE --laws LAW``, one per noise seed."""
 
     given: Scenario | str | os.PathLike[str]
 

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.immutable import immutable
+from skyarm.records.units import Unit
 from skyarm.studies.identify.autoregression import innovations
 from skyarm.studies.identify.identify_vehicle import RATES, search_of
 from skyarm.studies.identify.motion_model import Stretch
@@ -54,10 +55,10 @@ class DesignLimits:
         seconds: of flight.
     """
 
-    box: float = 1.5
-    tilt: float = math.radians(25.0)
-    clear: float = 0.1
-    seconds: float = 60.0
+    box: Annotated[float, Unit("m", "edge of the cube in which the base stays")] = 1.5
+    tilt: Annotated[float, Unit("rad", "largest tilt of the base")] = math.radians(25.0)
+    clear: Annotated[float, Unit("m", "of the arm from rotors, base and ground")] = 0.1
+    seconds: Annotated[float, Unit("s", "of flight")] = 60.0
 
     def broken_by(self, vehicle: Vehicle, flight: RequiredFlight) -> Array:
         """Shares (4 + n,), 0 to 1, of x, y, z, yaw and each joint in the breach of a limit by a designed flight."""

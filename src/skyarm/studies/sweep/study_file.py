@@ -103,7 +103,7 @@ def _require_no_file_law(controllers: Any) -> None:
     """Refuse controllers from code files in a study file."""
     for name in controllers if isinstance(controllers, list) else ():
         if is_law_of_file(name):
-            raise ValueError(f"controllers = {shown(name)}: must not be a file's; only --controller takes FILE.py:make")
+            raise ValueError(f"controllers = {shown(name)}: must not be a file's; only --laws takes FILE.py:make")
 
 
 def study_from(document: Mapping[str, Any], folder: str | os.PathLike[str] = "", *, source: str = "study") -> Study:

@@ -62,7 +62,7 @@ def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Map
     units = {knob.path: knob.unit for knob in plan.knobs}
     lines = [
         f"# Gains of {plan.label} for {plan.flight.plant.vehicle.name}, written by skyarm tune.",
-        '# In a scenario: [controller] tuned = "THIS FILE"; on a command line: --controller THIS FILE',
+        '# In a scenario: [controller] tuned = "THIS FILE"; on a command line: --laws THIS FILE',
         "schema = 1",
         *_table("law", words),
         "",

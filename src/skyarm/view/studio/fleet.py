@@ -227,7 +227,7 @@ def open_fleet(source: str, laws: Sequence[str]) -> Fleet:
         ScenarioError: one line.
     """
     if len(laws) > MOST:
-        raise ScenarioError(f"--controller = {shown(list(laws))}: must be at most {MOST} laws at once")
+        raise ScenarioError(f"--laws = {shown(list(laws))}: must be at most {MOST} laws at once")
     fleet = Fleet(source)
     for law in laws:
         fleet.under(law)

@@ -1,0 +1,34 @@
+"""The line on a missing extra: a command that works in a checkout, and one that works from an index."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from skyarm.records.files import how_to_install, needs_extra
+
+ROOT = Path(__file__).resolve().parents[3]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+NOT_ASKED_FOR = {"casadi", "docs", "test", "types"}
+"""For developers; and CasADi, whose expressions only who has it hands over."""
+
+SOURCE = {path.name: path.read_text("utf-8") for path in (ROOT / "src" / "skyarm").rglob("*.py")}
+
+
+@pytest.mark.parametrize("extra", EXTRAS)
+def test_both_commands_are_named_with_the_extra_s_own_name(extra: str) -> None:
+    checkout, index = re.findall(r'python -m pip install (-e )?"([^"]+)"', needs_extra(extra))
+    assert checkout == ("-e ", f".[{extra}]")
+    assert index == ("", f"{PROJECT['name']}[{extra}]")
+    assert needs_extra(extra).startswith(f"needs the extra {extra!r}: ")
+    assert how_to_install(extra).endswith(" from an index")
+
+
+def test_every_extra_is_asked_for_by_that_line_and_no_other() -> None:
+    asked = re.findall(r"(?:needs_extra|missing_extra|how_to_install)\([\"'](\w+)", "".join(SOURCE.values()))
+    assert set(asked) == set(EXTRAS) - NOT_ASKED_FOR
+    assert [name for name, text in SOURCE.items() if "pip install" in text and "skyarm[" in text] == []
