@@ -249,15 +249,18 @@ class Log:
 
     @property
     def units(self) -> Mapping[str, Unit]:
-        """Unit, frame and meaning of every array, by the array's name."""
-        held = self.arrays()
-        own = {name: unit for name, unit in units(Log).items() if name in held}
-        described = (
-            (f"{source}.{name}", each)
-            for source, of in sources_of(self.info).items()
-            for name, each in of.fields.items()
-        )
-        return own | {name: Unit(each.unit, each.meaning) for name, each in described if name in held}
+        """Unit, frame and meaning of every array and of every column of a wind, force or contact model, by name."""
+        from skyarm.log.log_columns import columns
+
+        held, of_parts = self.arrays(), f"{COMPONENTS}."
+        found = {each.name: Unit(each.unit, each.meaning) for each in columns(self) if each.array.startswith(of_parts)}
+        for source, of in sources_of(self.info).items():
+            for name, each in of.fields.items():
+                unit = Unit(" or ".join(dict.fromkeys(each.units or [each.unit])), each.meaning)
+                # arrays of components are attributes of the log, too
+                array = f"{source}.{name}"
+                found |= {key: unit for key in (array, array.removeprefix(of_parts)) if array in held}
+        return found | {name: unit for name, unit in units(Log).items() if name in held}
 
     def save_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write a CSV file: a column for each number, such as ``velocity_x [m/s]``, a row per control instant."""

@@ -209,6 +209,22 @@ def test_words_longer_than_a_panel_is_high_take_two_lines() -> None:
         require_words_apart(figure)
 
 
+@pytest.mark.parametrize("unit", ["kg m^2/s^2", ""])
+def test_a_long_name_stays_whole_within_the_height_of_its_panel(unit: str) -> None:
+    names = ("thermal_x", "updraft_at_the_base_of_the_vehicle", "anameofoneword" * 4, "flux of the ground, rotor_front")
+    figure, axes = PAPER.stacked_panels(len(names))
+    for ax, name in zip(axes, names, strict=True):
+        PAPER.name_axis(ax, name, unit)
+    require_words_apart(figure)
+    for ax, name in zip(axes, names, strict=True):
+        label = ax.yaxis.label
+        box, panel = label.get_window_extent(), ax.get_window_extent()
+        assert panel.y0 - 0.5 <= box.y0 < box.y1 <= panel.y1 + 0.5
+        assert box.x1 < panel.x0
+        said = f"{name}[{unit}]" if unit else name
+        assert label.get_text().replace("\n", "").replace(" ", "") == said.replace(" ", "")
+
+
 def test_a_lost_flight_does_not_flatten_the_others_and_is_named() -> None:
     log = flights()["paper_ct"]
     away = dataclasses.replace(

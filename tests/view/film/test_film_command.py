@@ -139,7 +139,8 @@ def test_a_slow_change_of_a_shade_is_seen_in_a_webp(tmp_path: Path) -> None:
         for k, frame in enumerate(frames):
             film.seek(k)
             blocks = (np.asarray(film.convert("RGB"), float) - frame).reshape(12, 8, 16, 8, 3).mean(axis=(1, 3))
-            assert np.abs(blocks[2:, 2:]).max() < 10.0  # of 58 that the shade changes; 20 without whole frames
+            # of 58 that the shade changes; 7, which is seen, with a whole frame in five, 20 without whole frames
+            assert np.abs(blocks[2:, 2:]).max() < 4.0
 
 
 def test_every_flight_of_the_paper_fits_into_an_animated_picture_of_the_usual_size(tmp_path: Path) -> None:

@@ -20,6 +20,14 @@ async function until(page, law, least, most) {
   return page.evaluate(([name, source]) => eval(source)(name), [law, number.toString()]);
 }
 
+async function hover(page) {
+  // both laws at one place, before the arm moves
+  await page.getByText('reset', { exact: true }).click();
+  await page.waitForTimeout(1500);
+  await page.getByText('play / pause', { exact: true }).click();
+  await page.waitForTimeout(1500);
+}
+
 async function hostile(browser, port) {
   // a page of another origin, with the cookie of ours
   const context = await browser.newContext();
@@ -66,22 +74,31 @@ async function main() {
   await field.press('Enter');
   seen.slider = await until(page, 'paper_ct', 4 * seen.calm, 1e6);
   seen.latency = Date.now() - moved;
-  await page.setViewportSize({ width: 390, height: 800 });
-  await page.waitForTimeout(1500);
-  seen.width = await page.evaluate(() => document.documentElement.scrollWidth);
-  const boxes = (selectors) => selectors.map((name) => {
-    const { left, right, top, bottom } = document.querySelector(name).getBoundingClientRect();
-    return { left, right, top, bottom };
-  });
-  [seen.picture_box, seen.sheet_box] = await page.evaluate(boxes, ['[data-dock-root]', '.mantine-Paper-root']);
-  await page.screenshot({ path: `${folder}/phone.png` });
-  const sideways = () => [...document.querySelectorAll('*')].filter((e) => e.scrollWidth > e.clientWidth + 1 &&
-    ['auto', 'scroll'].includes(getComputedStyle(e).overflowX)).map((e) => e.className);
-  seen.sideways = await page.evaluate(sideways);
-  const night = await browser.newPage({ colorScheme: 'dark' });
+  await page.close();
+  const phone = await browser.newPage({ viewport: { width: 390, height: 844 }, hasTouch: true });
+  await phone.goto(address);
+  await phone.waitForFunction(shows, 'paper_pd: tip error', { timeout: 150000 });
+  await phone.locator('.mantine-Notification-closeButton').click();
+  await hover(phone);
+  await phone.screenshot({ path: `${folder}/phone.png` });
+  seen.width = await phone.evaluate(() => document.documentElement.scrollWidth);
+  const boxes = (selectors) => selectors.map((name) => [...document.querySelectorAll(name)].map((e) => {
+    const { left, right, top, bottom } = e.getBoundingClientRect();
+    return { left, right, top, bottom, words: e.innerText };
+  }));
+  const parts = ['[data-dock-root]', '.mantine-Paper-root', '.mantine-Button-root', '.mantine-Tabs-tab'];
+  [[seen.picture_box], [seen.sheet_box], seen.buttons, seen.tabs] = await phone.evaluate(boxes, parts);
+  seen.legends = await phone.evaluate(() => [...document.querySelectorAll('.u-legend')].map((e) =>
+    [...e.querySelectorAll('.u-series')].filter((row) => row.offsetHeight).map((row) => row.innerText)).filter((e) => e.length));
+  seen.ticks = await phone.evaluate(() => Object.values(window.__viserTestpoints.uplots).map(({ chart }) => chart.axes[0]._values));
+  await phone.close();
+  const night = await browser.newPage({ viewport: { width: 1280, height: 800 }, colorScheme: 'dark' });
   await night.goto(address);
   await night.waitForFunction(shows, 'paper_ct: tip error', { timeout: 150000 });
+  await night.waitForSelector('[data-mantine-color-scheme="dark"]', { state: 'attached', timeout: 30000 });
   seen.dark_paper = await night.evaluate(paper);
+  await hover(night);
+  await night.screenshot({ path: `${folder}/night.png` });
   await night.close();
   seen.hostile = await hostile(browser, new URL(address).port);
   seen.errors = errors;

@@ -117,8 +117,9 @@ class Tab:
     def error(self, law: str) -> float:
         """Tip error of a law as the page says it, mm; NaN before it does."""
         for line in self.status().splitlines():
-            if line.startswith(f"{law}: tip error"):
-                return float(line.split()[3])
+            _, found, words = line.partition(f" {law}: tip error ")
+            if found:
+                return float(words.split()[0])
         return float("nan")
 
     def close(self) -> None:

@@ -11,7 +11,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 
 NODE = shutil.which("node")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -45,6 +47,9 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         said = page.stdout.read()
     assert looked.returncode == 0, looked.stderr
     found: dict[str, Any] = json.loads(looked.stdout.splitlines()[-1])
+    for name in ("phone", "night"):
+        with Image.open(shots / f"{name}.png") as shot:
+            found[f"{name}_pixels"] = np.asarray(shot.convert("RGB"), dtype=int)
     assert said == "studio: closed\n"
     return found
 
@@ -65,6 +70,58 @@ def test_the_page_is_dark_where_the_browser_prefers_so(seen: dict[str, Any]) -> 
 
 def test_a_slider_of_wind_moves_the_vehicle(seen: dict[str, Any]) -> None:
     assert seen["slider"] >= 4 * seen["calm"]
+
+
+def test_on_a_phone_picture_and_controls_share_the_screen_and_fit_a_finger(seen: dict[str, Any]) -> None:
+    picture, sheet = seen["picture_box"], seen["sheet_box"]
+    assert seen["width"] == 390
+    assert (sheet["left"], sheet["right"], sheet["bottom"]) == (0, 390, 844)
+    assert picture["bottom"] <= sheet["top"] + 1
+    assert picture["bottom"] - picture["top"] >= 300
+    clock = [each for each in seen["buttons"] if each["words"] in ("play / pause", "step", "reset")]
+    pushes = [each for each in seen["buttons"] if each["words"].startswith(("push", "gust"))]
+    assert (len(clock), len(pushes), [each["words"] for each in seen["tabs"]]) == (
+        3, 2, ["plots", "scenario", "world", "laws"],
+    )  # fmt: skip
+    for each in (*clock, *pushes, *seen["tabs"]):
+        assert min(each["bottom"] - each["top"], each["right"] - each["left"]) >= 40
+        assert 0 <= each["left"] < each["right"] <= 390
+        assert sheet["top"] <= each["top"] < each["bottom"] <= 844
+    assert len({each["top"] for each in seen["tabs"]}) == 1
+
+
+def colored(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where there is the first law's blue, and the second one's orange."""
+    red, _, blue = np.moveaxis(pixels, 2, 0)
+    return blue - red > 30, red - blue > 60
+
+
+@pytest.mark.parametrize("page", ["phone", "night"])
+def test_vehicle_and_arm_of_both_laws_are_seen_where_they_hover(seen: dict[str, Any], page: str) -> None:
+    end = (int(seen["picture_box"]["bottom"]), 390) if page == "phone" else (800, 940)
+    pixels = seen[f"{page}_pixels"][: end[0], : end[1]]
+    blue, orange = colored(pixels)
+    for here in (blue, orange):
+        assert here.sum() >= 40, "of a solid and of the wires about it"
+        assert 0.1 * end[1] < np.median(np.nonzero(here)[1]) < 0.9 * end[1]
+    rows, _ = np.nonzero(blue | orange)
+    assert np.ptp(rows) >= 0.1 * end[0], "from the base down along the arm"
+
+
+def test_plots_say_which_law_is_which_and_have_whole_seconds(seen: dict[str, Any]) -> None:
+    assert len(seen["ticks"]) == len(seen["legends"]) >= 4
+    for words in seen["legends"]:
+        assert {word.split()[0] for word in words} - {"limit"} == {"paper_ct", "paper_pd"}
+    for ticks in seen["ticks"]:
+        assert len(ticks) >= 3
+        assert all(int(each) in range(-10, 1) for each in ticks)
+
+
+def test_the_floor_of_a_dark_page_is_darker_than_its_vehicles(seen: dict[str, Any]) -> None:
+    floor = seen["night_pixels"][500:, :900].max(axis=2)
+    ground = np.median(floor)
+    assert 8 < floor.max() - ground < 60
+    assert ground < 40
 
 
 def test_a_page_of_another_origin_gets_no_websocket(seen: dict[str, Any]) -> None:

@@ -17,6 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from skyarm.view.studio.fleet import Fleet
 from skyarm.view.studio.page import Page
+from skyarm.view.studio.picture import COLORS
 from skyarm.view.studio.server import Guard, close_server, listening_socket, open_server
 
 TOKEN = "0123456789abcdef"
@@ -124,9 +125,12 @@ def test_a_page_is_dark_where_its_browser_prefers_so(shown: Open) -> None:
     name = f"skyarm_studio_{shown.port}_dark"
     assert content.count(f'<head><script>document.cookie = "{name}=" + matchMedia('.encode()) == 1
     assert content.rstrip().endswith(b"</html>")  # of its whole length
+    # what viser lays over the picture of a phone stands below it
+    assert content.index(b"\n@media (max-width: 36em)") < content.index(b"</head>")
     for more, dark in ((f"; {name}=true", True), (f"; {name}=false", False), ("; other=true", False)):
         tab = Tab(shown.port, TOKEN, more=more)
         tab.listen(lambda t, dark=dark: t.dark is dark, 20.0)
+        assert shown.server.dark is dark
         tab.close()
 
 
@@ -315,11 +319,21 @@ def test_several_tabs_see_one_flight(shown: Open, tab: Tab) -> None:
 
 def test_a_law_is_made_beside_the_flight_and_a_third_one_joins(shown: Open, tab: Tab) -> None:
     tab.listen(lambda t: seconds(t) > 0.2)
+    tabs = [props["_tab_labels"] for props in tab.props.values() if "_tab_labels" in props]
     tab.move(tab.find("law 3"), "rotors_sim_hummingbird")
     before = shown.page.fleet.tick
     wait(lambda: len(shown.page.fleet.flights) == 3)
     assert shown.page.fleet.tick > before  # the others flew on meanwhile
     tab.listen(lambda t: "rotors_sim_hummingbird" in t.status())
+    # the colour of each; the tab that is open stays so, since the tabs do
+    squares = [f'<span style="color: rgb{color}">\u25a0</span> ' for color in COLORS]
+    for square, flight in zip(squares, shown.page.fleet.flights, strict=True):
+        assert f"{square}{flight.title}: tip error" in tab.status()
+    assert tabs == [props["_tab_labels"] for props in tab.props.values() if "_tab_labels" in props]
+    assert tabs == [["plots", "scenario", "world", "laws"]]
+    folders = [props["label"] for props in tab.props.values() if "expand_by_default" in props]
+    assert len(folders) == len(set(folders))
+    assert {"paper_ct: law", "paper_pd: law", "rotors_sim_hummingbird: law"} <= set(folders)
     tab.move(tab.find("law 3"), "none")
     wait(lambda: len(shown.page.fleet.flights) == 2)
 

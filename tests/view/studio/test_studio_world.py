@@ -18,7 +18,7 @@ from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.view.studio.controls import Chart, charts
+from skyarm.view.studio.controls import charts
 from skyarm.view.studio.fleet import Flight
 from skyarm.view.studio.picture import NEWTON, VIEWS, Picture, force_arrows, tones_of, touch_arrows
 from skyarm.view.studio.scene_nodes import Arrows, SolidNodes, VehicleNodes
@@ -145,15 +145,6 @@ def titles(flown: Session) -> list[str]:
     gui = SimpleNamespace(add_uplot=lambda *_, **words: words["title"])
     flight = SimpleNamespace(first=flown.scenario, title="a", recent=lambda _: [])
     return [chart._node for chart in charts(gui, [flight])]  # type: ignore[list-item]
-
-
-def test_a_plot_shows_no_digits_that_its_labels_have_not() -> None:
-    seen = [SimpleNamespace(time=float(i), error=error) for i, error in enumerate((1e-9, 0.0123456, -0.0123456))]
-    gui = SimpleNamespace(add_uplot=lambda data, *_, **__: data)
-    flight = SimpleNamespace(title="a", recent=lambda _: seen)
-    chart = Chart(gui, "tip error (mm)", [flight], {"": lambda one: 1e3 * one.error})  # type: ignore[list-item]
-    time, error = chart._node
-    assert (time.tolist(), error.tolist()) == ([0.0, 1.0, 2.0], [0.0, 12.346, -12.346])
 
 
 def test_a_world_stands_once_and_a_tab_looks_round_the_wall() -> None:

@@ -8,6 +8,7 @@ print in grey tells them apart.
 from __future__ import annotations
 
 import io
+import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -181,11 +182,13 @@ class PictureStyle:
         return figure, axes
 
     def name_axis(self, ax: Axes, label: str, unit: str) -> None:
-        """Label a value axis with quantity and unit, on two lines if one does not fit."""
-        height = ax.get_window_extent().height / ax.figure.dpi * 72.0
-        words = f"{label} [{unit}]" if unit else label
-        if 0.48 * self.small * len(words) > height:
-            words = f"{label}\n[{unit}]"
+        """Label a value axis with quantity and unit, on lines that its height holds, broken after "_" or " "."""
+        most = int(ax.get_window_extent().height / ax.figure.dpi * 72.0 / (0.48 * self.small))
+        end = f"[{unit}]" if unit else ""
+        words = f"{label} {end}".strip()
+        if len(words) > most:
+            lines = re.findall(rf".{{1,{most}}}(?:(?<=[_ ])|$)|.{{1,{most}}}", label)
+            words = "\n".join(filter(None, (*lines, end)))
         ax.set_ylabel(words, linespacing=1.0, **self.small_words)
 
     def legend(self, figure: Figure, handles: Mapping[str, Artist]) -> None:

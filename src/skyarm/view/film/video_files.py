@@ -24,9 +24,9 @@ QUALITY = "20"
 WEBP_QUALITY = 80
 """From 0 to 100; below 75 what moves leaves specks behind it."""
 
-WEBP_KEY = 5
-"""Frames between two whole ones: libwebp leaves blocks as they are that differ little from the frame before, so that a
-slow change of a shade is lost until a frame is written whole."""
+WEBP_KEY = 2
+"""Frames from one whole one to the next: libwebp leaves blocks as they are that differ little from the frame before, so
+that of a slow change of a shade some stay behind, as patches, until a frame is written whole."""
 
 MOST_IN_MEMORY = 1.5e9
 """Bytes of pictures that an animated WebP may take: their frames are held until the last is drawn."""
@@ -77,7 +77,7 @@ def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, coun
         "quality": WEBP_QUALITY,
         "method": 4,
         "allow_mixed": True,
-        "kmin": WEBP_KEY - 2,
+        "kmin": WEBP_KEY - 1,
         "kmax": WEBP_KEY,
     }
     buffer = io.BytesIO()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -67,8 +68,9 @@ class Controls:
 
         on_user_input(gui.add_button_group("disturb", tuple(pushes)), push)
         self.tabs = gui.add_tab_group()
-        self.plots = self.tabs.add_tab("plots")
-        with self.tabs.add_tab("scenario"):
+        # the two last ones are filled anew with the flights; they stay, and so does the one that is chosen
+        self.plots, menus, self.world, self.laws = map(self.tabs.add_tab, ("plots", "scenario", "world", "laws"))
+        with menus:
             with gui.add_folder("laws"):
                 for place in range(MOST):
                     self._law(gui, page, place, laws[place] if place < len(laws) else NO_LAW)
@@ -102,6 +104,11 @@ def literal(text: str) -> str:
     return re.sub(r"([\\`*\[\]<>{}!#|~$&])", r"\\\1", text)
 
 
+def swatch(color: Sequence[int]) -> str:
+    """Square in a colour, red, green and blue from 0 to 255, for Markdown."""
+    return f'<span style="color: rgb{tuple(color)}">\u25a0</span>'
+
+
 class KnobPanel:
     """Panel of sliders for adjustable parameters of a simulation.
 
@@ -110,12 +117,18 @@ class KnobPanel:
         knobs: in order.
         moved: called with path and value when a hand has moved one, from any thread.
         opened: folder that stands open at first.
+        title: begins the names of the folders.
     """
 
-    def __init__(self, gui: Any, knobs: Sequence[Knob], moved: Callable[[str, float], None], opened: str = "") -> None:
+    def __init__(
+        self, gui: Any, knobs: Sequence[Knob], moved: Callable[[str, float], None], opened: str = "", title: str = ""
+    ) -> None:
         self._sliders: list[tuple[Knob, Any]] = []
+        self._folders = []
         for group in dict.fromkeys(knob.group for knob in knobs):
-            with gui.add_folder(group, expand_by_default=group == opened):
+            name = ": ".join(filter(None, (title, group)))
+            self._folders.append(gui.add_folder(name, expand_by_default=group == opened))
+            with self._folders[-1]:
                 for knob in (each for each in knobs if each.group == group):
                     hint = ": ".join(filter(None, (knob.path, knob.declared.meaning)))
                     first = knob.clip(knob.value)
@@ -128,9 +141,18 @@ class KnobPanel:
         for knob, slider in self._sliders:
             slider.value = knob.clip(values.get(knob.path, knob.value))
 
+    def remove(self) -> None:
+        """Remove the sliders from the page."""
+        for folder in self._folders:
+            folder.remove()
+
 
 SECONDS = 10.0
-"""That a plot shows."""
+"""That a plot shows, back from its last instant."""
+
+UNSEEN = "unseen"
+"""Scale of a last series, not drawn, whose number changes with each drawing: uPlot finds its ticks anew only where a
+scale has changed, and a plot that is made before its width is known has none."""
 
 HERTZ = 10.0
 """At which plots are drawn anew."""
@@ -138,7 +160,13 @@ HERTZ = 10.0
 DECIMALS = 3
 """That are drawn, and that the labels of an axis have: a curve below them would stand beside labels of 0."""
 
+TICKS = tuple(round(digit * 10.0**power, DECIMALS) for power in range(-DECIMALS, 7) for digit in (1, 2, 5))
+"""Steps between the labels of an axis."""
+
 LIMIT = "rgb(200, 40, 40)"
+
+WIDTH, MORE = 1.5, 2.0
+"""Pixels of the last law's curve, and how much wider the one before is: it is seen on both sides of what lies on it."""
 
 Column = Callable[[Any], float]
 """Number of an instant, such as a :class:`~skyarm.view.studio.sights.Sight`."""
@@ -174,22 +202,28 @@ class Chart:
         limit: float | None = None,
     ) -> None:
         self._flights, self._columns, self._limit = list(flights), list(columns.values()), limit
+        self._turns = itertools.cycle((0.0, 1.0))
         series: list[dict[str, object]] = [{"label": "time (s)"}]
-        for flight, color in zip(flights, COLORS, strict=False):
+        for i, (flight, color) in enumerate(zip(flights, COLORS, strict=False)):
+            width = WIDTH + MORE * (len(flights) - 1 - i)
             for j, name in enumerate(columns):
-                label = f"{flight.title} {name}".strip()
+                label = " ".join(filter(None, (flight.title, name, "(dashed)" if j else "")))
                 dash = {} if j == 0 else {"dash": [3 + 2 * j, 3]}
-                series.append({"label": label, "stroke": f"rgb{color}", "width": 1.5, **dash})
+                series.append({"label": label, "stroke": f"rgb{color}", "width": width, **dash})
         if limit is not None:
             series.append({"label": "limit", "stroke": LIMIT, "width": 1, "dash": [8, 4]})
+        several = len(series) > 2
+        series.append({"label": UNSEEN, "scale": UNSEEN})
         self._node = gui.add_uplot(
             self._data(),
             tuple(series),
             title=title,
-            scales={"x": {"time": False}},
-            axes=({"size": 32}, {"size": 46}),
-            legend={"show": False},
+            # a range that is not stated follows the data's, and strays from it in a busy tab
+            scales={"x": {"time": False, "range": (-SECONDS, 0.0)}},
+            axes=({"size": 32, "incrs": (1, 2, 5), "space": 40}, {"size": 58, "incrs": TICKS}),
+            legend={"show": several, "live": False},
             height=140,
+            padding=(10, 24, 0, 0),
         )
 
     def draw(self) -> None:
@@ -201,12 +235,12 @@ class Chart:
         self._node.remove()
 
     def _data(self) -> tuple[Array, ...]:
-        """Return the time axis and all curves of the plot, padded with NaN to one length."""
+        """Return times before the last instant, s, and all curves of the plot, padded with NaN to one length."""
         rows = [flight.recent(SECONDS) for flight in self._flights]
         longest: Sequence[Any] = max(rows, key=len, default=[])
-        times = [seen.time for seen in longest]
+        times = [seen.time - longest[-1].time for seen in longest]
         if len(times) < 2:  # an axis needs two instants
-            times = [times[0] if times else 0.0, (times[0] if times else 0.0) + 1e-3]
+            times = [-1e-3, 0.0]
         curves = []
         for seen in rows:
             for column in self._columns:
@@ -214,7 +248,7 @@ class Chart:
                 curve[: len(seen)] = np.round([column(one) for one in seen], DECIMALS)
                 curves.append(curve)
         limit = [] if self._limit is None else [np.full(len(times), self._limit)]
-        return (np.array(times), *curves, *limit)
+        return (np.array(times), *curves, *limit, np.full(len(times), next(self._turns)))
 
 
 def charts(gui: Any, flights: Sequence[Flight]) -> list[Chart]:

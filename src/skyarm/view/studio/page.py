@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.scenario.scenario_file import list_scenarios
-from skyarm.view.studio.controls import Chart, Controls, KnobPanel, charts, literal
+from skyarm.view.studio.controls import Chart, Controls, KnobPanel, charts, literal, swatch
 from skyarm.view.studio.fleet import Fleet, Flight
 from skyarm.view.studio.knobs import Knob
 from skyarm.view.studio.page_loop import PageLoop
-from skyarm.view.studio.picture import Picture
+from skyarm.view.studio.picture import COLORS, Picture
 
 
 class Page(PageLoop):
@@ -35,7 +35,6 @@ class Page(PageLoop):
         self._picture = Picture(server)
         own = self.fleet.scenario.controller.name
         self._controls = Controls(server.gui, self, [law or own for law in laws])
-        self._shown: list[Any] = []
         self._panels: list[tuple[int | None, KnobPanel]] = []
         self._charts: list[Chart] = []
         self._begin(self.fleet, laws)
@@ -146,23 +145,22 @@ class Page(PageLoop):
         with self._server.atomic():
             if not self._making:
                 self._picture.build(self.fleet.scenario, [flight.title for flight in flights])
-            for tab in self._shown:
-                tab.remove()
-            for chart in self._charts:
-                chart.remove()
-            self._shown, self._panels = [], []
+            for each in (*(panel for _, panel in self._panels), *self._charts):
+                each.remove()
+            self._panels = []
             with self._controls.plots:
                 self._charts = charts(self._server.gui, flights)
             for flight in flights[:1]:
-                self._add_panel("world", None, flight.shared_knobs, "wind and forces")
+                self._add_panel(self._controls.world, None, flight.shared_knobs, "wind and forces")
             for i, flight in enumerate(flights):
-                self._add_panel(flight.title, i, flight.own_knobs, "law")
+                self._add_panel(self._controls.laws, i, flight.own_knobs, "" if i else "law", flight.title)
 
-    def _add_panel(self, title: str, place: int | None, knobs: Sequence[Knob], opened: str) -> None:
-        self._shown.append(self._controls.tabs.add_tab(title))
-        with self._shown[-1]:
-            panel = KnobPanel(self._server.gui, knobs, lambda path, value: self.move(place, path, value), opened)
-        self._panels.append((place, panel))
+    def _add_panel(self, tab: Any, place: int | None, knobs: Sequence[Knob], opened: str, title: str = "") -> None:
+        def move(path: str, value: float) -> None:
+            self.move(place, path, value)
+
+        with tab:
+            self._panels.append((place, KnobPanel(self._server.gui, knobs, move, opened, title)))
 
     def _show_values(self) -> None:
         """Set the sliders to the current values, after a step back or a reset."""
@@ -190,13 +188,13 @@ class Page(PageLoop):
         clock = "at its end" if fleet.tick == fleet.steps - 1 else "playing" if fleet.playing else "paused"
         state = f"{fleet.time:.2f} s, {clock}, {fleet.speed:g}x"
         lines = [f"**{literal(fleet.scenario.title or fleet.source)}**", state]
-        for flight in fleet.flights:
+        for flight, color in zip(fleet.flights, COLORS, strict=False):
             last = flight.last
             words = (
                 f"lost at {last.time:.2f} s: {flight.lost}" if flight.lost else f"tip error {1e3 * last.error:.1f} mm"
             )
             touching = f", contact {last.contact:.2f} N" if last.contact and not flight.lost else ""
-            lines.append(f"{flight.title}: {words}{touching}")
+            lines.append(f"{swatch(color)} {flight.title}: {words}{touching}")
         if self._making:
             lines.append("Machine code is being made ...")
         return "\n\n".join([*lines, *([literal(self._words)] if self._words else [])])

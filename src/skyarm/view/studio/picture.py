@@ -24,6 +24,13 @@ COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
 
 GHOST, LOST = (130, 130, 140), (200, 40, 40)
 
+SHELL = 0.06
+"""Share by which the vehicle of each further law, drawn in wires, is thicker than the one before: where all are at one
+place each is seen."""
+
+FLOORS = {False: ((200, 200, 200), (140, 140, 140)), True: ((40, 40, 40), (62, 62, 62))}
+"""Whether a page is dark -> colours of the floor's lines, of cells and of metres."""
+
 TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "point": 1.4, "payload": 0.4}
 """Role of a shape -> how bright its law's colour is; 0.6 of any other."""
 
@@ -48,7 +55,7 @@ VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85),
 """m from the vehicle, from where a new tab may look at it."""
 
 LOOK_AT = np.array([0.12, 0.08, -0.28])
-"""m from the vehicle, where a new tab looks: the vehicle is left of a wide screen's panel and above a phone's."""
+"""m from the vehicle, where a new tab looks: the vehicle is left of a wide screen's panel."""
 
 
 def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
@@ -73,8 +80,8 @@ class FlightNodes:
         vehicle, end, first = scenario.plant.vehicle, number + 1, first_scene(scenario, placed.tip)
         self._vehicle, self._around, self._lost, self._first = vehicle, placed.tip, False, number == 0
         self._above = np.array([0.0, 0.0, 0.16 + 0.08 * number])
-        self._paint, points = tones_of(COLORS[number]), first.attached
-        self.vehicle = VehicleNodes(scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points)
+        self._paint, points, wires = tones_of(COLORS[number]), first.attached, SHELL * number
+        self.vehicle = VehicleNodes(scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points, wires=wires)
         colors, at = [THRUST] * len(vehicle.rotors) + [WIND, PUSHED], np.tile(placed.positions[0], (2, 1))
         self._forces = Arrows(scene, f"{STAGE}/arrows{end}", colors, SHAFT, at)
         still = np.tile(placed.tip, (1, 2, 1)).astype(np.float32)
@@ -186,9 +193,14 @@ class Stage:
         self._stage = self._scene.add_frame(STAGE, show_axes=False)
         self._origin, self._moved = np.zeros(3), np.zeros(3)
         self._ground = self._scene.add_grid(f"{STAGE}/ground", width=12.0, height=12.0, cell_size=0.5)
+        self._dark = False
 
     def _follow(self, at: Array) -> None:
-        """Shift the whole scene so that a vehicle stays in place for the camera."""
+        """Shift the whole scene so that a vehicle stays in place for the camera, on a floor as light as the page."""
+        dark = getattr(self._server, "dark", False)
+        if dark != self._dark:
+            self._dark = dark
+            self._ground.cell_color, self._ground.section_color = FLOORS[dark]
         moved = self._origin - at if self.follow else np.zeros(3)
         if np.abs(moved - self._moved).max() > STILL:
             self._stage.position = self._moved = moved

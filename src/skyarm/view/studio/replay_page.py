@@ -94,7 +94,7 @@ class ReplayPage(PageLoop):
             "position error (mm)": lambda seen: 1e3 * seen.position,
             "attitude error (deg)": lambda seen: math.degrees(seen.attitude),
         }
-        self._charts = [Chart(gui, f"{title}, orange: held", replay.curves, {"": get}) for title, get in shown.items()]
+        self._charts = [Chart(gui, title, replay.curves, {"": get}) for title, get in shown.items()]
 
     def do(self, work: Callable[[Clock], None]) -> None:
         """Queue a function of the clock, to be called before the next frame."""

@@ -36,8 +36,8 @@ STILL = 1e-4
 SHORTEST = 0.01
 """m of arrow below which none is drawn."""
 
-SEGMENTS, SUBDIVISIONS = 24, 2
-"""Of round shapes."""
+SEGMENTS, SUBDIVISIONS = (24, 8), (2, 1)
+"""Of round shapes, solid and of wires: around a cylinder, of a sphere's faces."""
 
 LINE_WIDTH = 0.003
 """m."""
@@ -67,30 +67,32 @@ class MovingNode:
             self.node.wxyz = self._turn = turn
 
 
-def add_shape(scene: Any, name: str, shape: Shape, color: RGBA) -> Any:
+def add_shape(scene: Any, name: str, shape: Shape, color: RGBA, *, wires: bool = False) -> Any:
     """Add a box, sphere, cylinder, capsule or mesh to a viser scene."""
     look: dict[str, Any] = {
         "color": bytes_of(color),
         "opacity": color[3] if color[3] < 1.0 else None,
+        "wireframe": wires,
         "cast_shadow": False,
         "receive_shadow": False,
     }
     at = {"position": np.array(shape.position), "wxyz": quaternions_of(np.array([shape.rotation]))[0]}
     if shape.mesh or shape.kind == "hole":
         vertices, faces = mesh_of(replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT))
-        return scene.add_mesh_simple(name, vertices, faces, side="double", flat_shading=True, **look, **at)
+        return scene.add_mesh_simple(name, vertices, faces, side="double", flat_shading=not wires, **look, **at)
     if shape.kind in ("sphere", "ellipsoid"):
         axes = (shape.size[0],) * 3 if shape.kind == "sphere" else shape.size
-        return scene.add_icosphere(name, radius=1.0, scale=axes, subdivisions=SUBDIVISIONS, **look, **at)
+        return scene.add_icosphere(name, radius=1.0, scale=axes, subdivisions=SUBDIVISIONS[wires], **look, **at)
     if shape.kind in ("box", "patch"):
         lengths = tuple(2.0 * half for half in (*shape.size, THIN)[:3])
         return scene.add_box(name, dimensions=lengths, **look, **at)
     radius, length = shape.size
-    node = scene.add_cylinder(name, radius=radius, height=length, radial_segments=SEGMENTS, **look, **at)
+    node = scene.add_cylinder(name, radius=radius, height=length, radial_segments=SEGMENTS[wires], **look, **at)
     if shape.kind == "capsule":
         for end, sign in (("start", -0.5), ("end", 0.5)):
             place = np.array([0.0, 0.0, sign * length])
-            scene.add_icosphere(f"{name}/{end}", radius=radius, subdivisions=SUBDIVISIONS, position=place, **look)
+            faces = SUBDIVISIONS[wires]
+            scene.add_icosphere(f"{name}/{end}", radius=radius, subdivisions=faces, position=place, **look)
     return node
 
 
@@ -108,17 +110,28 @@ class VehicleNodes:
         vehicle: with concrete numbers.
         paint: colours.
         points: marks on its bodies.
+        wires: share by which it is thicker and drawn as wires; 0 for solids.
     """
 
-    def __init__(self, scene: Any, name: str, vehicle: Vehicle, paint: Paint, *, points: Sequence[Shape] = ()) -> None:
+    def __init__(
+        self,
+        scene: Any,
+        name: str,
+        vehicle: Vehicle,
+        paint: Paint,
+        *,
+        points: Sequence[Shape] = (),
+        wires: float = 0.0,
+    ) -> None:
         # every body hangs on the base: what stands still against it need not be sent
         self._base, self._visible = MovingNode(scene.add_frame(name, show_axes=False)), True
         scene.add_frame(f"{name}/{BASE}", show_axes=False)
         frames = [scene.add_frame(f"{name}/{body}", show_axes=False) for body in range(len(vehicle.moving))]
         self._links = [MovingNode(frame) for frame in frames]
-        shapes = (*vehicle_shapes(vehicle), *points)
+        shapes = [_scale_thickness(shape, 1.0 + wires) for shape in (*vehicle_shapes(vehicle), *points)]
         self._meshes = [
-            (add_shape(scene, f"{name}/{shape.body}/{shape.name}", shape, paint(shape.role)), shape) for shape in shapes
+            (add_shape(scene, f"{name}/{shape.body}/{shape.name}", shape, paint(shape.role), wires=wires > 0.0), shape)
+            for shape in shapes
         ]
         self._discs = {shape.name: (MovingNode(node), shape) for node, shape in self._meshes if shape.role == "rotor"}
 
@@ -151,6 +164,12 @@ class VehicleNodes:
     def remove(self) -> None:
         """Remove the vehicle and its child nodes from the scene."""
         self._base.node.remove()
+
+
+def _scale_thickness(shape: Shape, factor: float) -> Shape:
+    """Scale the sizes of a shape, of a cylinder or capsule the radius alone."""
+    scaled = tuple(factor * size for size in shape.size)
+    return replace(shape, size=scaled[:1] + shape.size[1:] if shape.kind in ("cylinder", "capsule") else scaled)
 
 
 class SolidNodes:

@@ -25,6 +25,27 @@ from skyarm.records.immutable import immutable
 QUIET = "websockets.server"
 
 
+STYLE = """<style>
+/* the unseen series of a plot */
+.uplot .u-legend .u-series:last-child { display: none }
+@media (max-width: 36em) {
+  /* viser lays its controls over the lower 60 % of a phone's picture, 266 px wide */
+  #root div:has(> div > div > [data-dock-root]) { flex-direction: column }
+  #root div:has(> div > [data-dock-root]) { height: auto !important; min-height: 0; width: 100% }
+  #root div:has(> div > [data-dock-root]) ~ .mantine-Paper-root {
+    position: relative !important; width: 100% !important; max-height: 58% !important; flex-shrink: 0;
+    .mantine-ScrollArea-content > div { width: 100% !important }
+  }
+  #root :is(.mantine-Button-root, .mantine-ActionIcon-root, .mantine-Input-input, .mantine-Tabs-tab) {
+    min-height: 40px !important; min-width: 40px !important;
+  }
+  #root .mantine-Slider-root { padding-block: 14px !important }
+}
+</style>"""
+"""In the head of the page. On screens up to 36 em wide, as viser counts them, the picture is above the controls, which
+are as large as a finger."""
+
+
 class StudioError(ValueError):
     """Error if the studio cannot be opened, with a one-line message."""
 
@@ -77,14 +98,15 @@ def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
     inputs: dict[str, Any] = {}
     with _serving(module, listening, guard, inputs), _silent():
         server = viser.ViserServer(host=LOOPBACK[0], port=guard.port, label=title, verbose=False)
-    inputs["gui"] = server.gui
-    configure_theme(server.gui, dark=False)
+    inputs["server"] = server
+    configure_theme(server, dark=False)
     return server
 
 
-def configure_theme(gui: Any, *, dark: bool) -> None:
-    """Set the look of the page of all tabs: light or dark, without viser's logo and its tunnel's button."""
-    gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
+def configure_theme(server: Any, *, dark: bool) -> None:
+    """Set the look of the page of all tabs: light or dark (``server.dark``), without viser's logo and tunnel."""
+    server.dark = dark
+    server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
 
 
 def close_server(server: Any) -> None:
@@ -103,7 +125,7 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
 
         async def handle(connection: Any) -> None:
             # there is one reader, so that all tabs look as the last one that was opened
-            configure_theme(inputs["gui"], dark=guard.wants_dark(connection.request.headers.get("Cookie", "")))
+            configure_theme(inputs["server"], dark=guard.wants_dark(connection.request.headers.get("Cookie", "")))
             await handler(Sieve(connection, inputs))
 
         def answer(connection: Any, request: Any) -> Any:
@@ -125,7 +147,7 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
             response = page(connection, request)
             if response is not None:
                 if b"<head>" in response.body:
-                    response.body = response.body.replace(b"<head>", b"<head>" + guard.script().encode(), 1)
+                    response.body = response.body.replace(b"<head>", b"<head>" + (guard.script() + STYLE).encode(), 1)
                     del response.headers["Content-Length"]
                     response.headers["Content-Length"] = str(len(response.body))
                 response.headers["Set-Cookie"] = guard.remember()
@@ -155,7 +177,7 @@ class Sieve:
     """Websocket wrapper that passes valid slider and camera messages, and drops all others.
 
     Args:
-        connection: the websocket. inputs: "gui" -> the sliders and buttons of the page.
+        connection: the websocket. inputs: "server" -> that of viser, with the sliders and buttons of the page.
     """
 
     ALLOWED = ("GuiUpdateMessage", "ViewerCameraMessage")
@@ -198,7 +220,7 @@ class Sieve:
         Raises:
             ValueError, KeyError: it does not, or there is no such input.
         """
-        handle = self._inputs["gui"]._gui_input_handle_from_uuid[uuid]
+        handle = self._inputs["server"].gui._gui_input_handle_from_uuid[uuid]
         held, props = handle._impl.value, handle._impl.props
         if isinstance(held, (bool, str)):
             options = getattr(props, "options", None)
