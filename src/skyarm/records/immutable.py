@@ -54,7 +54,7 @@ def immutable(
     def make(kind: type[T]) -> type[T]:
         made = dataclass(**{"frozen": True, "slots": True, "kw_only": kw_only, "repr": False, **options})(kind)
         if made.__repr__ is object.__repr__:
-            made.__repr__ = short_repr  # type: ignore[assignment, method-assign]
+            made.__repr__ = short_repr  # type: ignore[method-assign]
         return made
 
     return make if kind is None else make(kind)

@@ -136,7 +136,7 @@ class _Readings(UserDict[str, Any]):
 def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, Any]:
     """Readings of all sensors by name, of a vehicle without acceleration and by random numbers of 0.5."""
     vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
-    found = {FULL_STATE: measurement_of(state, WEIGHT)}
+    found: dict[str, Any] = {FULL_STATE: measurement_of(state, WEIGHT)}
     for named in scenario.sensors:
         sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
         found[named.name] = sensor.take(sensor.start(vehicle), t, state, WEIGHT, NO_PUSH, middle, period)[1]

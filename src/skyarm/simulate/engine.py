@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra.scalars import Scalar, data
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
@@ -388,12 +388,13 @@ class Engine:
 
         Plants that cannot be traced are replaced by the rigid body. The floats are NumPy's, which divide by 0.
         """
-        scenario, ticks = self.scenario, np.array([round(now.ticks)])
+        scenario, ticks = self.scenario, np.array([int(float(now.ticks))])
         stages = Stages(scenario)
         plant = RigidBodySteps(stages, Substeps(rigid_body_plant(scenario, self.first)))
         row = self.inputs.row_at(ticks[0], now)
         if scenario.controller.compiled:  # the memory of another law may hold anything
-            now, row = (rebuild(each, iter(np.array(leaves(each), dtype=float))) for each in (now, row))
+            now = rebuild(now, iter(np.array(leaves(now), dtype=float)))
+            row = rebuild(row, iter(np.array(leaves(row), dtype=float)))
         draws = [uniforms(scenario.seed, scenario.episode, each, ticks, count)[0] for each, count in self.code.draws]
         with np.errstate(all="ignore"):
             return make_period(stages, plant)(now, row, tuple(np.concatenate([[], *draws])))[0]

@@ -254,7 +254,7 @@ class Session:
             going = self._engine.step(None if command is None else numbers_of_command(command, *self._sizes))
         if self._course.coming and going:
             self._apply_due_changes()
-        return going or self._end()
+        return going or self._name_cause()
 
     def run(self) -> Log:
         """Simulate to the end of the flight and return the log of the whole session."""
@@ -272,9 +272,9 @@ class Session:
         going = self._engine.fly(stop)
         if self._course.coming and going:
             self._apply_due_changes()
-        return going or self._end()
+        return going or self._name_cause()
 
-    def _end(self) -> bool:
+    def _name_cause(self) -> bool:
         """Add to the cause of an end by a number that is not finite the line of the user's code that gave it."""
         engine = self._engine
         ended = engine.ended

@@ -63,8 +63,8 @@ def writing_atomically(path: str | os.PathLike[str], *, entry: bool = True) -> I
     temporary: Path | None = None
     try:
         if target.exists() and not target.is_file():
-            with target.open("wb") as stream:
-                yield stream
+            with target.open("wb") as device:
+                yield device
             return
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary, stream = _new_part(target)

@@ -50,8 +50,8 @@ def film(
     recorded = require_film_format(path, SUFFIXES) is None
     usual = dict(zip(("width", "height", "fps"), usual_size_and_rate(path), strict=True))
     chosen = FilmSettings(**{**usual, **settings})
-    several = isinstance(flights, Sequence) and not isinstance(flights, str)
-    logs = [_log(each) for each in (flights if several else [flights])]
+    listed = flights if isinstance(flights, Sequence) and not isinstance(flights, str) else [flights]
+    logs = [_log(each) for each in listed]
     if recorded:
         return save_recording(record(logs, chosen, labels=labels, progress=progress), path)
     return make_film(logs, path, chosen, labels=labels, progress=progress)

@@ -145,8 +145,10 @@ class Page(PageLoop):
         with self._server.atomic():
             if not self._making:
                 self._picture.build(self.fleet.scenario, [flight.title for flight in flights])
-            for each in (*(panel for _, panel in self._panels), *self._charts):
-                each.remove()
+            for _, panel in self._panels:
+                panel.remove()
+            for chart in self._charts:
+                chart.remove()
             self._panels = []
             with self._controls.plots:
                 self._charts = charts(self._server.gui, flights)

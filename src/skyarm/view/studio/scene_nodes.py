@@ -91,8 +91,8 @@ def add_shape(scene: Any, name: str, shape: Shape, color: RGBA, *, wires: bool =
     if shape.kind == "capsule":
         for end, sign in (("start", -0.5), ("end", 0.5)):
             place = np.array([0.0, 0.0, sign * length])
-            faces = SUBDIVISIONS[wires]
-            scene.add_icosphere(f"{name}/{end}", radius=radius, subdivisions=faces, position=place, **look)
+            finely = SUBDIVISIONS[wires]
+            scene.add_icosphere(f"{name}/{end}", radius=radius, subdivisions=finely, position=place, **look)
     return node
 
 
