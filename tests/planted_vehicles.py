@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from pathlib import Path
 
 import numpy as np
 
 import skyarm
 from skyarm.flight_data.own_log import measured_flight
+from skyarm.scenario.without_effect import WithoutEffectWarning
 from skyarm.studies.identify.identified_parts import vehicle_with
 from skyarm.studies.identify.unknowns import second_moments
 
@@ -43,7 +45,9 @@ def fly_designed(seed, duration=60.0, more=None):
     """A planted vehicle's numbers, the vehicle, and its flight on the path designed for the nominal one."""
     numbers = plant_numbers(seed) | (more or {})
     vehicle = vehicle_with(NOMINAL, numbers, checked=True)
-    designed = skyarm.load_scenario(str(DESIGNED))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", WithoutEffectWarning)  # its inertial unit is for the log
+        designed = skyarm.load_scenario(str(DESIGNED))
     log = skyarm.run(
         dataclasses.replace(
             designed,

@@ -52,8 +52,16 @@ def test_a_data_frame_is_the_csv_file_over_time_with_units(log: skyarm.Log, tmp_
 @pytest.mark.parametrize(
     ("function", "package", "words"),
     [
-        (log_frame, "pandas", r"pandas: is missing; a log as a DataFrame needs the extra 'pandas'; .*\[pandas\]\"?$"),
-        (log_table, "pyarrow", r"pyarrow: is missing; a log as a table needs the extra 'sweep'; .*\[sweep\]\"?$"),
+        (
+            log_frame,
+            "pandas",
+            r"pandas: is missing; a log as a DataFrame needs the extra 'pandas': .*\[pandas\]\" from an index$",
+        ),
+        (
+            log_table,
+            "pyarrow",
+            r"pyarrow: is missing; a log as a table needs the extra 'sweep': .*\[sweep\]\" from an index$",
+        ),
     ],
 )
 def test_what_is_missing_is_named_with_the_command_that_installs_it(

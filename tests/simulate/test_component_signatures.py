@@ -112,7 +112,9 @@ def test_a_reading_that_is_no_numbers_is_one_line(name):
 
     with pytest.raises(ValueError, match="gps") as caught:
         require_shapes(flown(skyarm.Sensor, measure=reads))
-    assert str(caught.value).startswith(f"{__file__}:{reads.__code__.co_firstlineno}: sensors.gps (Own) {words}")
+    assert str(caught.value).startswith(
+        f"{__file__}:{reads.__code__.co_firstlineno}: sensors.gps (Own.measure) {words}"
+    )
 
 
 @pytest.mark.parametrize("name", ["joints", "joint_rates"])

@@ -62,7 +62,8 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
         for where, each in scenario.placed_components
         if where.startswith("environment.") and not (each == NO_WIND or each.coupled or each.rigid)
     }
-    if not placed or scenario.kind not in PLANTS:  # other plants have forces of their own
+    moved = any(each.path.startswith("environment.") for each in scenario.changes)
+    if moved or not placed or scenario.kind not in PLANTS:  # other plants have forces of their own
         return
     name, level, rates = scenario.plant.vehicle.name, Quaternion(1.0, 0.0, 0.0, 0.0), (1.0,) * scenario.plant.vehicle.n
     state = replace(first_state(scenario), quaternion=level, velocity=MOVING, rate=MOVING, joint_rates=rates)

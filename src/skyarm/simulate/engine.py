@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar, data
+from skyarm.algebra.scalars import Scalar
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper

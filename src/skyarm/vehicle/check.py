@@ -67,7 +67,7 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool, least: float = 0.0) 
     shown = f"principal moments {', '.join(f'{m:.6g}' for m in moments)}"
     if moments[0] < -slack:
         refuse(field, shown, "must not be negative")
-    if moments[0] < least:
+    if least > 0.0 and moments[0] < least:
         refuse(field, shown, f"must leave no axis without inertia: at least {least:g} kg m^2 about each")
     if 0.0 < moments[2] < NOISE:
         refuse(field, shown, f"must be 0 or at least {NOISE:g} kg m^2")

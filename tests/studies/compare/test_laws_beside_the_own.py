@@ -73,7 +73,7 @@ def test_two_names_of_one_law_are_refused_everywhere(pair, tmp_path, monkeypatch
         with pytest.raises(ControllerError, match=line):
             flights(list(pair))
         with pytest.raises(ControllerError, match=line):
-            _entrants(",".join(pair))
+            _entrants(pair)
         with pytest.raises(StudyError, match=f"controllers = {line}"):
             small_study(controllers=list(pair))
 

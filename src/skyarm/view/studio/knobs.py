@@ -23,6 +23,9 @@ DERIVED_PARTS = ("model", "mixer", "slow", "damping_limits", "autopilot")
 SIGNALS = ("x", "y", "z", "yaw", "joints")
 """Words of a reference that have sliders, after those of the base's motion."""
 
+WIDEST = 1e3
+"""Distance of the bounds of a field up to which they are the ends of its slider; wider ones exclude the absurd."""
+
 SPANS: Mapping[str, float] = {"m": 1.5, "rad": 1.2, "rad or m": 1.2, "m/s": 10.0, "N": 5.0, "N m": 0.5, "kg": 0.3}
 """Unit -> how far a slider reaches from its number, to both sides."""
 
@@ -178,7 +181,7 @@ def _below(value: object, path: str) -> Iterator[str]:
 
 def _span(group: str, value: float, unit: Unit) -> tuple[float, float]:
     """Compute the range of a slider around a parameter's value, within the parameter's bounds."""
-    if math.isfinite(unit.low) and math.isfinite(unit.high):
+    if unit.high - unit.low <= WIDEST:
         return unit.low, unit.high
     if group == "delay":
         return 0.0, LONGEST_DELAY
