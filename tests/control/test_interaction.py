@@ -92,7 +92,7 @@ def test_the_integral_is_bounded_and_stands_still_but_at_the_full_force():
     assert step(0.1, 2.5, worn=1.0) == pytest.approx(0.1 - 4.0 * 0.5 * DT)
     assert step(0.1, 1.5, touching=0.0) == 0.0
     assert step(1.3, -10.0) == pytest.approx(1.3)  # half of the wanted force and 0.3 N
-    assert step(-1.3, 10.0) == pytest.approx(-1.3)
+    assert step(-1.9, 10.0) == pytest.approx(-2.0)  # the order never pulls
 
 
 def test_the_reference_comes_follows_and_returns():

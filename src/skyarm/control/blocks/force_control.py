@@ -22,6 +22,11 @@ reference out again: let go at once, a tip springs back while the base still lea
 below ``lost`` for ``loss_time``, whatever its direction, it is none that the joints compensate: it stores no force in
 what holds it.
 
+What slides or turns away bears less than f_d, and would be driven to any speed. Where the tip goes in faster than half
+the speed of its approach, the force that the integral looks for falls by f_d for each ``again`` of the excess, the
+order down to none, and the reference takes the excess over at once. A tip that leaves its reference behind is through
+the surface.
+
 A tip that grips is in contact for as long as the reference says; f_d may have either sign, and the normal may be the
 radius of an arc (:class:`Wanted`).
 """
@@ -92,14 +97,19 @@ def interact(
     force = tip_force(gains.errors, at, observed - memory.bias)
     measured = force if felt is None else felt
     along = n.dot(measured)
-    touching, losing = touches(gains, memory, asked, where(asked, along, _size(measured)), into, dt)
+    # faster than its reference: what gives way slowly takes the reference along
+    ahead = into + minimum(memory.shift_rate, 0.0)
+    touching, losing = touches(gains, memory, asked, where(asked, along, _size(measured)), ahead, dt)
+    yields = where(memory.share < 1.0, 0.0, maximum(into - 0.5 * minimum(wanted.speed, gains.again), 0.0))
     relieved = clip((load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0)
     if wanted.grips:
         touching, losing = maximum(touching, wanted.grip), losing * (1.0 - wanted.grip)
+        yields = yields * (1.0 - wanted.grip)
     pressed = where(asked, touching, 0.0)
     share = ramp_share(gains, memory.share, pressed, touching, dt)
+    borne = along + wanted.force * divide(yields, gains.again)
     integral = integrate_force_error(
-        gains, memory.integral, wanted.force, along, pressed, share, relieved, dt, wanted.grips
+        gains, memory.integral, wanted.force, borne, pressed, share, relieved, dt, wanted.grips
     )
     left = memory.order * divide(share, maximum(memory.share, 1e-9))
     order = where(asked, share * (wanted.force + integral), left)
@@ -113,7 +123,7 @@ def interact(
     presses = logical_or(touching > 0.5, share > 0.0)
     free = where(logical_or(presses, memory.touching > 0.5), 0.0, memory.free + dt)
     engaged = where(presses, 1.0, 0.0)
-    shift = normal_shift(gains, memory, asked, pressed, share, wanted.speed, dt)
+    shift = normal_shift(gains, memory, asked, pressed, share, wanted.speed, dt, yields)
     after = dataclasses.replace(
         memory,
         touching=touching,
@@ -124,6 +134,7 @@ def interact(
         found=where(asked, maximum(memory.found, where(share < 1.0, 0.5, 1.0) * touching), 0.0),
         shift=shift[0],
         shift_rate=shift[1],
+        reached=where(asked, where(pressed > 0.5, shift[0], memory.reached), 0.0),
         free=free,
         met=maximum(memory.met, touching),
         bias=update_bias(gains, memory.bias, observed, force, asked, free, dt),
@@ -133,7 +144,7 @@ def interact(
     pressing = Pressing(
         n=n,
         share=share,
-        damping=where(logical_and(into > gains.escape, memory.found > PRESSED), gains.catching, gains.damping),
+        damping=where(logical_and(ahead > gains.escape, memory.found > PRESSED), gains.catching, gains.damping),
         engaged=engaged,
         shift=shift,
         asked=asked,
@@ -190,7 +201,7 @@ def integrate_force_error(
     most = gains.integral_share * (absolute(wanted) if signed else wanted) + gains.integral_least
     step = where(share < 1.0, 0.0, gains.integral * dt) * (wanted - along)
     step = where(step * (wanted + integral) > 0.0, step * (1.0 - relieved), step)
-    return where(touching > 0.5, clip(integral + step, -most, most), 0.0)
+    return where(touching > 0.5, clip(integral + step, -maximum(most, wanted), most), 0.0)
 
 
 def normal_shift(
@@ -201,13 +212,14 @@ def normal_shift(
     share: Scalar,
     speed: Scalar,
     dt: Scalar,
+    yields: Scalar = 0.0,
 ) -> tuple[Scalar, Scalar, Scalar]:
     """Offset of the reference along a surface normal, with two derivatives: to approach, follow or leave a surface."""
     s, rate, w = memory.shift, memory.shift_rate, gains.follow
     speed = where(memory.found > 0.0, minimum(speed, gains.again), speed)
-    coming = where(s > -gains.furthest, -speed, 0.0)
+    coming = where(s > memory.reached - gains.furthest, -speed, 0.0)
     back = -(w * w) * s - 2.0 * w * rate
-    follow = (w * w) * memory.gap - 2.0 * w * rate
+    follow = (w * w) * memory.gap - 2.0 * w * (rate + yields)
     free = where(asked, gains.coming * (coming - rate), back + (follow - back) * share)
     limit = gains.follow_limit
     acceleration = clip(where(touching > 0.5, follow, free), -limit, limit)
@@ -311,7 +323,7 @@ class InteractionGains:
     tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
     again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1
     sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor")] | None = None
-    furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
+    furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface from its last touch")] = 0.5
     tolerances: Tolerances | None = None
 
 
@@ -327,6 +339,7 @@ class InteractionMemory:
     found: Annotated[Scalar, Unit("", "half once the push has met its surface, 1 once it was there as a whole")] = 0.0
     shift: Annotated[Scalar, Unit("m", "of the reference along the normal")] = 0.0
     shift_rate: Annotated[Scalar, Unit("m/s", "of the shift")] = 0.0
+    reached: Annotated[Scalar, Unit("m", "of the shift where this push touched last")] = 0.0
     free: Annotated[Scalar, Unit("s", "since the order of the last contact is gone")] = 0.0
     met: Annotated[Scalar, Unit("", "1 from the first contact of the flight on")] = 0.0
     gap: Annotated[Scalar, Unit("m", "of the tip from its shifted reference, along the normal")] = 0.0
