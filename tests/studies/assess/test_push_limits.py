@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import skyarm
+from pushed_boxes import beside_a_box
 from skyarm.control.catalogue import preset
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.kinematics import frame_pose, link_poses
 from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.assess.finding import FAULT, OK, WARNING
 from skyarm.studies.assess.push_limits import push_limits
 
@@ -90,3 +92,21 @@ def test_a_law_of_motions_alone_is_named_and_without_a_push_nothing_is_said(scen
     assert "pressing" not in found(scenario)
     still = dataclasses.replace(scenario.reference, push=None)
     assert push_limits(dataclasses.replace(scenario, reference=still)) == []
+
+
+def test_a_guard_that_asks_a_box_for_more_than_it_bears_is_named(monkeypatch):
+    """Held for T, the force F makes a box of mass m faster by (F / m - mu g) T."""
+    monkeypatch.setattr("skyarm.studies.assess.push_limits.INSTANTS", 4)
+    press = {"kind": "press", "force": 1.0, "normal": [-1.0, 0.0, 0.0], "until": {"force": 0.5}}
+    scenario = scenario_from(beside_a_box([press], duration=1.0))
+
+    def warned(friction=0.15, **numbers):
+        changed = with_numbers(scenario, {"world.surfaces.table.material.friction": friction} | numbers)
+        return [each for each in push_limits(changed) if each.question == "force of a guard"]
+
+    (warning,) = warned()
+    assert (warning.level, warning.field) == (WARNING, "reference.guards.0.force")
+    assert f"would drive it at {(0.5 / 0.25 - 0.15 * 9.81) * 0.5:.2g} m/s, above the 0.1 m/s" in warning.text
+    # it bears more, for that time, or stands elsewhere
+    elsewhere = ({"world.objects.box.position.1": 0.3}, {"world.objects.box.position.0": 0.0})
+    assert not any((warned(0.21), warned(**{"reference.guards.0.hold": 0.1}), *(warned(**each) for each in elsewhere)))

@@ -32,6 +32,10 @@ WARNS, HALF = 0.8, 0.5
 """Shares of a joint's limit and of the yaw torque that leave little: friction and a tilted base take the rest."""
 
 
+LEVEL = 0.3
+"""Largest vertical part of a level direction."""
+
+
 def push_limits(scenario: Scenario) -> list[Finding]:
     """Check results for the commanded contact force against joint and rotor limits; empty without such a force.
 
@@ -39,7 +43,10 @@ def push_limits(scenario: Scenario) -> list[Finding]:
     the roughest surface, in the direction along the surface in which it turns the vehicle most.
     """
     at = largest_push(scenario)
-    return [] if at is None else [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at), *_error(scenario, at)]
+    if at is None:
+        return []
+    found = [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at), *_error(scenario, at)]
+    return [*found, *_guards(scenario, float(at.push[1]))]
 
 
 def largest_push(scenario: Scenario) -> Reference | None:
@@ -127,6 +134,29 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
     remedy = "slide across the lever as little as can be, less force, a shorter reach, or stronger yaw"
     warning = HALF * room
     return [at_most("yaw while pressing", torque, text, FORCE, remedy, warning=warning, unit="N m", joints=joints)]
+
+
+def _guards(scenario: Scenario, speed: float) -> list[Finding]:
+    """Guards for a level force that would drive a standing object ahead of the tip faster than the approach (m/s)."""
+    found, surfaces = [], [surface for world in scenario.worlds for surface in world.surfaces]
+    friction = max((float(surface.material.friction) for surface in surfaces), default=0.0)
+    for i, guard in enumerate(scenario.reference.guards):
+        tip, n = scenario.reference.at(float(guard.at)).tip, np.array(guard.direction)
+        if guard.force is None or not tip or abs(n[2]) > LEVEL:
+            continue
+        for thing in (each for world in scenario.worlds for each in world.objects if each.standing):
+            away = np.array(tip) - np.array([*thing.position], dtype=float)
+            bears = friction * float(thing.mass) * float(scenario.plant.gravity)
+            driven = (float(guard.force) - bears) / float(thing.mass) * float(guard.hold)
+            ahead = n @ away > 0.0 and np.linalg.norm(np.cross(n, away)) < 0.5 * max(thing.size)
+            if ahead and driven > speed:
+                text = (
+                    f"object {thing.name} slides away from {bears:.2g} N: {guard.force:g} N for {guard.hold:g} s "
+                    f"would drive it at {driven:.2g} m/s, above the {speed:g} m/s of the approach"
+                )
+                remedy = "until.force below that, a shorter hold, until.distance in its place, or more speed"
+                found.append(Finding("force of a guard", WARNING, text, f"reference.guards.{i}.force", remedy))
+    return found
 
 
 def _error(scenario: Scenario, at: Reference) -> list[Finding]:
