@@ -94,3 +94,15 @@ def test_a_box_is_pushed_along_by_a_stated_force_as_by_place(wanted):
     pushed_along = completed & (way > 0.2)
     print(f"{pushed_along.sum()} of 32; {way.min():.2f} to {way.max():.2f} m")
     assert pushed_along.sum() >= 24
+
+
+@pytest.mark.thorough
+def test_a_guards_force_is_held_by_each_box_that_bears_it():
+    """No law holds more than the friction on a box that slides, but by making it ever faster."""
+    until = {"force": 0.5, "timeout": 8.0, "on_timeout": "fail"}
+    press = {"kind": "press", "force": 1.0, "normal": [-1.0, 0.0, 0.0], "duration": 2.0, "until": until}
+    phases = [{"kind": "hold", "duration": 0.5}, press, {"kind": "retreat"}]
+    completed, _, values = worlds(scenario_from(beside_a_box(phases, 14.0)), 96, 4900)
+    bears = values["world.surfaces.table.material.friction"] * BOX * WEIGHT > 0.5
+    print(f"{completed.sum()} of 96; of {bears.sum()} that bear 0.5 N {(completed & bears).sum()}")
+    assert (completed & bears).sum() >= bears.sum() - 2
