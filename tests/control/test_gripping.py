@@ -171,8 +171,8 @@ def test_a_grip_is_kept_moved_and_read():
 
 
 def test_the_table_on_the_page_is_that_of_a_grip():
-    page = Path(__file__).resolve().parents[2] / "docs" / "pressing.md"  # its toml without a title
-    (text,) = re.findall(r"```toml\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
+    page = Path(__file__).resolve().parents[2] / "docs" / "pressing.md"
+    (text,) = re.findall(r"```toml\n([^`]*?grip = .*?)```", page.read_text("utf-8"), re.DOTALL)
     push = push_from(tomllib.loads(text)["reference"]["push"], "reference.push")
     assert [push.at(t)[5] for t in (0.9, 1.0)] == [0.0, 1.0]
     assert push.at(1.0)[6:] == (0.5, 0.8, 1.27, 0.0, 0.0, 1.0)

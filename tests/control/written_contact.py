@@ -52,6 +52,7 @@ class Interaction:
         self.touch, self.lost, self.dt = touch, lost, dt
         self.contact, self.whole, self.met, self.losing, self.free = False, False, False, 0.0, 0.0
         self.gamma = self.o = self.i = self.s = self.ds = self.moving = 0.0
+        self.last = 0.0
         self.lean, self.bias = np.zeros(3), (np.zeros(3), np.zeros(3), np.zeros(joints))
 
     def normal(self, told: Any) -> Any:
@@ -64,9 +65,10 @@ class Interaction:
         f_d, speed, told = push
         dt, n, asked, slides = self.dt, self.normal(told), f_d > 0.0, course > 0.01
         into = -n @ v
+        e, enters = max(into - min(speed, 0.1) / 2, 0.0) if self.gamma == 1.0 else 0.0, into + min(self.ds, 0.0) > 0.1
         f = then.force(plus(d, self.bias, -1.0))
         along, was = n @ f, self.contact
-        through = into > 0.1 and self.whole
+        through = enters and self.whole
         if was:
             count = max(
                 dt / 0.04 if (along if asked else np.linalg.norm(f)) < self.lost else 0.0,
@@ -76,16 +78,16 @@ class Interaction:
             self.contact = self.losing < 1.0 - 1e-9
         else:
             self.losing = 0.0
-            self.contact = asked and along > self.touch and (into < 0.1 or self.free > 0.05)
+            self.contact = asked and along > self.touch and (not enters or self.free > 0.05)
         pressed = asked and self.contact
         before, down = max(self.gamma, 1e-9), dt / (0.15 if self.contact else 0.02)
         self.gamma = min(max(self.gamma + (dt / 0.15 if pressed else -down), 0.0), 1.0)
         self.moving = 1.0 if slides else min(max(self.moving + (dt / 2.0 if course > 0.001 else -dt / 0.15), 0.0), 1.0)
         s = 0.0 if slides else min(max(10.0 * (most - 0.9), 0.0), 1.0)
-        step = 4.0 * dt * (f_d - along) if self.gamma == 1.0 else 0.0
+        step = 4.0 * dt * (f_d * (1.0 - 10.0 * e) - along) if self.gamma == 1.0 else 0.0
         step *= 1.0 - s if step * (f_d + self.i) > 0.0 else 1.0
         bound = f_d / 2 + 0.3
-        self.i = min(max(self.i + step, -bound), bound) if pressed else 0.0
+        self.i = min(max(self.i + step, -max(bound, f_d)), bound) if pressed else 0.0
         o, across = self.gamma * (f_d + self.i) if asked else self.o * self.gamma / before, f - along * n
         self.o = o
         kappa = (1.0 - 0.2 * s) * min(1.0, (0.25 + 0.75 * self.moving) * max(o, along, 0.0) / np.linalg.norm(across))
@@ -95,14 +97,15 @@ class Interaction:
             u = plus(plus(u, now.load(o * n + kappa * across, more)), then.load(f), -1.0)
         # the reference
         if pressed:
-            a = 3.5**2 * gap - 7.0 * self.ds
+            a = 3.5**2 * gap - 7.0 * (self.ds + e)
         elif asked:
             c = min(speed, 0.1) if self.met else speed
-            a = 8.0 * (-(c if self.s > -0.5 else 0.0) - self.ds)
+            a = 8.0 * (-(c if self.s > self.last - 0.5 else 0.0) - self.ds)
         else:
             a = 3.5**2 * (self.gamma * (gap + self.s) - self.s) - 7.0 * self.ds
         a = min(max(a, -4.0), 4.0)
         self.s, self.ds = self.s + dt * (self.ds + 0.5 * dt * a), self.ds + dt * a
+        self.last = (self.s if pressed else self.last) if asked else 0.0
         damping = 53.0 if through else 20.0
         self.met = asked and (self.met or self.contact)
         self.whole = asked and (self.whole or (self.contact and self.gamma == 1.0))

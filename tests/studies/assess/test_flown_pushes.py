@@ -32,7 +32,7 @@ def said_of(name, joints, force, **more):
 
 
 def test_an_arm_that_is_nearly_straight_holds_no_more_than_the_recoil_allows():
-    found = said_of("voliro_like", (-0.5, -0.9), 10.5)
+    found = said_of("voliro_like", (-0.5, -0.9), 13.0)
     assert (found.question, found.level) == ("force in flight", FAULT)
     assert "the arm is 38 mm from its full length" in found.text
     assert found.text.endswith(" N are held")
