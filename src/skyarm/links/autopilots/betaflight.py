@@ -39,6 +39,7 @@ from skyarm.links.autopilots.autopilot import (
     model_of,
 )
 from skyarm.links.autopilots.betaflight_process import (
+    HALT,
     RADIO_PORT,
     STATE_PORT,
     Guard,
@@ -75,7 +76,8 @@ QUICK = 9.0
 """1/s: with a slower angle loop the position loop is slowed by as much."""
 
 CATCH_UP = 0.75
-"""Least distance of two states by the wall clock after a delay, in periods: Betaflight's clock runs by their ratio."""
+"""Least distance of a state from the one before it and from its answer by the wall clock after a delay, in periods:
+Betaflight's clock runs by the distance at which it read two states, and it may read one late."""
 
 
 @immutable
@@ -123,9 +125,10 @@ ON, OFF = 2000, 1000
 POWER_ON = 6.0
 """s after which it is asked to arm: Betaflight calibrates its gyro and does not arm before 5 s."""
 
-ANSWER = 0.1
+ANSWER = 0.4
 """s by the wall clock that an answer is waited for; simulated time stands still meanwhile. A busy machine keeps the
-program waiting for longer than a period: two states that it then reads at once would make its clock leap."""
+program waiting for longer than a period: two states that it then reads at once would make its clock leap. After half
+a second without a state the clock would jump."""
 
 RECENT, FAR_APART = 500, 0.1
 """States that are looked at when Betaflight disarms, and s between two that are named as the likely cause: without
@@ -151,7 +154,7 @@ class BetaflightLink(ProgramLink):
         self._signals: Numbers = (0.0,) * self._rotors
         self._seen, self._armed, self._armed_at, self._asked = -1.0, False, 0.0, POWER_ON
         self._states = self._answered = self._bad = 0
-        self._silent_since, self._sent, self._begun = 0.0, 0.0, 0.0
+        self._silent_since, self._sent, self._heard, self._begun = 0.0, 0.0, 0.0, 0.0
         self._late: list[float] = []
         self._apart: deque[float] = deque(maxlen=RECENT)
         self._waits: list[float] = []
@@ -304,13 +307,13 @@ class BetaflightLink(ProgramLink):
         if self._tape.plays:
             return
         now = time.monotonic()
-        if self._guard is not None and self._guard.wake():
+        if self._guard is not None and self._guard.wake(ANSWER + HALT):
             self._sent, self._begun = 0.0, now - self._states * self._period  # time goes on where it was halted
             self._silent_since = now
         if self._begun == 0.0:
             self._begun = now - self._states * self._period
         due = self._begun + self._states * self._period
-        at = max(due, self._sent + CATCH_UP * self._period)
+        at = max(due, max(self._sent, self._heard) + CATCH_UP * self._period)
         if at > now:
             time.sleep(at - now)
         before, self._sent = self._sent, time.monotonic()
@@ -333,6 +336,9 @@ class BetaflightLink(ProgramLink):
     def _read(self) -> bytes:
         """Newest motor message, empty if none comes in time."""
         found, now = self._await_motors(self._sent + ANSWER), time.monotonic()
+        self._heard = now
+        if self._guard is not None:
+            self._guard.wake()
         if found:
             self._waits.append(now - self._sent)
             self._silent_since = now

@@ -36,7 +36,7 @@ LONGEST_ANSWER = 1 << 16
 """Bytes that the command line prints at most before its next prompt."""
 
 HALT = 0.15
-"""s by the wall clock without a state after which the process is halted."""
+"""s by the wall clock from an answer without a next state, after which the process is halted."""
 
 
 class SilentStartError(LinkError):
@@ -71,15 +71,15 @@ class Guard:
     """Thread that halts a process in which time would run on while no state is sent."""
 
     def __init__(self, pid: int) -> None:
-        self._pid, self._last, self._halted, self.halts = pid, math.inf, False, 0
+        self._pid, self._until, self._halted, self.halts = pid, math.inf, False, 0
         self._lock, self._end = threading.Lock(), threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
 
-    def wake(self) -> bool:
-        """Let the process run on, if it was halted, for which the answer is True."""
+    def wake(self, seconds: float = HALT) -> bool:
+        """Let the process run on for a time, if it was halted, for which the answer is True."""
         with self._lock:
-            self._last = time.monotonic()
+            self._until = time.monotonic() + seconds
             if not self._halted:
                 return False
             self._halted = False
@@ -89,7 +89,7 @@ class Guard:
     def _watch(self) -> None:
         while not self._end.wait(HALT / 3.0):
             with self._lock:
-                if not self._halted and time.monotonic() - self._last > HALT:
+                if not self._halted and time.monotonic() > self._until:
                     self._halted, self.halts = True, self.halts + 1
                     self._kill(signal.SIGSTOP)
 
