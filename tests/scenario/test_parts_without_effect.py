@@ -11,12 +11,13 @@ import pytest
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.records.immutable import immutable
+from skyarm.scenario.in_flight import Change
 from skyarm.scenario.without_effect import WithoutEffectWarning, without_effect
 from skyarm.sensing.estimate.estimator import FULL_STATE, Estimator
 from skyarm.sensing.sensor_kinds import Heading, Position
 from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.vehicle.vehicle_records import BodyDrag
-from skyarm.world import Air, Force, Gust, LinkDrag, MovingAir, RotorDrag, Wrench, low_altitude
+from skyarm.world import Air, Force, ForceWind, Gust, LinkDrag, MovingAir, RotorDrag, Wrench, low_altitude
 
 CASE = skyarm.load_scenario("case3", duration=2.0)
 BIRD = CASE.plant.vehicle
@@ -48,6 +49,13 @@ def test_air_that_acts_is_not_said_nor_turbulence_beside_it():
     for air in (wind, MovingAir(gust=Gust(peak=(0.0, 2.0, 0.0), start=30.0, duration=1.0))):
         assert without_effect(CASE.with_words(wind=air)) == ()
     assert len(without_effect(CASE.with_words(wind=dataclasses.replace(wind, velocity_W=(0.0, 0.0, 1.0))))) == 1
+
+
+def test_a_force_that_is_zero_until_it_changes_in_flight_is_not_said():
+    still = CASE.with_words(wind=ForceWind(force_W=(0.0, 0.0, 0.0)))
+    assert len(without_effect(still)) == 1
+    later = Change(at=1.0, path="environment.wind.force.x", value=1.0)
+    assert without_effect(still.with_words(changes=(later,))) == ()
 
 
 @immutable

@@ -62,9 +62,9 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
         for where, each in scenario.placed_components
         if where.startswith("environment.") and not (each == NO_WIND or each.coupled or each.rigid)
     }
-    moved = any(each.path.startswith("environment.") for each in scenario.changes)
-    if moved or not placed or scenario.kind not in PLANTS:  # other plants have forces of their own
+    if not placed or scenario.kind not in PLANTS:  # other plants have forces of their own
         return
+    changing = any(each.path.startswith("environment.") for each in scenario.changes)
     name, level, rates = scenario.plant.vehicle.name, Quaternion(1.0, 0.0, 0.0, 0.0), (1.0,) * scenario.plant.vehicle.n
     state = replace(first_state(scenario), quaternion=level, velocity=MOVING, rate=MOVING, joint_rates=rates)
     blind = _blind_axes(scenario, [*placed.values()], state)
@@ -73,7 +73,7 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
         moved, acts = _effect(scenario, component, state, blind)
         if axes := ", ".join(sorted(moved & blind)):
             yield f"{where}: moves the air along {axes}, where {name!r} has no drag: it has no effect; {cure} of it?"
-        elif not (acts or moved):
+        elif not (acts or moved or changing):
             yield f"{where}: moves no air and exerts no force along the reference; its numbers and times?"
 
 
