@@ -97,7 +97,7 @@ class Interaction:
             u = plus(plus(u, now.load(o * n + kappa * across, more)), then.load(f), -1.0)
         # the reference
         if pressed:
-            a = 3.5**2 * gap - 7.0 * (self.ds + e)
+            a = 3.5**2 * gap - 7.0 * (self.ds + max(e - min(speed, 0.1) / 2, 0.0))
         elif asked:
             c = min(speed, 0.1) if self.met else speed
             a = 8.0 * (-(c if self.s > self.last - 0.5 else 0.0) - self.ds)

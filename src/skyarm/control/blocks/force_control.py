@@ -24,8 +24,8 @@ what holds it.
 
 What slides or turns away bears less than f_d, and would be driven to any speed. Where the tip goes in faster than half
 the speed of its approach, the force that the integral looks for falls by f_d for each ``again`` of the excess, the
-order down to none, and the reference takes the excess over at once. A tip that leaves its reference behind is through
-the surface.
+order down to none, and from that whole speed on the reference takes over what is more: less would answer what is only
+pushed into a hole. A tip that leaves its reference behind is through the surface.
 
 A tip that grips is in contact for as long as the reference says; f_d may have either sign, and the normal may be the
 radius of an arc (:class:`Wanted`).
@@ -219,7 +219,7 @@ def normal_shift(
     speed = where(memory.found > 0.0, minimum(speed, gains.again), speed)
     coming = where(s > memory.reached - gains.furthest, -speed, 0.0)
     back = -(w * w) * s - 2.0 * w * rate
-    follow = (w * w) * memory.gap - 2.0 * w * (rate + yields)
+    follow = (w * w) * memory.gap - 2.0 * w * (rate + maximum(yields - 0.5 * speed, 0.0))
     free = where(asked, gains.coming * (coming - rate), back + (follow - back) * share)
     limit = gains.follow_limit
     acceleration = clip(where(touching > 0.5, follow, free), -limit, limit)
