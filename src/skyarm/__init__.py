@@ -34,10 +34,11 @@ def __getattr__(name: str) -> object:
             value = globals()[name] = getattr(import_module(_modules()[name]), name)
             return value
         try:
-            if find_spec(f"skyarm.{name}") is not None:
-                return import_module(f"skyarm.{name}")
+            found = find_spec(f"skyarm.{name}")
         except ModuleNotFoundError as error:  # of a former name
             raise AttributeError(*error.args) from None
+        if found is not None:
+            return import_module(f"skyarm.{name}")
     raise AttributeError(f"module 'skyarm' has no attribute '{name}'")
 
 

@@ -13,7 +13,7 @@ from every_command import NEEDS, OVERWRITES
 from added_components import registry_kept
 from commanded import refused, skyarm
 from skyarm.cli.commands import COMMANDS as SHIPPED
-from skyarm.records.files.own_inputs import inputs_kept, require_no_input
+from skyarm.records.files.own_inputs import inputs_kept, note_input, require_no_input
 from skyarm.records.files.writing import write_atomically
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
 
@@ -69,6 +69,19 @@ def test_a_log_is_flown_again_beside_itself(folder: Path) -> None:
     assert ended.code == 0, ended.err
     assert Path("out/run/short_1.npz").read_bytes() == flight()
     assert Path("out/run/short.npz").is_file()
+
+
+def test_a_file_that_takes_the_number_of_one_that_is_gone_is_written(folder: Path) -> None:
+    note = Path("read.toml")
+    note.write_text("a = 1")
+    found = os.stat(note)
+    with inputs_kept():
+        note_input(note, found)
+        note.rename("kept.toml")  # as an editor that saves; the number's new owner has another path
+        require_no_input("kept.toml")
+        Path("kept.toml").rename(note)
+        with pytest.raises(ValueError, match="must be another file"):
+            require_no_input(note)
 
 
 SLOW = {"tune", "film", "plot", "margins"}

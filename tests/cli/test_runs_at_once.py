@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from pathlib import Path
 
 import pytest
 
-from skyarm.cli.run_command import NAMING, earlier_kept
+from skyarm.cli.run_command import NAMING, earlier_kept, save_logs
 from skyarm.records.files import writing
 from skyarm.records.files.writing import TakenError, one_writer
 
@@ -47,6 +48,20 @@ def test_two_that_replace_leave_a_pair_of_one_flight(tmp_path: Path, monkeypatch
     with earlier_kept([tmp_path / "a.npz"], replace=True), pytest.raises(TakenError, match="one process at a time"):
         save([tmp_path / "a.npz"], "other")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_flight_is_saved_although_another_process_holds_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("skyarm.cli.run_command.PATIENCE", 0.0)
+    monkeypatch.setattr("skyarm.cli.run_command.save_log", lambda text, file: file.write_text(text) and file)
+    files = [tmp_path / "a.npz", tmp_path / "a.csv"]
+    with earlier_kept(files):
+        written, kept = save_logs("flown", files)
+    assert written == [tmp_path / f"a_{os.getpid()}.npz", tmp_path / f"a_{os.getpid()}.csv"]
+    assert kept == []
+    assert [file.read_text() for file in written] == ["flown", "flown"]
+    assert "one process at a time" in capsys.readouterr().err
 
 
 def test_a_running_sweep_of_the_folder_keeps_no_flight_from_its_log(tmp_path: Path) -> None:

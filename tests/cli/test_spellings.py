@@ -9,6 +9,7 @@ import pytest
 from every_command import CHOOSES
 from test_machine_output import FALLS
 
+from added_components import registry_kept
 from commanded import refused, skyarm
 from skyarm.cli.arguments import OLDER, law_names
 from skyarm.cli.run_command import _files_by_law
@@ -130,3 +131,22 @@ def test_a_film_is_written_to_out_as_to_the_last_word(monkeypatch: pytest.Monkey
 def test_an_older_spelling_leads_to_one_of_now() -> None:
     shown = " ".join(skyarm(command, "--help").out for command in ("run", "show"))
     assert all(f"{new} " in shown and f"{old} " not in shown for old, new in OLDER.items())
+
+
+def test_a_command_of_a_plugin_keeps_its_own_option_of_an_older_name() -> None:
+    Path("say.py").write_text(
+        "from typing import Annotated\n"
+        "import typer\n"
+        "import skyarm\n"
+        "\n"
+        "\n"
+        '@skyarm.register.command("draw_here")\n'
+        'def draw_here(drawing: Annotated[str, typer.Option("--drawing")] = "b") -> None:\n'
+        '    """Draw."""\n'
+        "    print(drawing)\n"
+    )
+    with registry_kept():
+        assert "--drawing" in skyarm("--plugin", "say.py", "draw_here", "--help").out
+    with registry_kept():
+        ended = skyarm("--plugin", "say.py", "draw_here", "--drawing", "pen")
+    assert (ended.out, ended.err) == ("pen\n", "")

@@ -97,16 +97,16 @@ class Spelled(TyperCommand):
         """Write the options without their older spellings, and without --help itself."""
         self.add_help_option = False
         for each in self.params:
-            each.opts = [word for word in each.opts if word not in OLDER]
+            each.opts = [word for word in each.opts if OLDER.get(word) not in each.opts]
         super().format_options(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the words of the command, and print a note on an older spelling among them."""
         words = dict.fromkeys(word.partition("=")[0] for word in args)
         left = super().parse_args(ctx, args)
-        taken = {word for each in self.params for word in each.opts}
+        older = {word for each in self.params for word in each.opts if OLDER.get(word) in each.opts}
         for word in words:
-            if word in OLDER and word in taken and not (ctx.resilient_parsing or ctx.params.get("quiet")):
+            if word in older and not (ctx.resilient_parsing or ctx.params.get("quiet")):
                 say(f"note: {word} is an older spelling of {OLDER[word]}")
         return left
 

@@ -10,11 +10,10 @@ import typer
 from skyarm.cli.arguments import Laws, Out, name_completion, one_law, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import give, say_cause, tell
-from skyarm.cli.run_command import earlier_kept, facts, headline, summary
+from skyarm.cli.run_command import facts, headline, save_logs, summary
 from skyarm.links.outside.autopilot_link import open_link
 from skyarm.links.outside.joint_links import open_joints
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
-from skyarm.log.formats import save_log
 from skyarm.records.files import require_replaceable, require_writable, taken_back
 from skyarm.scenario.scenario_file import load_scenario
 
@@ -72,8 +71,7 @@ def fly(
                 autopilot.close()
         finally:
             arm.close()
-        with earlier_kept(files) as kept:
-            written = [save_log(log, file) for file in files]
+        written, kept = save_logs(log, files)
     found = facts(log) | {"outside": log.info["outside"]}
     tell(*summary(log, found), *_times(log.info["outside"]))
     tell(f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}")

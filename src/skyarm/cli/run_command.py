@@ -41,7 +41,7 @@ from skyarm.records.files import (
     taken_back,
 )
 from skyarm.records.files.names import picture_file
-from skyarm.records.files.writing import one_writer
+from skyarm.records.files.writing import TakenError, one_writer
 from skyarm.records.registry.plugins import law_of_file_name
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
@@ -49,7 +49,6 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import Log
 from skyarm.simulate import run as fly
 from skyarm.simulate.loop import run_until_interrupted
-from skyarm.studies.assess.pressing_flights import lost_force
 
 if TYPE_CHECKING:
     from skyarm.links.ros.live_flight import LiveFlight
@@ -163,10 +162,12 @@ def _fly_one(
         say_suspicious(planned)
         with bar(planned.name) as advance:
             log, interrupted, live = _fly(planned, ros, pace, advance, hint)
-        with earlier_kept(files, replace=force) as kept:
-            written = [save_log(log, file) for file in files]
+        written, kept = save_logs(log, files, replace=force)
     found = facts(log)
-    say_unlikely(planned.name, lost_force(planned, log))
+    if planned.worlds:
+        from skyarm.studies.assess.pressing_flights import lost_force
+
+        say_unlikely(planned.name, lost_force(planned, log))
     tell(
         *summary(log, found),
         *(live.lines if live else []),
@@ -242,6 +243,22 @@ def log_files(names: Sequence[str]) -> list[Path]:
 
 NAMING, PATIENCE = ".naming", 60.0
 """File of the lock under which logs get their names, and s to wait for others who write theirs into the folder."""
+
+
+def save_logs(log: Log, files: Sequence[Path], *, replace: bool = False) -> tuple[list[Path], list[Path]]:
+    """Write the logs of a flight; return their names, and those that earlier ones got.
+
+    Where another process holds the folder for longer than a minute, their names end in this process's number.
+    """
+    try:
+        with earlier_kept(files, replace=replace) as kept:
+            return [save_log(log, file) for file in files], kept
+    except TakenError as error:
+        say(f"warning: {error}; this flight's logs get names of their own")
+        alone = [
+            file if _is_device(file) else file.with_name(f"{file.stem}_{os.getpid()}{file.suffix}") for file in files
+        ]
+        return [save_log(log, file) for file in alone], []
 
 
 @contextmanager

@@ -77,3 +77,13 @@ def test_a_former_word_is_explained_where_it_is_met() -> None:
         make_controller("ct_ladder", model, observation=1.0)
     with pytest.raises(TypeError, match=r"^Scenario: is now 'reference'; has no field trajectory$"):
         skyarm.load_scenario("case1").with_words(trajectory=1)
+
+
+def test_a_subpackage_whose_library_is_missing_is_an_import_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lacking(name: str) -> None:
+        raise ModuleNotFoundError("No module named 'gymnasium'")
+
+    monkeypatch.delattr(skyarm, "envs", raising=False)
+    monkeypatch.setattr(skyarm, "import_module", lacking)
+    with pytest.raises(ModuleNotFoundError, match="gymnasium"):
+        skyarm.envs  # noqa: B018

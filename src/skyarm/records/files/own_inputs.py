@@ -6,28 +6,29 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 
 from skyarm.records.files.messages import shown
 
-_read: ContextVar[set[tuple[int, int]] | None] = ContextVar("read", default=None)
-"""Device and number of each file that was read; None outside commands, where everything may be written."""
+_read: ContextVar[dict[tuple[int, int], Path] | None] = ContextVar("read", default=None)
+"""Device and number of each file that was read -> its path; None outside commands, where all may be written."""
 
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
     """Context of one command, in which no file is written over that was read before."""
-    before = _read.set(set())
+    before = _read.set({})
     try:
         yield
     finally:
         _read.reset(before)
 
 
-def note_input(found: os.stat_result) -> None:
+def note_input(path: Path, found: os.stat_result) -> None:
     """Note a file as input of the running command, by its place on the disk: it may have several names."""
     files = _read.get()
     if files is not None:
-        files.add((found.st_dev, found.st_ino))
+        files[found.st_dev, found.st_ino] = path.absolute()
 
 
 def require_no_input(path: str | os.PathLike[str], field: str = "file") -> None:
@@ -42,5 +43,7 @@ def require_no_input(path: str | os.PathLike[str], field: str = "file") -> None:
             found = os.stat(path)
         except (OSError, ValueError):  # not there yet, or never
             return
-        if (found.st_dev, found.st_ino) in files:
+        source = files.get((found.st_dev, found.st_ino))
+        # a number goes to another file once its own is gone
+        if source is not None and source.exists() and os.path.samestat(found, source.stat()):
             raise ValueError(f"{field} = {shown(os.fspath(path))}: must be another file than those that are read")
