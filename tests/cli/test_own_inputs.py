@@ -62,13 +62,13 @@ def test_every_command_is_tried_here() -> None:
 
 
 def test_a_log_is_flown_again_beside_itself(folder: Path) -> None:
-    """The earlier log gets another name, as every earlier flight of a folder."""
+    """It keeps its name and its bytes; the flight of now is numbered."""
     Path("out/run").mkdir(parents=True)
     Path("out/run/short.npz").write_bytes(flight())
     ended = skyarm("run", "out/run/short.npz")
     assert ended.code == 0, ended.err
-    assert Path("out/run/short_1.npz").read_bytes() == flight()
-    assert Path("out/run/short.npz").is_file()
+    assert Path("out/run/short.npz").read_bytes() == flight()
+    assert sorted(file.name for file in Path("out/run").iterdir()) == ["short.npz", "short_1.csv", "short_1.npz"]
 
 
 def test_a_file_that_takes_the_number_of_one_that_is_gone_is_written(folder: Path) -> None:

@@ -41,6 +41,7 @@ from skyarm.records.files import (
     taken_back,
 )
 from skyarm.records.files.names import picture_file
+from skyarm.records.files.own_inputs import is_input
 from skyarm.records.files.writing import TakenError, one_writer
 from skyarm.records.registry.plugins import law_of_file_name
 from skyarm.scenario.controller_table import is_gains_file
@@ -248,8 +249,11 @@ NAMING, PATIENCE = ".naming", 60.0
 def save_logs(log: Log, files: Sequence[Path], *, replace: bool = False) -> tuple[list[Path], list[Path]]:
     """Write the logs of a flight; return their names, and those that earlier ones got.
 
-    Where another process holds the folder for longer than a minute, their names end in this process's number.
+    A log that was read keeps its name: the flight is numbered in its place. Where another process holds the folder for
+    longer than a minute, the names end in this process's number.
     """
+    if not replace and any(map(is_input, files)):
+        files = _free_names(files)
     try:
         with earlier_kept(files, replace=replace) as kept:
             return [save_log(log, file) for file in files], kept
@@ -283,8 +287,9 @@ def earlier_kept(files: Sequence[Path], *, replace: bool = False) -> Iterator[li
             folder.mkdir(parents=True, exist_ok=True)  # a flight that failed beside may have taken it back
             locks.enter_context(one_writer(folder, name=NAMING, patience=PATIENCE))
         there = [] if replace else [file for file in files if file.is_file() and not file.is_symlink()]
-        number = next(k for k in count(1) if not any(os.path.lexists(_numbered_file(file, k)) for file in files))
-        renamed = {file: file.rename(_numbered_file(file, number)) for file in there}
+        renamed = {
+            file: file.rename(free) for file, free in zip(files, _free_names(files), strict=True) if file in there
+        }
         try:
             yield list(renamed.values())
         except BaseException:
@@ -298,8 +303,10 @@ def _is_device(file: Path) -> bool:
     return file.exists() and not file.is_file()
 
 
-def _numbered_file(file: Path, number: int) -> Path:
-    return file.with_name(f"{file.stem}_{number}{file.suffix}")
+def _free_names(files: Sequence[Path]) -> list[Path]:
+    """Names NAME_1.npz of some files, with the first number of which none of them is there."""
+    every = ([file.with_name(f"{file.stem}_{k}{file.suffix}") for file in files] for k in count(1))
+    return next(names for names in every if not any(map(os.path.lexists, names)))
 
 
 LABELS = {

@@ -31,19 +31,23 @@ def note_input(path: Path, found: os.stat_result) -> None:
         files[found.st_dev, found.st_ino] = path.absolute()
 
 
+def is_input(path: str | os.PathLike[str]) -> bool:
+    """True if a file is one that the running command has read, under whatever name."""
+    files = _read.get()
+    try:
+        found = os.stat(path) if files else None
+    except (OSError, ValueError):  # not there yet, or never
+        return False
+    source = files.get((found.st_dev, found.st_ino)) if files and found else None
+    # a number goes to another file once its own is gone
+    return source is not None and found is not None and source.exists() and os.path.samestat(found, source.stat())
+
+
 def require_no_input(path: str | os.PathLike[str], field: str = "file") -> None:
     """Raise an error if an output file is one that the running command has read, under whatever name.
 
     Raises:
         ValueError: with one line that names the file.
     """
-    files = _read.get()
-    if files:
-        try:
-            found = os.stat(path)
-        except (OSError, ValueError):  # not there yet, or never
-            return
-        source = files.get((found.st_dev, found.st_ino))
-        # a number goes to another file once its own is gone
-        if source is not None and source.exists() and os.path.samestat(found, source.stat()):
-            raise ValueError(f"{field} = {shown(os.fspath(path))}: must be another file than those that are read")
+    if is_input(path):
+        raise ValueError(f"{field} = {shown(os.fspath(path))}: must be another file than those that are read")

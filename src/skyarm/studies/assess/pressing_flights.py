@@ -50,8 +50,8 @@ VALUE = "reference.push.force.value"
 
 def pressing_flights(scenario: Scenario) -> list[Finding]:
     """Check result for a constant contact force in flights; empty without one, or by a law without force control."""
-    at = largest_push(scenario)
-    if at is None or not scenario.worlds or not presses(scenario.controller.par) or not has_number(scenario, VALUE):
+    at = _constant_push(scenario)
+    if at is None:
         return []
     force, unresolved = float(at.push[0]), contact_steps(scenario, at)
     if unresolved:
@@ -81,9 +81,9 @@ def pressing_flights(scenario: Scenario) -> list[Finding]:
 
 
 def lost_force(scenario: Scenario, log: Log) -> list[str]:
-    """Warning that a flight did not hold its commanded contact force, with the likeliest cause; empty if it did."""
-    at = largest_push(scenario)
-    if at is None or not scenario.worlds or not presses(scenario.controller.par):
+    """Warning that a flight did not hold its constant contact force, with the likeliest cause; empty if it did."""
+    at = _constant_push(scenario)
+    if at is None:
         return []
     force = float(at.push[0])
     error, limited = score(log, ("contact_error_mean", "rotor_saturation")).values()
@@ -97,13 +97,15 @@ def lost_force(scenario: Scenario, log: Log) -> list[str]:
     ]
 
 
-def has_number(scenario: Scenario, path: str) -> bool:
-    """True if a scenario has a number at a path."""
+def _constant_push(scenario: Scenario) -> Reference | None:
+    """Reference at the largest contact force, if it is a constant and held by a law with force control; else None."""
+    if not scenario.worlds or not presses(scenario.controller.par):
+        return None
     try:
-        number_at(scenario, path)
+        number_at(scenario, VALUE)
     except ScenarioError:
-        return False
-    return True
+        return None
+    return largest_push(scenario)
 
 
 def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
