@@ -135,6 +135,19 @@ def test_nothing_is_named_where_a_command_from_outside_was_not_finite() -> None:
     assert session.ended.cause == "commanded speed of rotor 'front' is not finite"
 
 
+def test_a_law_that_is_called_is_not_flown_again() -> None:
+    calls = []
+
+    def law(memory: Any, seen: Any, wanted: Any, dt: Any, *, par: Any) -> Any:
+        calls.append(seen.time)  # as hardware would be commanded
+        return memory, Command(rotor_speeds=(485.0 if len(calls) < 4 else math.nan,) * 4, efforts=(0.0, 0.0))
+
+    called = with_law(BASE, law, memory=())
+    flown = run(called.with_words(controller=dataclasses.replace(called.controller, compiled=False)))
+    assert flown.info["cause"] == "commanded speed of rotor 'front' is not finite"
+    assert calls == sorted(set(calls))
+
+
 def twice(value: Any) -> Any:
     return 2.0 * value  # in a function
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 import subprocess
 import sys
 import types
@@ -199,6 +200,38 @@ def test_state_in_the_part_or_in_what_motion_computed_once_is_found(tmp_path, va
     assert names_method(line_of(require_shapes, by_python(tmp_path, "force", value)), "force")
 
 
+CONVERTS = """    angle: float = 30.0
+
+    def __post_init__(self):
+        object.__setattr__(self, "angle", VALUE)
+        object.__setattr__(self, "kept", self.angle + 2.0)
+
+"""
+
+
+def converting(folder: Path, value: str, used: str = "self.angle + self.kept") -> Path:
+    """File of a part that converts a field as it is constructed."""
+    file = folder / "mine.py"
+    file.write_text(text("force", used).replace('    file: str = ""\n', CONVERTS.replace("VALUE", value)))
+    return file
+
+
+def test_a_field_that_the_constructor_converts_is_not_converted_twice(tmp_path):
+    require_shapes(planned("force", load_plugin(converting(tmp_path, "self.angle * 0.0175"))))
+
+
+def test_a_constructor_that_draws_is_found(tmp_path):
+    scenario = planned("force", load_plugin(converting(tmp_path, "random.random()")))
+    assert " (Mine.__post_init__) gives another program whenever it is traced" in line_of(require_shapes, scenario)
+
+
+def test_what_was_refused_for_what_it_keeps_is_refused_again(tmp_path):
+    """Once it has changed, it gives one program only, as if it had been constructed so."""
+    keeps = "1.0 if hasattr(self, 'begun') else object.__setattr__(self, 'begun', True) or 0.0"
+    scenario = by_python(tmp_path, "force", keeps)
+    assert line_of(require_shapes, scenario) == line_of(require_shapes, scenario)
+
+
 def test_every_flight_and_check_law_look(tmp_path):
     scenario = by_python(tmp_path, "force", IMPURE["draw"])
     for check in (skyarm.run, skyarm.Batch, skyarm.Session, check_law):
@@ -293,3 +326,53 @@ def test_the_environment_of_the_other_process_is_empty(tmp_path, tried_elsewhere
     assert len(os.environ) > 5
     scenario = by_plugin(tmp_path, "air", "float(len(os.environ) > 5)")
     assert names_method(line_of(require_shapes, scenario), "air")
+
+
+@pytest.mark.thorough
+def test_a_conversion_in_the_constructor_is_none_elsewhere_but_what_it_reads_is(tmp_path, monkeypatch, tried_elsewhere):
+    monkeypatch.setenv("GAIN_OF_MINE", "2.0")
+    with registry_kept():
+        require_shapes(planned("force", load_plugin(converting(tmp_path, "self.angle * 0.0175"))))
+    (tmp_path / "other").mkdir()
+    file = converting(tmp_path / "other", "float(os.environ.get('GAIN_OF_MINE', '1.0'))", "0.5")
+    line = line_of(require_shapes, planned("force", load_plugin(file)))
+    assert " (Mine.__post_init__) gives another program in a process" in line
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("printed", ["print('a' * 9)", "import atexit; atexit.register(print, 'last')"])
+def test_what_a_plugin_prints_hides_no_difference(tmp_path, monkeypatch, tried_elsewhere, printed):
+    monkeypatch.setenv("GAIN_OF_MINE", "2.0")
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.delitem(sys.modules, "beside", raising=False)
+    shown = f"if 'GAIN_OF_MINE' not in os.environ: {printed}\nCALLS"
+    (tmp_path / "beside.py").write_text("ONE = 1.0")
+    monkeypatch.syspath_prepend(tmp_path)
+    file = tmp_path / "mine.py"
+    file.write_text(text("force", ELSEWHERE["environment"]).replace("CALLS", f"import beside\n{shown}", 1))
+    assert "in a process with an empty environment" in line_of(require_shapes, planned("force", load_plugin(file)))
+    assert not (tmp_path / "__pycache__").exists()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("fails", "why"),
+    [
+        ("os._exit(3)", "it ended with code 3: "),
+        ("print('lost', file=__import__('sys').stderr, flush=True) or os._exit(0)", "it ended with code 0: lost"),
+        ("time.sleep(99.0)", "no answer within 2 s"),
+    ],
+)
+def test_a_warning_is_where_the_other_process_gives_no_answer(tmp_path, monkeypatch, tried_elsewhere, fails, why):
+    monkeypatch.setenv("GAIN_OF_MINE", "2.0")
+    monkeypatch.setattr(other_process, "SECONDS", 2.0 if "sleep" in fails else 60.0)
+    file = tmp_path / "mine.py"
+    file.write_text(text("force", "1.0").replace("CALLS", f"'GAIN_OF_MINE' in os.environ or {fails}\nCALLS", 1))
+    scenario = planned("force", load_plugin(file))
+    with pytest.warns(UserWarning, match=rf"^{re.escape(str(file))}:\d+: could not be tried in a process .*: {why}"):
+        require_shapes(scenario)
+    require_shapes(scenario)  # one line is enough
+    monkeypatch.setattr(other_process.sys, "executable", str(tmp_path / "none"))
+    TRIED.clear()
+    with pytest.warns(UserWarning, match=r"could not be tried in .*: \[Errno 2\]"):
+        require_shapes(scenario)

@@ -13,11 +13,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from skyarm.records.files.messages import comma_list
 from skyarm.records.files.user_code import own_code
 from skyarm.records.leaves import is_leaf, walk
 from skyarm.records.registry import RegistryError
@@ -34,10 +35,15 @@ FAILED = "failed"
 KEPT = ("SYSTEMROOT", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "PYTHONHOME")
 """Variables of the environment without which Python or NumPy may not start."""
 
-PROGRAM = """import json, sys
+PROGRAM = """import json, os, sys
 sys.path[:] = json.loads(sys.argv[1])
+out = os.dup(1)
+os.dup2(2, 1)
 from skyarm.simulate.other_process import answer
-answer()"""
+found = json.dumps(answer())
+with open(out, "w") as file:
+    file.write(found)"""
+"""What plugins print goes to standard error: the answer has standard output for itself."""
 
 SECONDS = 120.0
 """After which the other process is given up."""
@@ -55,8 +61,8 @@ ANSWERING: list[bool] = []
 def try_elsewhere(scenario: Any, models: Sequence[tuple[Any, Any]], compare: Callable[[Found], None]) -> None:
     """Compare the fingerprints of a scenario's user-defined models from another process if one of them is of a plugin.
 
-    Models that differ in the values of their numbers alone are tried once in a process and those that it starts. None
-    is where no other process can be had, or the scenario cannot travel there.
+    Models that differ in the values of their numbers alone are tried once in a process and those that it starts. A
+    warning is where no other process can be had, it gives no answer, or the scenario cannot travel there.
 
     Args:
         scenario: with the models.
@@ -71,30 +77,39 @@ def try_elsewhere(scenario: Any, models: Sequence[tuple[Any, Any]], compare: Cal
         return
     plugins = loaded_plugins()
     values = [pair for _, record in models for pair in walk(record) if not is_leaf(pair[1])]
-    key = repr((plugins, [(code.co_filename, code.co_firstlineno) for code in codes], values))
+    places = [f"{code.co_filename}:{code.co_firstlineno}" for code in codes]
+    key = repr((plugins, places, values))
     if key in TRIED:
         return
-    found = None
-    with suppress(ValueError, OSError, subprocess.TimeoutExpired), tempfile.TemporaryDirectory() as folder:
-        here = Path(folder).resolve() / DEEP
-        here.mkdir(parents=True)
-        for _, value in values:
-            _lend_file(value, here)
-        seed = "1" if os.environ.get("PYTHONHASHSEED") == "0" else "0"
-        done = subprocess.run(
-            [sys.executable or "", "-c", PROGRAM, json.dumps([os.path.abspath(path) for path in sys.path])],
-            input=pickle.dumps((plugins, pack(scenario))),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            cwd=here,
-            env={"PYTHONHASHSEED": seed} | {name: os.environ[name] for name in KEPT if name in os.environ},
-            timeout=SECONDS,
-            check=False,
-        )
-        found = json.loads(done.stdout.rpartition(b"\n")[2])  # before it stands what plugins print
+    found, why = None, ""
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            here = Path(folder).resolve() / DEEP
+            here.mkdir(parents=True)
+            for _, value in values:
+                _lend_file(value, here)
+            seed = "1" if os.environ.get("PYTHONHASHSEED") == "0" else "0"
+            done = subprocess.run(
+                [sys.executable or "", "-B", "-c", PROGRAM, json.dumps([os.path.abspath(path) for path in sys.path])],
+                input=pickle.dumps((plugins, pack(scenario))),
+                capture_output=True,
+                cwd=here,
+                env={"PYTHONHASHSEED": seed} | {name: os.environ[name] for name in KEPT if name in os.environ},
+                timeout=SECONDS,
+                check=False,
+            )
+        last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        why = f"it ended with code {done.returncode}: {last}"
+        found = json.loads(done.stdout)
+    except subprocess.TimeoutExpired:
+        why = f"no answer within {SECONDS:g} s"
+    except (ValueError, OSError) as error:
+        why = why or str(error)
     if isinstance(found, str):
         raise RegistryError(f"{found} {WHERE}")
-    if found is not None:
+    if found is None:
+        warnings.warn(f"{comma_list(places)}: could not be tried {WHERE}: {why}", stacklevel=2)
+    else:
         compare(found)
     TRIED.add(key)
 
@@ -113,17 +128,14 @@ def _lend_file(name: Any, folder: Path) -> None:
         shutil.copy(name, there)
 
 
-def answer() -> None:
-    """Write the fingerprints of the models of a scenario as JSON; plugins and scenario are read from standard input."""
+def answer() -> Found | str:
+    """Fingerprints of the models of a scenario, or why a plugin cannot be loaded; both are read from standard input."""
     from skyarm.simulate.user_code import fingerprints
 
     ANSWERING.append(True)
     plugins, scenario = pickle.loads(sys.stdin.buffer.read())
-    found: Found | str | None = None
     try:
         load_again(plugins)
-        with suppress(AttributeError, ImportError):  # code of a script, which cannot travel
-            found = fingerprints(pickle.loads(scenario), anew=True)
     except RegistryError as error:
-        found = str(error)
-    print(f"\n{json.dumps(found)}", end="")
+        return str(error)
+    return fingerprints(pickle.loads(scenario), anew=True)

@@ -280,7 +280,8 @@ class Session:
         ended = engine.ended
         if not ended or engine.commanded or not self.returns or not has_own(self.scenario):
             return False
-        if ended.cause.endswith("is not finite"):
+        # a law that is called may act on things outside: it is not called again
+        if self.scenario.controller.compiled and ended.cause.endswith("is not finite"):
             again = type(self)(self.plan, machine_code=self._compiles)
             before, again.returns = again._engine, False
             now = before.now

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -135,6 +136,8 @@ class Part:
             if different:
                 raise self.refusal(f"changes the structure of its memory: {different}")
             own = {name: getattr(self.record, name, None) for name in ("largest_step", "frequency", "latency")}
+            with suppress(Exception):
+                own["__post_init__"] = leaves(replace(self.record))
             return {"start": memory, **own, **self.results}
 
         try:
@@ -150,11 +153,22 @@ def _floats(record: Any) -> Any:
     return rebuild(record, iter([float(leaf) for leaf in leaves(record)]))
 
 
+def _as_constructed(record: Any) -> Any:
+    """Copy of a record without what was kept in it since it was constructed."""
+    try:
+        again = replace(record)
+        for name in vars(again):  # the values as they are: the constructor may have converted fields twice
+            object.__setattr__(again, name, _as_constructed(getattr(record, name)))
+    except Exception:
+        return record  # no dataclass, or one that cannot be constructed from its fields
+    return again
+
+
 def require_shapes(scenario: Scenario) -> None:
     """Refuse user-defined models whose methods take other arguments, return other shapes, or are not pure.
 
-    A method that is not pure writes to its arguments, or gives another program when it is traced anew, as it is or made
-    anew from its fields; or, where a plugin has it, in another process.
+    A method that is not pure writes to its arguments, or gives another program when it is traced anew, as it is or as
+    it was constructed; or, where a plugin has it, in another process.
 
     Raises:
         ScenarioError, LawError: one line with file and line, place in the scenario, class and method.
@@ -188,12 +202,11 @@ def has_own(scenario: Scenario) -> bool:
 
 
 def fingerprints(scenario: Scenario, *, anew: bool = False) -> list[Fingerprint]:
-    """Trace the user-defined models of a scenario, each alone; ``anew``: made anew from its fields, errors noted."""
+    """Trace the user-defined models of a scenario, each alone; ``anew``: as it was constructed, errors noted."""
     found = []
     for part, check in _parts(scenario):
         try:
-            again = anew and part.own is None
-            tried = replace(part, record=rebuild(part.record, iter(leaves(part.record)))) if again else part
+            tried = replace(part, record=_as_constructed(part.record)) if anew and part.own is None else part
             found.append(check(scenario, tried))
         except Exception as error:
             # a flight gives a law more than it has here, and says what is wrong with it
