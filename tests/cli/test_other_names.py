@@ -10,11 +10,10 @@ from skyarm.cli.commands import perform
 
 
 def test_a_comparison_names_its_entrants_of_which_a_list_of_laws_has_not_all() -> None:
-    from skyarm.cli.compare_command import _entrants
-    from skyarm.studies.compare.entrants import ENTRANTS
+    from skyarm.studies.compare.entrants import ENTRANTS, chosen_entrants
 
     with pytest.raises(ValueError, match=re.escape(f"must be one of {', '.join(ENTRANTS)}")):
-        _entrants(["xyzzy"])
+        chosen_entrants(["xyzzy"], "--laws")
 
 
 def test_a_command_that_is_gone_says_what_it_is_now(capsys: pytest.CaptureFixture[str], monkeypatch) -> None:

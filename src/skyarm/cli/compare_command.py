@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +20,6 @@ from skyarm.cli.arguments import (
     workers,
 )
 from skyarm.cli.output import bar, give, tell
-from skyarm.control.catalogue import is_named, must_be_named, require_different
 from skyarm.records.files import must_be_one_of, require_writable, shown, taken_back
 from skyarm.records.registry import names as registered
 from skyarm.records.registry.plugins import loaded_plugins
@@ -30,7 +28,7 @@ from skyarm.studies.compare.comparison import SUITE, Comparison
 from skyarm.studies.compare.contact_suite import CONTACT, QUICK, WORLDS, ContactSuite
 from skyarm.studies.compare.contact_tasks import LAWS as CONTACT_LAWS
 from skyarm.studies.compare.contact_tasks import OWN, TASKS
-from skyarm.studies.compare.entrants import ENTRANTS, Entrant, own_entrant
+from skyarm.studies.compare.entrants import ENTRANTS, chosen_entrants, chosen_laws
 from skyarm.studies.compare.envelope import ENVELOPE, LAWS, TUNED_LAWS, Envelope
 from skyarm.studies.compare.envelope_axes import AXES
 from skyarm.studies.compare.envelope_setting import PAPER
@@ -93,18 +91,22 @@ def compare(
         folder, usual = "out/envelope", LAWS if vehicle == PAPER else TUNED_LAWS
         axes = chosen_names("--only", only, AXES)
         asked: Suite[Any] = Envelope(
-            laws=_laws(names, usual), axes=axes, vehicle=vehicle, quick=quick, seed=seed, plant=plant
+            laws=chosen_laws(names or usual, "--laws"), axes=axes, vehicle=vehicle, quick=quick, seed=seed, plant=plant
         )
     elif suite == CONTACT:
         if quick and plants is not None:
             raise ValueError(f"--plants: must be left out beside --quick, which flies {QUICK}")
         folder, worlds = "out/contact", plants or (QUICK if quick else WORLDS)
         tasks = chosen_names("--only", only, TASKS)
-        asked = ContactSuite(laws=_laws(names, CONTACT_LAWS, OWN), tasks=tasks, worlds=worlds, seed=seed, plant=plant)
+        asked = ContactSuite(
+            laws=chosen_laws(names or CONTACT_LAWS, "--laws", OWN), tasks=tasks, worlds=worlds, seed=seed, plant=plant
+        )
     elif suite == SUITE:
         there = conditions_of(plants or PLANTS, seeds)
         conditions = {name: there[name] for name in chosen_names("--only", only, there)}
-        asked = Comparison(entrants=_entrants(names), conditions=conditions, seed=seed, plant=plant)
+        asked = Comparison(
+            entrants=chosen_entrants(names or [*ENTRANTS], "--laws"), conditions=conditions, seed=seed, plant=plant
+        )
     elif suite.endswith(".toml") or suite in shipped_names("scenario"):
         asked = OwnScenario(scenario=suite, laws=names or USUAL_LAWS, seeds=seeds, seed=seed, plant=plant)
     else:
@@ -141,29 +143,3 @@ def _fly(suite: Suite[Any], out: str, threads: int) -> None:
     report = suite.report(found)
     give(found, folder=folder, title=report.title)
     tell(report.markdown(), f"{suite.name} in {folder}: report.html, tables.md, {suite.file}.json")
-
-
-def _entrants(names: Sequence[str]) -> dict[str, Entrant]:
-    """Look up the named laws for the paper suite; all shipped laws for no name."""
-    if not names:
-        return dict(ENTRANTS)
-    require_different(names, "--laws")
-    chosen = {name: each for name, each in ENTRANTS.items() if name in names}
-    for name in names:
-        found = ENTRANTS.get(name) or own_entrant(name)
-        if found is None:
-            raise ValueError(f"--laws = {shown(name)}: {must_be_one_of(ENTRANTS, name)}")
-        if chosen.setdefault(found.name, found) != found:
-            raise ValueError(f"--laws = {shown(','.join(names))}: must not name two files and makers of the same names")
-    return chosen
-
-
-def _laws(names: Sequence[str], usual: tuple[str, ...], own: Collection[str] = ()) -> tuple[str, ...]:
-    """Check names of control laws; the usual ones for no name."""
-    names = names or usual
-    require_different(names, "--laws")
-    for name in names:
-        if name not in own and not is_named(name):
-            theirs = f"one of {', '.join(own)}, or " if own else ""
-            raise ValueError(f"--laws = {shown(name)}: {must_be_named(name, theirs)}")
-    return tuple(names)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, cast
 
 import typer
 
@@ -16,8 +16,9 @@ from skyarm.records.files import output_file, taken_back
 from skyarm.records.files.own_inputs import require_no_input
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.simulate import run
-from skyarm.view.film.make_film import Camera, FilmSettings, Layout, make_film, size_of
-from skyarm.view.film.recording import SUFFIXES, import_viser, record, save_recording
+from skyarm.view.film.film_flights import write_film
+from skyarm.view.film.make_film import Camera, FilmSettings, Layout, size_of
+from skyarm.view.film.recording import SUFFIXES, import_viser
 from skyarm.view.film.video_files import require_film_format, usual_size_and_rate
 
 OF_FILMS = ("--size", "--fine")
@@ -83,14 +84,9 @@ def film(
         logs = _logs(flights, law_names(laws), settings)
         require_no_input(path, "FILE")
         with bar("recording" if recorded else "filming") as advance:
-            options: dict[str, Any] = {
-                "labels": label,
-                "progress": lambda done, total: advance(done, total, "frames"),
-            }
-            if recorded:
-                written = save_recording(record(logs, settings, **options), path)
-            else:
-                written = make_film(logs, path, settings, **options)
+            written = write_film(
+                logs, path, settings, labels=label, progress=lambda done, total: advance(done, total, "frames")
+            )
     give(files=[written])
     tell(f"{'recording' if recorded else 'film'}: {written} ({written.stat().st_size / 1e6:.2f} MB)")
 

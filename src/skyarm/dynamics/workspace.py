@@ -64,10 +64,6 @@ def _largest(vehicle: Vehicle, quantities: Quantities, count: int) -> list[float
     return [float(value) for value in most]
 
 
-def _columns(joints: Array) -> tuple[Array, ...]:
-    return tuple(joints[:, i] for i in range(joints.shape[1]))
-
-
 def reach(vehicle: Vehicle) -> float:
     """Largest distance from the arm's first joint to the tip, m; 0 without an arm."""
     if not vehicle.links or not vehicle.end_effector:
@@ -82,7 +78,7 @@ def reach(vehicle: Vehicle) -> float:
     local = Pose(frame.rotation, frame.position)
 
     def distance(joints: Array) -> list[Array]:
-        poses = link_poses(vehicle, _columns(joints))
+        poses = link_poses(vehicle, tuple(joints.T))
         arm = (poses[frame.link] @ local).p - poses[first].p
         return [np.sqrt(sum(np.asarray(c, dtype=float) ** 2 for c in arm))]
 
@@ -97,7 +93,7 @@ def static_torques(vehicle: Vehicle, gravity: float) -> list[float]:
     level = Motion(ZERO3, E_Z * gravity)
 
     def holding(joints: Array) -> list[Array]:
-        _, torques = inverse_dynamics(vehicle, _columns(joints), ZERO3, still, level, still)
+        _, torques = inverse_dynamics(vehicle, tuple(joints.T), ZERO3, still, level, still)
         return [np.abs(np.asarray(torque, dtype=float)) for torque in torques]
 
     return _largest(vehicle, holding, vehicle.n)

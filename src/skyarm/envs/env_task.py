@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -13,7 +12,7 @@ from skyarm.envs.action_kinds import ACTIONS, Actions
 from skyarm.envs.observed_quantities import OBSERVED, USUAL, Observed
 from skyarm.envs.randomised_numbers import Randomised, read_randomised
 from skyarm.envs.reward_terms import REWARDS, USUAL_REWARD, RewardTerm
-from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files import PathLike, must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
@@ -49,7 +48,7 @@ class Task:
 
 
 def make_task(
-    scenario: Scenario | str | os.PathLike[str],
+    scenario: Scenario | PathLike,
     *,
     actions: Actions | str = "rotors_and_joints",
     observation: Iterable[Observed | str] = USUAL,

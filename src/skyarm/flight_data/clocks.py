@@ -18,17 +18,15 @@ from itertools import pairwise
 from typing import Annotated, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.raw_tables import turn_vectors
-from skyarm.flight_data.series import attitude_at, columns_at
+from skyarm.flight_data.series import attitude_at, columns_at, integral_of
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 PAIRS = (("gyro", "quaternion"), ("accelerometer", "velocity"), ("accelerometer", "position"))
 """Reference and stream whose clocks can be compared, the best first."""
@@ -229,8 +227,8 @@ Smooth: TypeAlias = Callable[[Array], tuple[Array, Array]]
 def _smooth(channel: Channel, width: float, order: int) -> Smooth:
     """Function of time that returns the means of a channel over a kernel, and their slopes."""
     time, values = channel.time, channel.values
-    integral = _integral(time, values)
-    double = _integral(time, integral)
+    integral = integral_of(time, values)
+    double = integral_of(time, integral)
 
     def at(table: Array, when: Array) -> Array:
         return columns_at(when, time, table)
@@ -245,12 +243,6 @@ def _smooth(channel: Channel, width: float, order: int) -> Smooth:
         return means / width**2, slopes / width**2
 
     return mean
-
-
-def _integral(time: Array, values: Array) -> Array:
-    """Integral from the first time on, by trapezes."""
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None]
-    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
 
 
 def _offset(reference: Channel, first: str, name: str, means: _Means, time: Array, widest: float) -> ClockOffset:
@@ -297,10 +289,10 @@ def _scale(values: Array) -> Array:
     return found
 
 
-def _is_usual(values: Array) -> npt.NDArray[np.bool_]:
+def _is_usual(values: Array) -> Mask:
     """Rows without a shock, which would have most of the leverage on a fit."""
     distance = np.abs(values - np.median(values, axis=0)) / _scale(values)
-    found: npt.NDArray[np.bool_] = distance.max(axis=1, initial=0.0) < SHOCK
+    found: Mask = distance.max(axis=1, initial=0.0) < SHOCK
     return found
 
 
@@ -311,10 +303,10 @@ def _clip(values: Array) -> Array:
     return found
 
 
-def _inside(reference: Channel, means: _Means, when: Array) -> npt.NDArray[np.bool_]:
+def _inside(reference: Channel, means: _Means, when: Array) -> Mask:
     """Rows whose kernels lie within the reference."""
     edge = means.width * means.order
-    found: npt.NDArray[np.bool_] = (when - edge >= reference.time[0]) & (when + edge <= reference.time[-1])
+    found: Mask = (when - edge >= reference.time[0]) & (when + edge <= reference.time[-1])
     return found
 
 

@@ -33,7 +33,7 @@ from dataclasses import field
 from pathlib import Path
 
 from skyarm.flight_data.quantities import ATTITUDE, BODY, QUANTITIES, WORLD, Quantity
-from skyarm.records.files import Fields, must_be_one_of, read_toml, shown, unreadable
+from skyarm.records.files import Fields, PathLike, must_be_one_of, read_toml, shown, unreadable
 from skyarm.records.immutable import immutable
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -103,7 +103,7 @@ class Columns:
     file: str = "columns"
 
 
-def read_columns(path: str | os.PathLike[str]) -> Columns:
+def read_columns(path: PathLike) -> Columns:
     """Read a mapping from a TOML file.
 
     Raises:

@@ -6,21 +6,18 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field, replace
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.columns_file import Columns, read_columns
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
-from skyarm.records.files import must_be_one_of, one_line, shown, unreadable
+from skyarm.records.arrays import Array
+from skyarm.records.files import PathLike, must_be_one_of, one_line, shown, unreadable
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import flight_format_mistake
 from skyarm.records.units import Unit
-
-Array: TypeAlias = npt.NDArray[np.float64]
-PathLike: TypeAlias = str | os.PathLike[str]
 
 
 @immutable(eq=False)

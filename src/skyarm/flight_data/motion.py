@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.series import columns_at, continuous
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 
 @immutable(eq=False)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.columns_file import Columns
 from skyarm.flight_data.flight_data import Channel, FlightData, FlightFormat
@@ -18,8 +16,7 @@ from skyarm.log.flown_scenario import written_part
 from skyarm.log.formats import load_log
 from skyarm.log.log_columns import setpoints_of
 from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, Source, sources_of
-
-Array: TypeAlias = npt.NDArray[np.float64]
+from skyarm.records.arrays import Array
 
 FIELDS: Mapping[str, str] = {
     "rate": "gyro",

@@ -6,7 +6,6 @@ from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +14,9 @@ from skyarm.flight_data.columns_file import ANGLES, TIMES, Columns, Signal
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import ATTITUDE, BODY, QUANTITIES
 from skyarm.flight_data.series import attitude_at, continuous
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 RISING = 0.5
 """Least share of the rows of a table whose times must rise."""
@@ -203,7 +201,7 @@ REGULAR, NEAR = 0.8, 0.34
 """Share of the steps between rows with numbers that are alike, by this part, where a quantity is logged more seldom."""
 
 
-def _rows_apart(whole: npt.NDArray[np.bool_]) -> int:
+def _rows_apart(whole: Mask) -> int:
     """Rows from one with numbers to the next where these come at a rate of their own; 1 where rows are missing."""
     steps = np.diff(np.flatnonzero(whole))
     if steps.size < FEWEST:

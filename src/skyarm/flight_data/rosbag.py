@@ -13,22 +13,21 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.columns_file import Columns, Signal
 from skyarm.flight_data.flight_data import BAG_FOLDER, FlightData, FlightFormat
 from skyarm.flight_data.own_log import is_own_mcap, read_own_log
 from skyarm.flight_data.raw_tables import Table, flight_of
+from skyarm.records.arrays import Array
 from skyarm.records.files import needs_extra
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
     from rosbags.interfaces import Connection
 
-Array: TypeAlias = npt.NDArray[np.float64]
 
 METADATA = "metadata.yaml"
 """File that each folder of a bag of ROS 2 holds."""

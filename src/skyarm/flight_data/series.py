@@ -41,13 +41,18 @@ def attitude_at(attitude: Channel, time: Array) -> Array:
     return unit
 
 
+def integral_of(time: Array, values: Array) -> Array:
+    """Integral (M, k) of a series (M, k) from the first time on, by trapezes."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None]
+    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
+
+
 def means_of(time: Array, values: Array) -> Callable[[Array, Array], Array]:
     """Function (begins, ends) -> means (N, k) of a series (M, k) over intervals, by straight lines between samples.
 
     An interval that reaches beyond the samples is cut off there.
     """
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None]
-    table = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
+    table = integral_of(time, values)
 
     def integral(when: Array) -> Array:
         rows = np.clip(np.searchsorted(time, when, "right") - 1, 0, time.size - 2)

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.columns_file import Columns
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
 from skyarm.flight_data.raw_tables import Table, flight_of
+from skyarm.records.arrays import Array
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.messages import comma_list
 
@@ -85,7 +85,7 @@ def _column_name(column: str, names: Sequence[str], at: str) -> str:
     raise ValueError(f"{at} = {shown(column)}: {must_be_one_of(names, column)}")
 
 
-def _rows(body: str, places: Sequence[int], separator: str, width: int, notes: list[str]) -> npt.NDArray[np.float64]:
+def _rows(body: str, places: Sequence[int], separator: str, width: int, notes: list[str]) -> Array:
     """Numbers (N, columns) of the rows; NaN where a cell is empty or no number."""
     if not body.strip():
         return np.zeros((0, len(places)))
@@ -108,9 +108,7 @@ def _has_whole_rows(body: str, separator: str, width: int) -> bool:
     return bool((found[lengths > 0] == width - 1).all())
 
 
-def _row_by_row(
-    body: str, places: Sequence[int], separator: str, width: int, notes: list[str]
-) -> npt.NDArray[np.float64]:
+def _row_by_row(body: str, places: Sequence[int], separator: str, width: int, notes: list[str]) -> Array:
     """Numbers of the rows of a table with empty cells, quotes or damage, which is named in the notes."""
     rows, short, wrong = list[list[float]](), 0, 0
     for cells in _cells(body, separator):

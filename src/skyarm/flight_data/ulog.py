@@ -13,14 +13,13 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.columns_file import Columns, Signal
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
 from skyarm.flight_data.raw_tables import Table, flight_of
 from skyarm.flight_data.ulog_messages import MAGIC, Messages, read_messages
+from skyarm.records.arrays import Array
 
-Array: TypeAlias = npt.NDArray[np.float64]
 Parameters: TypeAlias = Mapping[str, float]
 
 SECOND = 1e-6

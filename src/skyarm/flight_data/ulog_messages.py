@@ -12,15 +12,12 @@ import re
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 MAGIC = b"ULog\x01\x12\x35"
 

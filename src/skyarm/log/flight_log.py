@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import MISSING, field, fields
 from importlib import import_module
@@ -16,6 +15,7 @@ from skyarm.algebra.quaternion import euler_angles
 from skyarm.dynamics.state import State
 from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, sources_of
 from skyarm.records.arrays import Array
+from skyarm.records.files import PathLike
 from skyarm.records.immutable import LONGEST, immutable
 from skyarm.records.leaves import parts
 from skyarm.records.notebook import notebook_html
@@ -224,7 +224,7 @@ class Log:
         """Roll, pitch, yaw (N, 3), ZYX convention, rad."""
         return np.stack(euler_angles(Quaternion(*self.quaternion.T).rotation()), axis=1)
 
-    def plot(self, file: str | os.PathLike[str] | None = None, **options: Any) -> Any:
+    def plot(self, file: PathLike | None = None, **options: Any) -> Any:
         """Plot the flight over time, with the options of :func:`skyarm.plot`.
 
         Returns:
@@ -241,7 +241,7 @@ class Log:
         own = {name: array for name, array in parts(self).items() if name not in ("info", "received", *absent)}
         return own | dict(self.received)
 
-    def save_npz(self, path: str | os.PathLike[str]) -> Path:
+    def save_npz(self, path: PathLike) -> Path:
         """Write the log as a compressed npz file."""
         from skyarm.log.formats import write_npz
 
@@ -262,7 +262,7 @@ class Log:
                 found |= {key: unit for key in (array, array.removeprefix(of_parts)) if array in held}
         return found | {name: unit for name, unit in units(Log).items() if name in held}
 
-    def save_csv(self, path: str | os.PathLike[str]) -> Path:
+    def save_csv(self, path: PathLike) -> Path:
         """Write a CSV file: a column for each number, such as ``velocity_x [m/s]``, a row per control instant."""
         from skyarm.log.formats import write_csv
 
@@ -292,7 +292,7 @@ class Log:
         return notebook_html(self)
 
     @classmethod
-    def load_npz(cls, path: str | os.PathLike[str]) -> Log:
+    def load_npz(cls, path: PathLike) -> Log:
         """Read a log from an npz file.
 
         Raises:

@@ -15,14 +15,12 @@ import numpy as np
 from skyarm.log.contents import log_info, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
-from skyarm.records.files import must_be_one_of, shown, unreadable, write_atomically
+from skyarm.records.files import PathLike, must_be_one_of, shown, unreadable, write_atomically
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
 from skyarm.records.files.user_code import own_code
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import format_mistake
-
-PathLike = str | os.PathLike[str]
 
 
 @immutable(kw_only=False)

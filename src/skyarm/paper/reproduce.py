@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, field
@@ -19,7 +18,7 @@ from skyarm.paper.report_pages import MAIN, case_files, inferred_section, report
 from skyarm.paper.report_tables import markdown_tables
 from skyarm.paper.report_text import LOOK, OVERVIEW
 from skyarm.paper.variations import variation, variations
-from skyarm.records.files import require_replaceable, require_writable, write_atomically
+from skyarm.records.files import PathLike, require_replaceable, require_writable, write_atomically
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Log
@@ -181,7 +180,7 @@ DPI = 300
 
 
 def reproduce(
-    out: str | os.PathLike[str] = "out/paper",
+    out: PathLike = "out/paper",
     *,
     plants: Sequence[str] = PLANTS,
     workers: int = 1,
@@ -241,7 +240,7 @@ def reproduce(
     return table
 
 
-def prepare_folder(out: str | os.PathLike[str], plants: Sequence[str]) -> Path:
+def prepare_folder(out: PathLike, plants: Sequence[str]) -> Path:
     """Create the output folder, and check that every file of the reproduction can be written.
 
     Raises:

@@ -13,9 +13,8 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import read_toml
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import LIBRARY
@@ -132,11 +131,11 @@ def slack_distance(ours: Array, cells: Sequence[Cell]) -> Array:
     return np.where(np.isfinite(ours), apart, np.inf)
 
 
-def within(ours: Array, cells: Sequence[Cell], share: float) -> npt.NDArray[np.bool_]:
+def within(ours: Array, cells: Sequence[Cell], share: float) -> Mask:
     """True (settings, numbers) where a simulated value is within a relative share of the published number."""
     measured, _ = _columns(cells)
     # 1e-9: a number on the very edge is within
-    found: npt.NDArray[np.bool_] = slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
+    found: Mask = slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
     return found
 
 

@@ -55,6 +55,7 @@ from skyarm.log.metrics.windows import Windows
 from skyarm.plant.interface import Truth
 from skyarm.records.files import (
     Fields,
+    PathLike,
     file_name,
     number,
     one_line,
@@ -85,7 +86,7 @@ def list_scenarios() -> tuple[str, ...]:
 
 
 def load_scenario(
-    name_or_path: str | os.PathLike[str],
+    name_or_path: PathLike,
     *,
     plant: str | None = None,
     controller: str | None = None,
@@ -116,7 +117,7 @@ def load_scenario(
     return scenario
 
 
-def _read_scenario(name_or_path: str | os.PathLike[str], replaced: Mapping[str, Any]) -> Scenario:
+def _read_scenario(name_or_path: PathLike, replaced: Mapping[str, Any]) -> Scenario:
     try:
         text = file_name(name_or_path, "scenario")
     except ValueError as error:
@@ -134,7 +135,7 @@ def _read_scenario(name_or_path: str | os.PathLike[str], replaced: Mapping[str, 
         raise ScenarioError(f"{text}: {error}") from None
 
 
-def as_scenario(given: Scenario | str | os.PathLike[str], controller: str | None = None) -> Scenario:
+def as_scenario(given: Scenario | PathLike, controller: str | None = None) -> Scenario:
     """Return a scenario that is given, or the one of a shipped name, or at the path of a .toml file or of a log.
 
     Args:
@@ -187,7 +188,7 @@ def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:
 
 
 def scenario_from(
-    document: Mapping[str, Any], folder: str | os.PathLike[str] = "", replaced: Mapping[str, Any] | None = None
+    document: Mapping[str, Any], folder: PathLike = "", replaced: Mapping[str, Any] | None = None
 ) -> Scenario:
     """Make the scenario that a TOML document describes.
 

@@ -8,7 +8,7 @@ Sources: IEEE Std 952-1997, annex B and C (noise density, rate random walk, thei
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field
 from functools import cache
 from typing import Annotated, Any, ClassVar
@@ -248,6 +248,10 @@ class ChannelSensor(Sensor):
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Name, error model and true components of each measured quantity."""
         raise NotImplementedError(f"{type(self).__name__} must define quantities()")
+
+    def channels(self, **values: Iterable[Scalar]) -> Quantities:
+        """Name, error model and components of quantities that are given by the name of their error model."""
+        return tuple((name, getattr(self, name), tuple(components)) for name, components in values.items())
 
     def examples(self, vehicle: Vehicle) -> Quantities:
         """Name, error model and example components of each measured quantity."""

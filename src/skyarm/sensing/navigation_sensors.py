@@ -86,7 +86,7 @@ class Magnetometer(ChannelSensor):
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Magnetic field in base axes: name, error model and true components."""
         field_W = Vec3(data(self.north), data(self.west), data(self.up))
-        return (("field", self.field, tuple(state.quaternion.rotation().apply_T(field_W))),)
+        return self.channels(field=state.quaternion.rotation().apply_T(field_W))
 
 
 @immutable
@@ -109,7 +109,7 @@ class Barometer(ChannelSensor):
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Pressure and temperature of the air: name, error model and true value of each."""
         pressure, temperature = standard_air(self.altitude + state.position.z)
-        return ("pressure", self.pressure, (pressure,)), ("temperature", self.temperature, (temperature,))
+        return self.channels(pressure=(pressure,), temperature=(temperature,))
 
 
 @immutable
@@ -124,8 +124,7 @@ class Gnss(ChannelSensor):
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Base position and velocity: name, error model and true components of each."""
-        velocity = tuple(state.velocity)
-        return ("position", self.position, tuple(state.position)), ("velocity", self.velocity, velocity)
+        return self.channels(position=state.position, velocity=state.velocity)
 
 
 def standard_air(altitude: Scalar) -> tuple[Scalar, Scalar]:

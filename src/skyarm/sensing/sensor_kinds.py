@@ -106,8 +106,7 @@ class Imu(ChannelSensor):
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Angular rate and specific force: name, error model and true components of each."""
-        force = tuple(data(c) for c in specific_force)
-        return ("gyro", self.gyro, tuple(state.rate)), ("accelerometer", self.accelerometer, force)
+        return self.channels(gyro=state.rate, accelerometer=map(data, specific_force))
 
 
 @immutable
@@ -131,7 +130,7 @@ class Pose(ChannelSensor):
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Position and attitude error: name, error model and true components of each."""
-        return ("position", self.position, tuple(state.position)), ("attitude", self.attitude, (0.0, 0.0, 0.0))
+        return self.channels(position=state.position, attitude=(0.0, 0.0, 0.0))
 
     def reading(
         self, t: Scalar, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Scalar, dt: float
@@ -153,7 +152,7 @@ class Position(ChannelSensor):
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Base position: name, error model and true components."""
-        return (("position", self.position, tuple(state.position)),)
+        return self.channels(position=state.position)
 
 
 @immutable
@@ -167,7 +166,7 @@ class Heading(ChannelSensor):
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Heading: name, error model and true value."""
-        return (("heading", self.heading, (euler_angles(state.quaternion.rotation())[2],)),)
+        return self.channels(heading=(euler_angles(state.quaternion.rotation())[2],))
 
 
 RATES = ("difference", "measured")
@@ -203,10 +202,9 @@ class Encoders(ChannelSensor):
 
     def quantities(self, state: State, specific_force: Vec3) -> Quantities:
         """Joint positions, and rates if they are measured: name, error model and true components of each."""
-        positions = ("joints", self.joints, tuple(state.joints))
         if self.rates == "difference":
-            return (positions,)
-        return positions, ("rate", self.rate, tuple(state.joint_rates))
+            return self.channels(joints=state.joints)
+        return self.channels(joints=state.joints, rate=state.joint_rates)
 
     def first_own(self, vehicle: Vehicle) -> Any:
         """Initial joint positions for the finite difference; () if rates are measured."""
@@ -294,7 +292,7 @@ class ForceTorque(FramedSensor):
 
     def reading_of(self, push: Push) -> Quantities:
         """Force and torque: name, error model and true components of each."""
-        return ("force", self.force, tuple(push.force)), ("torque", self.torque, tuple(push.torque))
+        return self.channels(force=push.force, torque=push.torque)
 
 
 @immutable
@@ -318,8 +316,7 @@ class TactileSwitch(FramedSensor):
 
     def reading_of(self, push: Push) -> Quantities:
         """Magnitude of the contact force: name, error model and true value, N."""
-        f = push.force
-        return (("force", self.force, (sqrt(f.dot(f)),)),)
+        return self.channels(force=(sqrt(push.force.dot(push.force)),))
 
     def first_own(self, vehicle: Vehicle) -> tuple[Push, Any]:
         """Initial output of the low-pass filter, and 0.0 for the open switch."""

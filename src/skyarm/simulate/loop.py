@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Callable
 from contextlib import closing
@@ -12,7 +11,7 @@ from skyarm.control.controller import Controller
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import as_log
-from skyarm.records.files import shown
+from skyarm.records.files import PathLike, shown
 from skyarm.scenario.controller_table import under_law
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -30,7 +29,7 @@ class _Episode(Session):
     _commands = False
 
 
-def run(scenario: Scenario | str | os.PathLike[str], progress: Progress | None = None) -> Log:
+def run(scenario: Scenario | PathLike, progress: Progress | None = None) -> Log:
     """Simulate the flight of a scenario, or of the one at a path or of a shipped name, and return its log.
 
     A diverging episode, a joint past its limit or the ground ends the episode: the log's status, cause and end time
@@ -101,7 +100,7 @@ def _advance(session: Session, progress: Progress | None) -> None:
 
 
 def replay(
-    log: Log | str | os.PathLike[str],
+    log: Log | PathLike,
     controller: str | Controller | None = None,
     *,
     progress: Progress | None = None,
@@ -124,7 +123,7 @@ def replay(
     return run(scenario_to_replay(read(log), controller), progress)
 
 
-def read(log: Log | str | os.PathLike[str]) -> Log:
+def read(log: Log | PathLike) -> Log:
     """Load a log from a file; an argument that is a log already is returned unchanged.
 
     Raises:

@@ -7,9 +7,6 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics import State
@@ -17,6 +14,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
 from skyarm.plant.loads import wind_at
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import mismatch
@@ -307,7 +305,7 @@ class Session:
         return Piece(engine.scenario, engine.inputs, start, engine.samples(start, engine.tick))
 
     @property
-    def latest_arrays(self) -> dict[str, npt.NDArray[np.float64]]:
+    def latest_arrays(self) -> dict[str, Array]:
         """Time, state and commands of :attr:`latest` by their names in a log; quicker to have than the samples."""
         engine = self._engine
         start = max(engine.tick - 1, engine.begun)

@@ -19,7 +19,7 @@ import numpy as np
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, data
-from skyarm.compile.tracing.float_trial import OUTSIDE, PERIODS, changed_argument, contents, fingerprint
+from skyarm.compile.tracing.float_trial import OUTSIDE, PERIODS, changed_argument, contents, fingerprint, in_floats
 from skyarm.control.controller import Controller, preview_leads
 from skyarm.control.law_checks import (
     LawError,
@@ -43,7 +43,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
 from skyarm.records.files.messages import comma_list
 from skyarm.records.files.user_code import failure, own_code, place_of, place_of_error
-from skyarm.records.leaves import leaves, named_parts, parts, rebuild
+from skyarm.records.leaves import leaves, named_parts, parts
 from skyarm.records.registry.class_signatures import class_mistake
 from skyarm.reference import Publisher
 from skyarm.reference.preview import with_preview
@@ -141,16 +141,12 @@ class Part:
             return {"start": memory, **own, **self.results}
 
         try:
-            return fingerprint(check_step, _floats(memory), (0.0,), _floats(state), (0.5,) * draws)
+            return fingerprint(check_step, in_floats(memory), (0.0,), in_floats(state), (0.5,) * draws)
         except (TypeError, AttributeError, RecordError) as error:
             words = mistake_in(error)
             if words is None:
                 raise
             raise self.refusal(words, place_of_error(error)) from error
-
-
-def _floats(record: Any) -> Any:
-    return rebuild(record, iter([float(leaf) for leaf in leaves(record)]))
 
 
 def _as_constructed(record: Any) -> Any:

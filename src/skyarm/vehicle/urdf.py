@@ -9,7 +9,6 @@ Source: URDF specification (ROS wiki, urdf/XML).
 from __future__ import annotations
 
 import math
-import os
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -18,6 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.records.files import PathLike
 from skyarm.records.files.stl_mesh import FARTHEST, METRES, read_corners
 from skyarm.records.immutable import immutable
 from skyarm.vehicle import description
@@ -41,7 +41,7 @@ class _File:
     mimics: Mapping[str, Mimic]
 
 
-def read_urdf(path: str | os.PathLike[str], mimic: str = "lock") -> RigidBodies:
+def read_urdf(path: PathLike, mimic: str = "lock") -> RigidBodies:
     """Read rigid bodies, joints and frames of a URDF file.
 
     Args:
@@ -347,7 +347,7 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
     return found
 
 
-def read_xml(path: str | os.PathLike[str]) -> ET.Element:
+def read_xml(path: PathLike) -> ET.Element:
     """Root element of an XML file; blank lines before its declaration are skipped.
 
     Raises:

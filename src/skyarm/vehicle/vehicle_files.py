@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Collection
 from functools import partial
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.records.files import (
+    PathLike,
     did_you_mean,
     file_name,
     must_be_one_of,
@@ -34,7 +34,7 @@ def list_vehicles() -> tuple[str, ...]:
     return names_in(LIBRARY)
 
 
-def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
+def load_vehicle(name_or_path: PathLike) -> Vehicle:
     """Load a vehicle from the library by name, or from a .toml, .urdf or .xml (MJCF) file.
 
     Args:

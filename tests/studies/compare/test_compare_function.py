@@ -11,6 +11,7 @@ import skyarm
 from skyarm.records.identity import identity
 from skyarm.studies.compare import compare_laws
 from skyarm.studies.compare.comparison import Comparison
+from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.envelope import Envelope
 from skyarm.view.pages import Report, Section, Table
 
@@ -48,14 +49,14 @@ def test_a_record_flies_what_its_name_flies(asked: list[Any], tmp_path: Path) ->
 
 def test_suites_take_their_own_options(asked: list[Any], tmp_path: Path) -> None:
     skyarm.compare("envelope-suite", ["paper_ct"], tmp_path, quick=True)
-    skyarm.compare("paper-suite", list(compare_laws.ENTRANTS)[1:3], tmp_path, plant="mujoco")
+    skyarm.compare("paper-suite", list(ENTRANTS)[1:3], tmp_path, plant="mujoco")
     skyarm.compare(out=tmp_path)
     envelope, paper, usual = (suite for suite, _ in asked)
     assert isinstance(envelope, Envelope)
     assert (envelope.laws, envelope.quick) == (("paper_ct",), True)
     assert isinstance(paper, Comparison)
-    assert (list(paper.entrants), paper.plant) == (list(compare_laws.ENTRANTS)[1:3], "mujoco")
-    assert list(usual.entrants) == list(compare_laws.ENTRANTS)
+    assert (list(paper.entrants), paper.plant) == (list(ENTRANTS)[1:3], "mujoco")
+    assert list(usual.entrants) == list(ENTRANTS)
 
 
 @pytest.mark.parametrize(

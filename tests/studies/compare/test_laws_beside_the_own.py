@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from added_components import registry_kept
-from skyarm.cli.compare_command import _entrants
 from skyarm.control.catalogue import ControllerError, require_different
 from skyarm.records.registry.plugins import register_law_of_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.loop import run
 from skyarm.studies.compare import cells
+from skyarm.studies.compare.entrants import chosen_entrants
 from skyarm.studies.compare.own_scenario import LAWS, OwnScenario
 from skyarm.studies.compare.run_suite import fly_suite
 from skyarm.studies.sweep import StudyError
@@ -73,7 +73,7 @@ def test_two_names_of_one_law_are_refused_everywhere(pair, tmp_path, monkeypatch
         with pytest.raises(ControllerError, match=line):
             flights(list(pair))
         with pytest.raises(ControllerError, match=line):
-            _entrants(pair)
+            chosen_entrants(pair, "--laws")
         with pytest.raises(StudyError, match=f"controllers = {line}"):
             small_study(controllers=list(pair))
 

@@ -25,6 +25,11 @@ LIBRARY = f"{__name__.partition('.')[0]}."
 Numbers = tuple[float, ...]
 
 
+def in_floats(record: Any) -> Any:
+    """Record with all its numbers as floats."""
+    return rebuild(record, iter([float(leaf) for leaf in leaves(record)]))
+
+
 def compare_with_floats(
     function: Callable[..., tuple[Any, Any]],
     memory: Any,
@@ -49,7 +54,7 @@ def compare_with_floats(
     Raises:
         Exception: as ``refuse`` makes it.
     """
-    start = rebuild(memory, iter([float(leaf) for leaf in leaves(memory)]))
+    start = in_floats(memory)
     told = _call_with_floats(function, start, instants, refuse, constants, names)
     program = trace(function, start, *instants[0])
     now: Numbers = tuple(leaves(start))

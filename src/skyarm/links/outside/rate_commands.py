@@ -66,23 +66,15 @@ class IdealRateLoop:
 
 
 @immutable
-class GuidedRateLoop:
+class GuidedRateLoop(IdealRateLoop):
     """Ideal rate loop behind an attitude loop that integrates the commanded rates to a desired attitude.
 
     The rate loop gets the command plus gain times the angle z by which the desired attitude is ahead, with dz/dt the
-    commanded rate minus the body rate. Source: ArduCopter 4.7, body rates of its guided mode. The angle is modelled.
+    commanded rate minus the body rate. Source: ArduCopter 4.7, body rates of its guided mode. The angle is modelled:
+    it is zero of a vehicle that hovers, whose desired attitude is its own.
     """
 
-    bandwidth: Annotated[Three, Unit("rad/s", "about x, y and z", low=0.0, strict=True)]
     gain: Annotated[Three, Unit("1/s", "of the attitude loop", low=0.0)]
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "rate_loop")
-
-    def begin(self, torque: Vec3) -> Vec3:
-        """Zero: the desired attitude of a vehicle that hovers is its own."""
-        del torque
-        return Vec3(0.0, 0.0, 0.0)
 
     def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
         """Angle (rad) of the desired attitude after ``dt`` in the integral's place, and the rate error."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -22,12 +21,12 @@ from skyarm.log.metrics.metric_catalogue import metric_names, required_totals, v
 from skyarm.log.metrics.windows import Window, Windows, windows_of
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.arrays import Array
-from skyarm.records.files import shown
+from skyarm.records.files import PathLike, shown
 from skyarm.records.leaves import leaves, rebuild
 
 
 def score(
-    log: Log | str | os.PathLike[str], metrics: Sequence[str] = ("standard",), windows: Windows | None = None
+    log: Log | PathLike, metrics: Sequence[str] = ("standard",), windows: Windows | None = None
 ) -> dict[str, float]:
     """Compute metrics of a logged flight, by metric name.
 

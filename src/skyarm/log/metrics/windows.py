@@ -6,9 +6,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.immutable import immutable
@@ -18,7 +17,6 @@ from skyarm.records.units import Unit
 if TYPE_CHECKING:
     from skyarm.log.flight_log import Log
 
-Mask = npt.NDArray[np.bool_]
 
 SETTLING_SHARE = 1.0 / 3.0
 """Of a flight: what the general windows leave to the transient."""

@@ -6,12 +6,11 @@ from collections.abc import Iterable
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.ros.messages import NANO
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -57,7 +56,7 @@ def in_base(vectors: Array, wxyz: Array) -> Array:
     return np.stack(list(R.apply_T(Vec3(*vectors.T))), axis=1)
 
 
-def nanoseconds(time: Array) -> npt.NDArray[np.int64]:
+def nanoseconds(time: Array) -> IntArray:
     """Convert times in s to integer ns."""
     return np.rint(np.asarray(time) * NANO).astype(np.int64)
 

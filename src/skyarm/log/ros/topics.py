@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_part
@@ -32,7 +31,7 @@ from skyarm.log.ros.scene import (
 )
 from skyarm.log.sensor_data import ESTIMATE, Source, sources_of
 from skyarm.log.tip_positions import yaw_quaternion
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -96,7 +95,7 @@ class FlightTopics:
             *_sensor_topics(log, fast, names),
         )
 
-    def encode(self, topic: Topic, log: Log) -> tuple[npt.NDArray[np.int64], Bytes]:
+    def encode(self, topic: Topic, log: Log) -> tuple[IntArray, Bytes]:
         """Encode the messages of one topic in a section of the flight; returns times (ns) and bytes.
 
         Args:

@@ -4,6 +4,7 @@ from skyarm.records.files.fields import Fields, number
 from skyarm.records.files.messages import did_you_mean, must_be_one_of, nearest, one_line, printable, shown
 from skyarm.records.files.names import file_name, unreadable
 from skyarm.records.files.packages import how_to_install, needs_extra, versions
+from skyarm.records.files.paths import PathLike
 from skyarm.records.files.toml import read_toml
 from skyarm.records.files.writing import (
     file_names,
@@ -19,6 +20,7 @@ from skyarm.records.files.writing import (
 
 __all__ = [
     "Fields",
+    "PathLike",
     "did_you_mean",
     "file_name",
     "file_names",

@@ -9,6 +9,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from skyarm.records.files.messages import shown
+from skyarm.records.files.paths import PathLike
 
 _read: ContextVar[dict[tuple[int, int], Path] | None] = ContextVar("read", default=None)
 """Device and number of each file that was read -> its path; None outside commands, where all may be written."""
@@ -43,7 +44,7 @@ def is_input(path: str | os.PathLike[str]) -> bool:
     return source is not None and found is not None and source.exists() and os.path.samestat(found, source.stat())
 
 
-def require_no_input(path: str | os.PathLike[str], field: str = "file") -> None:
+def require_no_input(path: PathLike, field: str = "file") -> None:
     """Raise an error if an output file is one that the running command has read, under whatever name.
 
     Raises:

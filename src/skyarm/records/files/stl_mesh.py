@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import functools
 import math
-import os
 import re
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files import unreadable
-
-Faces = npt.NDArray[np.int64]
+from skyarm.records.files.paths import PathLike
 
 MOST = 200_000
 """Triangles: what films and browsers draw at their rate."""
@@ -41,7 +38,7 @@ METRES: Scale = (1.0, 1.0, 1.0)
 """m of one of a file's numbers along its axes."""
 
 
-def read_corners(path: str | os.PathLike[str], scale: Scale = METRES) -> Array:
+def read_corners(path: PathLike, scale: Scale = METRES) -> Array:
     """Read the triangle corners (F, 3, 3) of an STL file, m.
 
     Args:
@@ -75,14 +72,14 @@ def read_corners(path: str | os.PathLike[str], scale: Scale = METRES) -> Array:
     return corners
 
 
-def read_stl(path: str | os.PathLike[str], scale: Scale = METRES) -> tuple[Array, Faces]:
+def read_stl(path: PathLike, scale: Scale = METRES) -> tuple[Array, IntArray]:
     """Read an STL file: unique vertices (V, 3), m, and triangles as indices (F, 3)."""
     vertices, places = np.unique(read_corners(path, scale).reshape(-1, 3), axis=0, return_inverse=True)
     return vertices, places.reshape(-1, 3)
 
 
 @functools.lru_cache(maxsize=16)
-def mesh_or_none(path: str, scale: Scale = METRES) -> tuple[Array, Faces] | None:
+def mesh_or_none(path: str, scale: Scale = METRES) -> tuple[Array, IntArray] | None:
     """Read an STL mesh for a drawing; None if its file is missing, as for a log from another machine."""
     try:
         return read_stl(path, scale)

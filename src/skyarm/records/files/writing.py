@@ -18,12 +18,13 @@ from typing import IO
 
 from skyarm.records.files.messages import shown
 from skyarm.records.files.own_inputs import require_no_input
+from skyarm.records.files.paths import PathLike
 
 CANNOT_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)
 """What file systems answer that cannot force a file to their disk."""
 
 
-def write_atomically(path: str | os.PathLike[str], content: bytes, *, entry: bool = True) -> Path:
+def write_atomically(path: PathLike, content: bytes, *, entry: bool = True) -> Path:
     """Write a file atomically: to a temporary file next to the target, then rename.
 
     Args:
@@ -40,7 +41,7 @@ def write_atomically(path: str | os.PathLike[str], content: bytes, *, entry: boo
 
 
 @contextmanager
-def writing_atomically(path: str | os.PathLike[str], *, entry: bool = True) -> Iterator[IO[bytes]]:
+def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[bytes]]:
     """Context that writes a file atomically, piece by piece: yields a temporary file and renames it at the end.
 
     The content is on disk before the file has its name, so that no power failure leaves an empty file under it.
@@ -162,7 +163,7 @@ def _forget(temporary: Path | None) -> None:
             temporary.unlink()
 
 
-def require_writable(folder: str | os.PathLike[str]) -> Path:
+def require_writable(folder: PathLike) -> Path:
     """Create an output folder and check that a file can be written there, before any computation.
 
     Raises:
@@ -275,7 +276,7 @@ def write_inside(path: Path, content: bytes, *, entry: bool = True) -> Path:
 
 
 @contextmanager
-def taken_back(*paths: str | os.PathLike[str]) -> Iterator[None]:
+def taken_back(*paths: PathLike) -> Iterator[None]:
     """Context manager that removes new output files if the work inside fails before it has a result.
 
     Args:
@@ -299,7 +300,7 @@ def taken_back(*paths: str | os.PathLike[str]) -> Iterator[None]:
         raise
 
 
-def _with_parents(paths: tuple[str | os.PathLike[str], ...]) -> list[Path]:
+def _with_parents(paths: tuple[PathLike, ...]) -> list[Path]:
     """Each path and all its parent folders, parents first, without duplicates."""
     every = [each for path in paths for each in (*reversed(Path(path).parents), Path(path))]
     return list(dict.fromkeys(every))

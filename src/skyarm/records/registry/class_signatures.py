@@ -48,8 +48,7 @@ def format_mistake(thing: object) -> tuple[str, str] | None:
         if held is None and name == "read" and not isinstance(thing, type):
             continue
         if isinstance(thing, type) or not callable(held):
-            found = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
-            return place_of(thing), f"is {found}: must be skyarm.LogFormat(write, read), called as {call}"
+            return _other_thing(thing, f"skyarm.LogFormat(write, read), called as {call}")
         words = _call_mistake(name, held, call.partition("(")[2].rstrip(")").split(", "), 0)
         if words:
             return place_of(held), words
@@ -60,10 +59,15 @@ def flight_format_mistake(thing: object) -> tuple[str, str] | None:
     """Error in a registered format of measured flights, as (file and line, message); None if there is none."""
     held = getattr(thing, "read", None)
     if isinstance(thing, type) or not callable(held):
-        found = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
-        return place_of(thing), f"is {found}: must be FlightFormat(read, suffixes, begins)"
+        return _other_thing(thing, "FlightFormat(read, suffixes, begins)")
     words = _call_mistake("read", held, ["path", "columns"], 0)
     return (place_of(held), words) if words else None
+
+
+def _other_thing(thing: object, wanted: str) -> tuple[str, str]:
+    """Error about an object that is registered in place of another one."""
+    found = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
+    return place_of(thing), f"is {found}: must be {wanted}"
 
 
 def thing_mistake(kind: str, thing: object) -> tuple[str, str] | None:

@@ -23,11 +23,6 @@ WRENCH = 4
 """Rows of a wrench that the mixer reads: torque x, y, z (N m, about the base origin) and force along z (N)."""
 
 
-def columns(joints: Array) -> tuple[Array, ...]:
-    """Split joint values (poses, n) of many arm poses into one array (poses,) per joint."""
-    return tuple(joints[:, i] for i in range(joints.shape[1]))
-
-
 def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
     """Generalized forces (4 + n, poses) of a static level hover: base torque and thrust, then joint efforts.
 
@@ -38,7 +33,7 @@ def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
     """
     still = (0.0,) * vehicle.n
     level = Motion(ZERO3, E_Z * gravity)
-    force, efforts = dynamics.inverse_dynamics(vehicle, columns(joints), ZERO3, still, level, still)
+    force, efforts = dynamics.inverse_dynamics(vehicle, tuple(joints.T), ZERO3, still, level, still)
     rows = (*force.torque, force.force.z, *efforts)
     return np.stack([np.broadcast_to(np.asarray(row, dtype=float), len(joints)) for row in rows])
 

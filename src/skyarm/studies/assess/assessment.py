@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 import warnings
 from typing import Any
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.plant.interface import require_gravity
 from skyarm.records.field_rules import rules
-from skyarm.records.files import number
+from skyarm.records.files import PathLike, number
 from skyarm.records.immutable import immutable
 from skyarm.records.notebook import notebook_html
 from skyarm.scenario.scenario_file import is_scenario, load_scenario
@@ -125,7 +124,7 @@ class Assessment:
 
 
 def check(
-    what: Vehicle | Scenario | str | os.PathLike[str],
+    what: Vehicle | Scenario | PathLike,
     *,
     payload: float = 0.0,
     poses: int = POSES,

@@ -9,12 +9,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.reference.path_time import governed_reference
 from skyarm.reference.trajectory import Reference
@@ -106,7 +105,7 @@ def _control_instants(scenario: Scenario) -> Iterator[Array]:
         yield np.arange(first, min(first + AT_ONCE, count)) / rate
 
 
-def _first(times: Array, found: npt.NDArray[np.bool_]) -> float:
+def _first(times: Array, found: Mask) -> float:
     """First of the times at which a boolean array is true; inf if all are false."""
     return float(times[np.argmax(found)]) if np.any(found) else math.inf
 

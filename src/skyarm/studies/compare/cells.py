@@ -18,13 +18,13 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 import skyarm.records.files as skyarm_files
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.score import score
 from skyarm.log.metrics.shortfall import LARGEST_ERROR
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import Mask
 from skyarm.records.files import versions, write_atomically
 from skyarm.records.files.unpacked import npz_arrays
 from skyarm.records.identity import identity, own_files
@@ -89,7 +89,7 @@ class Cell:
         return cls(metrics, np.array([status for _, status in flown]))
 
     @property
-    def completed(self) -> npt.NDArray[np.bool_]:
+    def completed(self) -> Mask:
         """True for each episode that reached its planned end."""
         return np.asarray(self.status == "completed")
 
@@ -99,12 +99,12 @@ class Cell:
         return not any(str(status).startswith(AUTOPILOT) for status in self.status)
 
     @property
-    def upright(self) -> npt.NDArray[np.bool_]:
+    def upright(self) -> Mask:
         """True for each episode in which the vehicle never tipped over."""
         return np.asarray(self.metrics["tilt_max"] <= TILTED)
 
     @property
-    def tracked_to_end(self) -> npt.NDArray[np.bool_]:
+    def tracked_to_end(self) -> Mask:
         """True for each completed, upright episode with a small mean tip error in its last seconds."""
         near = self.metrics["ee_error_last_mean_continuous"] <= LARGEST_ERROR
         return np.asarray(self.completed & self.upright & near)

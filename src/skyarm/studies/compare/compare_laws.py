@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from skyarm.control.catalogue import is_named, must_be_named, require_different
-from skyarm.records.files import must_be_one_of, require_writable, shown
+from skyarm.records.files import PathLike, require_writable
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.workers import Progress
 from skyarm.studies.compare.comparison import SUITE, Comparison
 from skyarm.studies.compare.contact_suite import CONTACT, ContactSuite
 from skyarm.studies.compare.contact_tasks import OWN
-from skyarm.studies.compare.entrants import ENTRANTS, own_entrant
+from skyarm.studies.compare.entrants import chosen_entrants, chosen_laws
 from skyarm.studies.compare.envelope import ENVELOPE, Envelope
 from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.compare.run_suite import Document, Suite, fly_suite
@@ -41,9 +39,9 @@ class ComparisonResults:
 
 
 def compare(
-    what: Scenario | str | os.PathLike[str] = SUITE,
+    what: Scenario | PathLike = SUITE,
     laws: Sequence[str] | None = None,
-    out: str | os.PathLike[str] = "out/compare",
+    out: PathLike = "out/compare",
     *,
     workers: int = 1,
     progress: Progress | None = None,
@@ -62,15 +60,10 @@ def compare(
     Raises:
         ValueError: one line. OSError: a file cannot be written.
     """
-    if laws is not None:
-        require_different(laws, "laws")
-        entrants = {name: ENTRANTS.get(name) or own_entrant(name) for name in laws}
-        for name in laws:
-            if what == SUITE and not entrants[name]:
-                raise ValueError(f"laws = {shown(name)}: {must_be_one_of(ENTRANTS, name)}")
-            if what != SUITE and name not in OWN and not is_named(name):
-                raise ValueError(f"laws = {shown(name)}: {must_be_named(name)}")
-        options |= {"entrants": entrants} if what == SUITE else {"laws": tuple(laws)}
+    if laws is not None and what == SUITE:
+        options["entrants"] = chosen_entrants(laws, "laws")
+    elif laws is not None:
+        options["laws"] = chosen_laws(laws, "laws", OWN if what == CONTACT else ())
     kind = SUITES.get(str(what))
     suite: Suite[Any] = OwnScenario(scenario=what, **options) if kind is None else kind(**options)
     document = fly_suite(suite, require_writable(out), threads=workers, progress=progress)

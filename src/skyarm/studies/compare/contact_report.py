@@ -7,17 +7,15 @@ from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.log.metrics.interaction import BAND
+from skyarm.records.arrays import Mask
 from skyarm.records.files import versions
 from skyarm.studies.compare.cells import JITTER, LIMITED, Cell
 from skyarm.studies.compare.contact_tasks import Task
 from skyarm.studies.compare.run_suite import Document, Record
 from skyarm.studies.sweep.intervals import wilson
 from skyarm.view.pages import DASH, Report, Section, Table, number
-
-Flags = npt.NDArray[np.bool_]
 
 HELD = 0.9
 """Share of the time that a force must be within 30 % of the wanted one."""
@@ -48,7 +46,7 @@ NUMBERS: Mapping[str, tuple[str, str, float, float]] = {
 """Number of a cell -> metric, head, factor from SI to its unit, percentile over flights that came to their end."""
 
 
-def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags]:
+def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Mask]:
     """Unmet success criteria of a contact task: criterion -> True for each flight that fails it.
 
     Args:

@@ -11,10 +11,9 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra.scalars.philox import uniforms
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Mask
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.joints import effort_limits
@@ -80,7 +79,7 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
     return Worlds(values=_numbers(task, scenario, rows, share[found]), drawn=last)
 
 
-def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> npt.NDArray[np.bool_]:
+def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> Mask:
     """Feasibility of a contact task: True for each perturbed scenario that the vehicle can perform.
 
     Args:

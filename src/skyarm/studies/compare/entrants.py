@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field
 from importlib import resources
 from typing import Any
@@ -13,13 +13,17 @@ from skyarm.control.catalogue import (
     HUMMINGBIRD,
     LAWS,
     PRESETS,
+    is_named,
     make_controller,
     make_tuned,
+    must_be_named,
     preset,
+    require_different,
     suitable_options,
 )
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model, Terms
+from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.registry.plugins import law_of_file_name
 from skyarm.records.registry.registrations import SHIPPED, registrations
@@ -70,6 +74,39 @@ def own_entrant(law: str) -> Entrant | None:
     if row is None or row.source == SHIPPED:
         return None
     return Entrant(name=law_of_file_name(law), group="own", law=law)
+
+
+def chosen_entrants(names: Sequence[str], field: str) -> dict[str, Entrant]:
+    """Look up the named laws for the paper suite.
+
+    Raises:
+        ValueError: one line with the field: a name that is none, or two names of one law.
+    """
+    require_different(names, field)
+    chosen = {name: each for name, each in ENTRANTS.items() if name in names}
+    for name in names:
+        found = ENTRANTS.get(name) or own_entrant(name)
+        if found is None:
+            raise ValueError(f"{field} = {shown(name)}: {must_be_one_of(ENTRANTS, name)}")
+        if chosen.setdefault(found.name, found) != found:
+            raise ValueError(
+                f"{field} = {shown(','.join(names))}: must not name two files and makers of the same names"
+            )
+    return chosen
+
+
+def chosen_laws(names: Sequence[str], field: str, own: Collection[str] = ()) -> tuple[str, ...]:
+    """Check names of control laws, of which a suite has some of its ``own``.
+
+    Raises:
+        ValueError: one line with the field: a name that is none, or two names of one law.
+    """
+    require_different(names, field)
+    for name in names:
+        if name not in own and not is_named(name):
+            theirs = f"one of {', '.join(own)}, or " if own else ""
+            raise ValueError(f"{field} = {shown(name)}: {must_be_named(name, theirs)}")
+    return tuple(names)
 
 
 def _entrant(row: dict[str, Any]) -> Entrant:

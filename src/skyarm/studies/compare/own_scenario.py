@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 
 from skyarm.control.catalogue import require_different
 from skyarm.control.controller import autopilot_of
-from skyarm.records.files import versions
+from skyarm.records.files import PathLike, versions
 from skyarm.records.identity import identity
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import names
@@ -47,7 +46,7 @@ COLUMNS: Sequence[tuple[str, str, float]] = (
 class GivenFlights(Flights):
     """Flights of a scenario as with ``skyarm run FILE --laws LAW``, one per noise seed."""
 
-    given: Scenario | str | os.PathLike[str]
+    given: Scenario | PathLike
 
     def scenario(self) -> Scenario:
         """Scenario of the user with this controller in place of its own."""
@@ -65,7 +64,7 @@ class OwnScenario(Suite[GivenFlights]):
         seed: of the noise.
     """
 
-    scenario: Scenario | str | os.PathLike[str]
+    scenario: Scenario | PathLike
     laws: Sequence[str] = LAWS
     plant: str = "rigid_body"
     seeds: int = 8

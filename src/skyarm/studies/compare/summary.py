@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import Mask
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.run_suite import Document
 from skyarm.studies.sweep.intervals import bootstrap_mean, quantiles, wilson
@@ -41,7 +41,7 @@ def magnitudes(name: str, values: Array) -> Array:
     return np.abs(values) if "peak" in name else values
 
 
-def successes(cell: Cell) -> npt.NDArray[np.bool_]:
+def successes(cell: Cell) -> Mask:
     """True for each flight that ended with the tip within 20 mm of its reference."""
     with np.errstate(invalid="ignore"):
         return cell.completed & (cell.metrics[SUCCESS_METRIC] < SUCCESS_LIMIT)

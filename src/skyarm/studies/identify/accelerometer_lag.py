@@ -10,14 +10,11 @@ whiten both).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.studies.identify.motion_model import Stretch
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 LONGEST = 0.25
 """s, lags that are tried to both sides."""

@@ -9,12 +9,10 @@ rate adds to its random walk, which decays over seconds.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-Array: TypeAlias = npt.NDArray[np.float64]
+from skyarm.records.arrays import Array
 
 
 def ar_coefficients(

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import Channel
 from skyarm.flight_data.series import columns_at
-
-Array: TypeAlias = npt.NDArray[np.float64]
+from skyarm.records.arrays import Array
 
 SLOWEST = 0.025
 """s, between commands of rotors: pulse widths come at 50 Hz at least, and slower ones are samples of faster ones."""

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import permutations, product
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.dynamics.array_front import mass_matrix
@@ -20,15 +18,14 @@ from skyarm.flight_data.clocks import rotation_steps
 from skyarm.flight_data.flight_data import Channel
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.raw_tables import turn_vectors
-from skyarm.flight_data.series import attitude_at, means_of
+from skyarm.flight_data.series import attitude_at, integral_of, means_of
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
 from skyarm.studies.identify.motion_model import Stretch, Surroundings, predict
 from skyarm.studies.identify.rotor_lag import lag_response
 from skyarm.studies.identify.sampled_series import moving_mean
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 ROWS = 40
 """Fewest rows of a comparison."""
@@ -80,7 +77,7 @@ class Law:
     least: float = VISIBLE
 
     @property
-    def visible(self) -> npt.NDArray[np.bool_]:
+    def visible(self) -> Mask:
         """Rows (k,) that the inputs explain well enough to judge a map by them."""
         return (self.explained >= self.least) & (self.explained**2 * self.rows >= CERTAIN)
 
@@ -196,7 +193,7 @@ def rotor_law(gyro: Channel, speeds: Channel, vehicle: Vehicle, joints: Channel 
     flies = moving_mean(thrust, round(SETTLED / COMMAND_STEP) | 1) > AIRBORNE * GRAVITY * float(vehicle.mass)
     width = max(ROTOR_STEP, 2.0 / gyro.rate, 2.0 / max(speeds.rate, 1e-9))
     edges = np.arange(begin + LATEST, end - LATEST, width)
-    mean, push_mean = means_of(gyro.time, gyro.values), means_of(time, _integral(time, pushes))
+    mean, push_mean = means_of(gyro.time, gyro.values), means_of(time, integral_of(time, pushes))
     if len(edges) < ROWS:
         return None
     changes = np.diff(mean(edges[:-1], edges[1:]), axis=0)
@@ -312,11 +309,6 @@ def _multiple_correlation(square: Array, mixed: Array, own: Array) -> Array:
     firm = square + (1e-9 * np.trace(square) / len(square) + 1e-300) * np.eye(len(square))
     explained = (mixed * np.linalg.solve(firm, mixed)).sum(axis=0) / np.maximum(own, 1e-300)
     return np.asarray(np.sqrt(np.clip(explained, 1e-12, 1.0)))
-
-
-def _integral(time: Array, values: Array) -> Array:
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None]
-    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
 
 
 def best_turn(law: Law) -> tuple[float, float]:

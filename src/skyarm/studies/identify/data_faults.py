@@ -11,23 +11,20 @@ import dataclasses
 import math
 import re
 from collections.abc import Iterator, Sequence
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.own_log import SIMULATED
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.files.messages import one_line
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.channel_scales import REFUSED, WARNED, Found, wrong_units
 from skyarm.studies.identify.fault_isolation import incompatible_channels
 from skyarm.studies.identify.stretches import SETTLING, SHORTEST, commanded_speeds, flying_spans
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 
 @immutable
@@ -372,7 +369,7 @@ def _still_channels(flight: FlightData, spans: Sequence[tuple[float, float]]) ->
             yield from _saturation(name, channel, whole)
 
 
-def _inside(channel: Channel, spans: Sequence[tuple[float, float]]) -> npt.NDArray[np.bool_]:
+def _inside(channel: Channel, spans: Sequence[tuple[float, float]]) -> Mask:
     """Steps (N - 1,) of a channel that end within spans of time (s)."""
     found = np.zeros(max(0, channel.time.size - 1), dtype=bool)
     for begin, end in spans:
@@ -398,7 +395,7 @@ def _stuck_commands(flight: FlightData, spans: Sequence[tuple[float, float]]) ->
             yield REFUSED, name, finding, "cut the flight to sections without it"
 
 
-def _saturation(name: str, channel: Channel, repeated: npt.NDArray[np.bool_]) -> Iterator[Found]:
+def _saturation(name: str, channel: Channel, repeated: Mask) -> Iterator[Found]:
     """Yield axes that stay at their largest or smallest number while the others go on."""
     rows = channel.values[1:][~repeated]
     for axis, column in zip("xyz", rows.T, strict=True):
@@ -410,7 +407,7 @@ def _saturation(name: str, channel: Channel, repeated: npt.NDArray[np.bool_]) ->
                 yield WARNED, name, finding, "cut the flight to gentler sections, or widen the sensor's range"
 
 
-def _longest_run(rows: npt.NDArray[np.bool_], time: Array) -> tuple[float, float]:
+def _longest_run(rows: Mask, time: Array) -> tuple[float, float]:
     """Longest time (s) over which rows (N - 1,) of steps between times (N,) are all true, and its begin."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int))).reshape(-1, 2)
     if not len(edges):

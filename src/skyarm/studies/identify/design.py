@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Annotated, TypeAlias
+from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.studies.identify.autoregression import innovations
@@ -25,8 +25,6 @@ from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, draw_se
 from skyarm.studies.identify.prediction_error import WINDOWS, Whitening, error_slopes, expected_fit
 from skyarm.studies.identify.required_flight import RequiredFlight, arm_clearance, required_flight
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 SEGMENT = 10.0
 """s, of a segment, about: its ends at rest show nothing, and few segments leave no choice."""
@@ -117,7 +115,7 @@ class Measured:
     driven: Sequence[bool]
     noise: Whitening
     prior: Array
-    in_vehicle: npt.NDArray[np.bool_]
+    in_vehicle: Mask
 
 
 def measured_noise(stretches: Sequence[Stretch], vehicle: Vehicle) -> Measured:
@@ -169,7 +167,7 @@ def fitted_segment(
     return None
 
 
-def volume_gain(information: Array, prior: Array, inside: npt.NDArray[np.bool_]) -> float:
+def volume_gain(information: Array, prior: Array, inside: Mask) -> float:
     """Logarithm of the volume that an information matrix leaves to numbers, over the square root, with sign turned.
 
     Args:

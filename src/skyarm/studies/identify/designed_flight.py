@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.dynamics.workspace import reach
 from skyarm.flight_data.own_log import measured_flight
 from skyarm.log.flight_log import Log
+from skyarm.records.arrays import Array, Mask
+from skyarm.records.files import PathLike
 from skyarm.records.files.toml import toml_key, toml_value
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import scenario_from
@@ -33,7 +33,6 @@ from skyarm.studies.identify.stretches import stretches_of
 from skyarm.studies.tune.excitation import unseen_motion
 from skyarm.vehicle.vehicle_records import Vehicle
 
-Array: TypeAlias = npt.NDArray[np.float64]
 USUAL = DesignLimits()
 Progress: TypeAlias = Callable[[int, int, str], None]
 
@@ -93,7 +92,7 @@ def design_flight(
     name: str,
     limits: DesignLimits = USUAL,
     *,
-    folder: str | os.PathLike[str] = "",
+    folder: PathLike = "",
     candidates: int = 200,
     seed: int = 0,
     progress: Progress | None = None,
@@ -183,7 +182,7 @@ def scenario_document(
     }
 
 
-def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) -> npt.NDArray[np.bool_]:
+def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) -> Mask:
     """Axes (4 + n,) whose motions break a limit in a flight."""
     found = np.zeros(len(axes.rest), dtype=bool)
     if log.info["status"] != "completed" or _saturated_share(log, vehicle) > SATURATED:

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import continuous
+from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.lagged_inputs import to_base
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
@@ -28,7 +28,6 @@ from skyarm.vehicle.vehicle_records import Vehicle
 if TYPE_CHECKING:
     from skyarm.studies.identify.open_loop import Poses
 
-Array: TypeAlias = npt.NDArray[np.float64]
 
 UNKNOWN = 1e3
 """Times the deviation of its process, of a disturbance before anything is measured."""
@@ -77,7 +76,7 @@ class DisturbanceModel:
 
     axes: tuple[AxisNoise, ...]
 
-    def estimate(self, sums: Array, used: npt.NDArray[np.bool_], h: float) -> tuple[Array, Array]:
+    def estimate(self, sums: Array, used: Mask, h: float) -> tuple[Array, Array]:
         """Kalman filter over a stretch.
 
         Args:
@@ -215,7 +214,7 @@ def _without_line(row: Array) -> Array:
 
 
 def begin_at(
-    model: DisturbanceModel, sums: Array, stretch: Stretch, poses: Poses, rows: npt.NDArray[np.int_]
+    model: DisturbanceModel, sums: Array, stretch: Stretch, poses: Poses, rows: IntArray
 ) -> tuple[Array, Array, Array]:
     """World velocity (K, 3), base rate (K, 3) and disturbances (K, 6, 2) at instants, from measurements until then."""
     errors, disturbance = model.estimate(sums, stretch.used, stretch.period)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-Array: TypeAlias = npt.NDArray[np.float64]
+from skyarm.records.arrays import Array
 
 BLUR = math.sqrt(0.5 * math.pi)
 """Standard deviations of a rate by which the bend of its tanh widens: E[sign] of a normal is near that tanh."""

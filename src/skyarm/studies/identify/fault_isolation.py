@@ -14,10 +14,10 @@ from itertools import permutations
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.clocks import clock_offset
 from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.records.arrays import Array
 from skyarm.studies.identify.channel_scales import REFUSED, Found, scale_of_forces, scale_of_rates, scale_of_velocity
 from skyarm.studies.identify.data_compatibility import (
     Law,
@@ -36,7 +36,6 @@ from skyarm.studies.identify.data_compatibility import (
 from skyarm.studies.identify.stretches import commanded_speeds, stretches_of
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
-Array: TypeAlias = npt.NDArray[np.float64]
 Incompatible: TypeAlias = tuple[str, str, str, bool]
 """Channel, finding, remedy, and whether it spoils the numbers."""
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import attitude_at, columns_at
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.disturbances import SETTLED, fit_disturbances
 from skyarm.studies.identify.identified_parts import surroundings_with
@@ -27,8 +26,6 @@ from skyarm.studies.identify.open_loop import (
     predict_flights,
 )
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 SHORTEST = 0.01
 """s, of a horizon: all others are its multiples, and whole periods of the stretches."""

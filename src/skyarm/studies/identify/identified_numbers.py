@@ -8,17 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.prediction_error import PredictionFit
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
 from skyarm.vehicle.linkage import Link
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 NOT_SHOWN = "not in this data"
 """Reason of a number of which the flights tell less than what was known before."""
@@ -83,7 +80,7 @@ class Scale:
     reported: list[Reported]
     values: Array
     starts: Array
-    positive: npt.NDArray[np.bool_]
+    positive: Mask
     rows: Array
     before: Array
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import must_be_one_of, number
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.accelerometer_lag import accelerometer_lag
@@ -35,7 +35,6 @@ from skyarm.vehicle.vehicle_records import Vehicle
 if TYPE_CHECKING:
     from skyarm.studies.identify.held_out import HeldOut
 
-Array: TypeAlias = npt.NDArray[np.float64]
 
 BLOCK = 2.0
 """s, of a block of scores: noise of measured rates, integrated in a joint's prediction, stays for longer than 0.5 s."""
@@ -212,7 +211,7 @@ class Search:
     start: Vehicle
     errors: PredictedErrors
     block: int
-    used: Sequence[npt.NDArray[np.bool_]]
+    used: Sequence[Mask]
 
     @property
     def begin(self) -> Array:

@@ -8,16 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import ZERO3
 from skyarm.dynamics.actuators.rotor import push, rotor_forces
 from skyarm.dynamics.array_front import inverse_dynamics
 from skyarm.log.flight_log import Log
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
-
-Array = npt.NDArray[np.float64]
 
 SHORTEST = 1.0
 """s of a flight of which anything is asked."""

@@ -17,11 +17,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import setpoints_of
+from skyarm.records.arrays import Array
 from skyarm.records.files.toml import toml_key
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.lagged_inputs import (
@@ -141,8 +141,6 @@ def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
 def _from(found: Estimated) -> str:
     return f"# {1e3 * found.low:.2f} to {1e3 * found.high:.2f} ms"
 
-
-Array = npt.NDArray[np.float64]
 
 LONGEST = 0.08
 """s, longest delay that is looked for."""

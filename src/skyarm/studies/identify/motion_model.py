@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
 from skyarm.dynamics import forward_dynamics, inverse_dynamics, mass_matrix
 from skyarm.dynamics.actuators.rotor import push, rotor_forces
 from skyarm.flight_data.series import columns_at
+from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.dry_friction import mean_bend
 from skyarm.studies.identify.rotor_lag import commands_at_ends, delay_commands, integral_bends, lag_response
@@ -27,8 +27,7 @@ from skyarm.studies.identify.sampled_series import delay_series, middle, moving_
 from skyarm.studies.identify.servo_positions import ServoMemo
 from skyarm.vehicle.vehicle_records import Vehicle
 
-Array: TypeAlias = npt.NDArray[np.float64]
-Rows: TypeAlias = slice | npt.NDArray[np.int_]
+Rows: TypeAlias = slice | IntArray
 Bodies: TypeAlias = tuple[Force, Sequence[Array], Array]
 
 
@@ -81,7 +80,7 @@ class Stretch:
     voltage: Array
     width: int = 1
     setpoints: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    used: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    used: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
     sampled_rate: Array = field(default_factory=lambda: np.zeros((0, 3)))
     sampled_force: Array = field(default_factory=lambda: np.zeros((0, 3)))
     sampled_joints: Array = field(default_factory=lambda: np.zeros((0, 0)))

@@ -11,18 +11,16 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference.signal_tables import signal_from
 from skyarm.studies.tune.excitation import rest_and_size
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 BASE_AXES = 4
 """x, y, z and heading, before the joints."""

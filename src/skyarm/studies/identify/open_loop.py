@@ -14,17 +14,15 @@ from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.records.arrays import Array, IntArray
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.disturbances import SETTLED, DisturbanceModel, begin_at, unexplained_sums
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
 from skyarm.studies.identify.whitened_fit import scipy_parts
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 Errors: TypeAlias = tuple[Array, Array, Array, Array]
 """Distances (K,) of positions, velocities, attitudes and rates."""
@@ -117,7 +115,7 @@ def _begin(
     about: Surroundings,
     stretch: Stretch,
     poses: Poses,
-    rows: npt.NDArray[np.int_],
+    rows: IntArray,
     gravity: float,
     disturbances: DisturbanceModel | None,
 ) -> tuple[BaseStates, Array]:
@@ -134,7 +132,7 @@ def _next(
     vehicle: Vehicle,
     about: Surroundings,
     stretch: Stretch,
-    place: npt.NDArray[np.int_],
+    place: IntArray,
     now: BaseStates,
     beside: Array,
     memo: Memo,
@@ -181,14 +179,14 @@ def _advance(
     )
 
 
-def hold(stretch: Stretch, poses: Poses, begins: Sequence[int] | npt.NDArray[np.int_], seconds: float) -> BaseStates:
+def hold(stretch: Stretch, poses: Poses, begins: Sequence[int] | IntArray, seconds: float) -> BaseStates:
     """BaseStates of the base whose velocity and rate stay as they are."""
     rows = np.asarray(begins, dtype=int)
     now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.known_velocity[rows], stretch.rate[rows])
     return _advance(now, np.zeros((len(rows), 3)), np.zeros((len(rows), 3)), seconds)
 
 
-def errors_of(motion: BaseStates, stretch: Stretch, poses: Poses, rows: Sequence[int] | npt.NDArray[np.int_]) -> Errors:
+def errors_of(motion: BaseStates, stretch: Stretch, poses: Poses, rows: Sequence[int] | IntArray) -> Errors:
     """Distances (K,) of states from those measured at some instants: position, velocity, attitude (rad), rate."""
     place = np.asarray(rows, dtype=int)
     position, velocity, rate = (
@@ -361,7 +359,7 @@ class Ends:
         model, held, rest: states by the model, by holding, and by holding without turning.
     """
 
-    rows: npt.NDArray[np.int_]
+    rows: IntArray
     model: BaseStates
     held: BaseStates
     rest: BaseStates

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.motion import Motion, PredictedMotion, join_motions, measured_motion
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.records.arrays import Array
 from skyarm.records.files import one_line
 from skyarm.studies.identify.command_samples import sampling_period
 from skyarm.studies.identify.held_out import SHORTEST, poses_of
@@ -23,8 +22,6 @@ from skyarm.studies.identify.motion_model import Stretch, Surroundings
 from skyarm.studies.identify.open_loop import BaseStates, begins_of, hold, predict_ahead
 from skyarm.studies.identify.stretches import commanded_speeds, stretches_of
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 NEEDED = ("position", "quaternion", "gyro")
 """Channels without which a model has no state to begin from."""

@@ -15,13 +15,11 @@ from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.autoregression import ar_coefficients, innovations
 from skyarm.studies.identify.whitened_fit import FEWEST, jackknife_scores, scipy_parts
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 ORDER = 8
 """Of the whitening filter."""
@@ -149,7 +147,7 @@ def fit_prediction(
     prior: Array,
     steps: Array,
     block: int,
-    used: Sequence[npt.NDArray[np.bool_]] = (),
+    used: Sequence[Mask] = (),
     progress: Callable[[str], None] | None = None,
     levels: Sequence[int] = (),
 ) -> PredictionFit:
@@ -224,7 +222,7 @@ def expected_fit(
     prior: Array,
     steps: Array,
     block: int,
-    used: Sequence[npt.NDArray[np.bool_]] = (),
+    used: Sequence[Mask] = (),
     levels: Sequence[int] = (),
 ) -> PredictionFit:
     """Fit of the errors' linear models at the start and at its estimate: the accuracy that a search may reach.
@@ -292,7 +290,7 @@ def _settle(
     linear: LinearErrors,
     start: Array,
     prior: Array,
-    counted: npt.NDArray[np.bool_],
+    counted: Mask,
     levels: Sequence[int],
     weights: Array | None = None,
 ) -> tuple[Array, Whitening, bool]:
@@ -397,7 +395,7 @@ def _step(
     return values, found, cost, trust
 
 
-def _errors_over_used(errors: Errors, used: Sequence[npt.NDArray[np.bool_]]) -> Errors:
+def _errors_over_used(errors: Errors, used: Sequence[Mask]) -> Errors:
     """Errors with straight lines over the rows that are not used, which would stay in the filters' memory."""
     if all(each.all() for each in used):
         return errors
@@ -405,7 +403,7 @@ def _errors_over_used(errors: Errors, used: Sequence[npt.NDArray[np.bool_]]) -> 
     return PredictedErrors(lambda values: bridge_unused(errors(values), used), prepare)
 
 
-def bridge_unused(series: Sequence[Array], used: Sequence[npt.NDArray[np.bool_]]) -> list[Array]:
+def bridge_unused(series: Sequence[Array], used: Sequence[Mask]) -> list[Array]:
     """Series (N, rows) of each stretch with straight lines between the rows that are used."""
     found = []
     for rows, kept in zip(series, used, strict=True):
@@ -416,7 +414,7 @@ def bridge_unused(series: Sequence[Array], used: Sequence[npt.NDArray[np.bool_]]
     return found
 
 
-def _counted_rows(found: Sequence[Array], used: Sequence[npt.NDArray[np.bool_]]) -> npt.NDArray[np.bool_]:
+def _counted_rows(found: Sequence[Array], used: Sequence[Mask]) -> Mask:
     """Which whitened rows count: those whose error and whose past ones are all used."""
     rows = []
     for i, each in enumerate(found):
@@ -427,7 +425,7 @@ def _counted_rows(found: Sequence[Array], used: Sequence[npt.NDArray[np.bool_]])
 
 def _noise(
     found: Sequence[Array],
-    counted: npt.NDArray[np.bool_],
+    counted: Mask,
     weights: Array | None,
     levels: Sequence[int],
     windows: int = WINDOWS,

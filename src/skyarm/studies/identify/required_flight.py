@@ -10,16 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import center_of_mass, inverse_dynamics
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.dynamics.state import State
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
 from skyarm.studies.identify.motion_model import Stretch
@@ -28,8 +27,6 @@ from skyarm.studies.identify.sampled_series import middle
 from skyarm.studies.identify.unknowns import USUAL_DELAY
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 TURNS = 4
 """Of attitude and centre of mass: an arm moves the centre by a small part of what gravity asks of the attitude."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from skyarm.records.arrays import Array
 
 STRETCH = 0.5
 """s, of the stretches that are followed side by side."""

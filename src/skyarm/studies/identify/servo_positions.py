@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.flight_data.series import columns_at
+from skyarm.records.arrays import Array
 from skyarm.studies.identify.rotor_lag import delay_commands
 from skyarm.studies.identify.sampled_series import moving_mean
 from skyarm.studies.identify.servo_response import Loops, joint_loads, loops_of, servo_response, servo_steps
@@ -19,7 +19,6 @@ from skyarm.vehicle.vehicle_records import Vehicle
 if TYPE_CHECKING:
     from skyarm.studies.identify.motion_model import Stretch, Surroundings
 
-Array: TypeAlias = npt.NDArray[np.float64]
 
 MEMORY = 6
 """Responses, and loads of the joints, that are kept, unless more are asked for at once."""

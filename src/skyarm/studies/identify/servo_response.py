@@ -12,18 +12,15 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Motion, Vec3
 from skyarm.dynamics import inverse_dynamics, mass_matrix
 from skyarm.dynamics.actuators.servo import PositionServo
+from skyarm.records.arrays import Array
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
-
-Array: TypeAlias = npt.NDArray[np.float64]
 
 STRETCH = 0.5
 """s, of the parts of a series that are simulated side by side, each from its measured state."""

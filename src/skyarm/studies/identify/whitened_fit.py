@@ -14,13 +14,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.files.packages import needs_extra
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.autoregression import ar_coefficients, innovations
-
-Array = npt.NDArray[np.float64]
 
 ORDER, TURNS = 6, 3
 """Of the whitening filter; turns of filter and parameters."""
@@ -51,7 +49,7 @@ class Fit:
     covariance: Array
     quantile: float
     explained: float
-    beyond: npt.NDArray[np.bool_]
+    beyond: Mask
 
     def half_width(self, direction: Sequence[float] | Array) -> float:
         """Half-width of the confidence interval of a weighted sum of the parameters."""

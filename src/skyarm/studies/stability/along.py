@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Complex
+from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.reference import Constant, Trajectory
@@ -115,7 +115,7 @@ def hovering(scenario: Scenario) -> Scenario:
 
 
 def margins(
-    scenario: Scenario | str | os.PathLike[str],
+    scenario: Scenario | PathLike,
     instants: int = 4,
     progress: Callable[[int, int], object] | None = None,
 ) -> Evidence:
@@ -217,8 +217,6 @@ def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
             row=leaves(inputs.row_at(until, now)),
         )
 
-
-Complex = npt.NDArray[np.complex128]
 
 POINTS = 500
 """Further frequencies, so that a curve looks like one."""

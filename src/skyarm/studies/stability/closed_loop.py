@@ -7,9 +7,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.stability.loop_channels import Channel
 
@@ -128,7 +127,7 @@ def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
     return divmod(count, len(loop.lates))
 
 
-def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> npt.NDArray[np.bool_]:
+def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> Mask:
     """Mask of the states that belong to the feedback loop; clocks and other states outside of it are excluded."""
     links = (A != 0.0) | (((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0)
     first = np.zeros(len(A), dtype=bool)
@@ -136,7 +135,7 @@ def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> npt.NDArray[n
     return _reachable(links, first) & _reachable(links.T, first)
 
 
-def _reachable(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def _reachable(links: Mask, first: Mask) -> Mask:
     """Mask of the states reachable from the states ``first`` over any number of periods."""
     found = first
     while True:

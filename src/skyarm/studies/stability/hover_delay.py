@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import os
 
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import ControllerError, innermost
 from skyarm.dynamics.actuators import AllocationError
+from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -67,7 +67,7 @@ class HoverDelay:
         return f"below {ENOUGH:g} times the believed delay"
 
 
-def hover_delay(scenario: Scenario | str | os.PathLike[str]) -> HoverDelay:
+def hover_delay(scenario: Scenario | PathLike) -> HoverDelay:
     """Delay margin of a scenario's closed loop in settled hover; zero if the vehicle crashes.
 
     Args:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Complex
 from skyarm.records.immutable import immutable
 from skyarm.studies.stability.closed_loop import Closed, OpenLoop, close_loop, gains, radius, spectral_radius
 from skyarm.studies.stability.disk_margins import LoopMargin, cut_loops
@@ -42,8 +42,8 @@ class Margins:
             measured.
     """
 
-    z: npt.NDArray[np.complex128]
-    s: npt.NDArray[np.complex128]
+    z: Complex
+    s: Complex
     radius: float
     delay: float
     rotor_gain: tuple[float, float]

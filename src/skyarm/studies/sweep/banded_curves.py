@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import words_of
@@ -60,8 +59,8 @@ class BandedCurve:
     middle: Array
     low: Array
     high: Array
-    episodes: npt.NDArray[np.int64]
-    lost: npt.NDArray[np.int64]
+    episodes: IntArray
+    lost: IntArray
 
 
 @immutable
@@ -121,7 +120,7 @@ def _column(rows: Rows, path: str) -> Array:
     return np.asarray(rows.of(rows.controllers[0], path), dtype=float)
 
 
-def _cells(values: Array) -> npt.NDArray[np.int64]:
+def _cells(values: Array) -> IntArray:
     """Bin index of each value: one bin per value if there are few, otherwise bins of equal count."""
     different, place = np.unique(values, return_inverse=True)
     if different.size <= LISTED and values.size >= 2 * different.size:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra.scalars.philox import uniform, uniforms
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray
 from skyarm.studies.sweep.expressions import with_derived
 from skyarm.studies.sweep.sobol import BITS, sobol
 from skyarm.studies.sweep.study import Study
@@ -45,7 +45,7 @@ def values(study: Study, episodes: npt.ArrayLike) -> dict[str, Array]:
     return with_derived(found, study.derived)
 
 
-def _unit(study: Study, episodes: npt.NDArray[np.int64], index: int) -> Array:
+def _unit(study: Study, episodes: IntArray, index: int) -> Array:
     """Random numbers in (0, 1), one per episode, for one dimension of the experimental design."""
     if study.design != "sobol":
         return uniform(study.seed, episodes, FIRST_CHANNEL + index, 0)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.immutable import immutable
 from skyarm.studies.sweep.stats import Rows
@@ -52,7 +51,7 @@ class RobustnessMap:
     across: Axis
     upward: Axis
     rate: Array
-    count: npt.NDArray[np.int64]
+    count: IntArray
 
     @property
     def constant(self) -> float | None:
@@ -110,9 +109,7 @@ def axis(path: str, values: Array, *, logarithmic: bool = False, label: str = ""
     return Axis(path=path, edges=np.linspace(low, high, cells + 1), label=label)
 
 
-def success_map(
-    controller: str, across: Axis, upward: Axis, x: Array, y: Array, won: npt.NDArray[np.bool_]
-) -> RobustnessMap:
+def success_map(controller: str, across: Axis, upward: Axis, x: Array, y: Array, won: Mask) -> RobustnessMap:
     """Robustness map of one controller, from the success of each flight and its two parameters."""
     edges = (upward.edges, across.edges)
     count = np.histogram2d(y, x, bins=edges)[0].astype(np.int64)

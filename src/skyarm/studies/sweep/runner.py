@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import re
 import time
 from collections.abc import Callable, Mapping
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.records.files import require_writable, shown, taken_back
+from skyarm.records.files import PathLike, require_writable, shown, taken_back
 from skyarm.records.files.writing import one_writer
 from skyarm.records.immutable import immutable
 from skyarm.simulate.batch import Batch
@@ -39,8 +38,8 @@ class Summary:
 
 
 def fly_sweep(
-    study: Study | Mapping[str, Any] | str | os.PathLike[str],
-    folder: str | os.PathLike[str],
+    study: Study | Mapping[str, Any] | PathLike,
+    folder: PathLike,
     *,
     workers: int = 1,
     part: str | None = None,
@@ -73,7 +72,7 @@ def fly_sweep(
 
 def run_sweep(
     study: Study,
-    out: str | os.PathLike[str],
+    out: PathLike,
     *,
     threads: int = 1,
     part: str | None = None,

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.files import did_you_mean, number, shown
+from skyarm.records.arrays import Mask
+from skyarm.records.files import PathLike, did_you_mean, number, shown
 from skyarm.scenario.numbers import axis_label, words_of
 from skyarm.studies.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
 from skyarm.studies.sweep.store import MANIFEST, arrow, chunk_path, not_counted, read_manifest, whole_chunks
@@ -39,7 +39,7 @@ class Rows:
         StudyError: no such folder, no rows, or an unknown metric.
     """
 
-    def __init__(self, folder: str | os.PathLike[str], success: Mapping[str, float] | None = None) -> None:
+    def __init__(self, folder: PathLike, success: Mapping[str, float] | None = None) -> None:
         arrow()
         import pyarrow.dataset as ds
 
@@ -97,7 +97,7 @@ class Rows:
         """Values of one metric or parameter over all flights of one controller."""
         return np.asarray(self._column(name)[self._chosen[controller]])
 
-    def succeeded(self, controller: str) -> npt.NDArray[np.bool_]:
+    def succeeded(self, controller: str) -> Mask:
         """Success of each flight of a controller: completed, with all metrics within their limits."""
         found = np.asarray(self.of(controller, "status") == "completed")
         for name, limit in self.limits.items():

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.records.files import (
+    PathLike,
     needs_extra,
     require_no_link,
     require_writable,
@@ -153,7 +154,7 @@ class Manifest:
         }
 
 
-def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
+def read_manifest(folder: PathLike) -> Manifest | None:
     """Read the JSON manifest of a sweep's folder; None if it is missing or truncated.
 
     Raises:
@@ -177,12 +178,12 @@ def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
         ) from None
 
 
-def chunk_path(folder: str | os.PathLike[str], index: int) -> Path:
+def chunk_path(folder: PathLike, index: int) -> Path:
     """Path of a chunk's Parquet file in a sweep's folder."""
     return Path(folder) / ROWS / f"chunk_{index:07d}.parquet"
 
 
-def chunks_there(folder: str | os.PathLike[str]) -> list[int]:
+def chunks_there(folder: PathLike) -> list[int]:
     """Indices of the chunks whose Parquet file exists in a sweep's folder, ascending.
 
     Raises:
@@ -205,7 +206,7 @@ def _mark(path: Path) -> bytes | None:
     return bytes(dict(table.schema.metadata or {}).get(MARK, b""))
 
 
-def whole_chunks(folder: str | os.PathLike[str], manifest: Manifest) -> tuple[list[int], tuple[str, ...]]:
+def whole_chunks(folder: PathLike, manifest: Manifest) -> tuple[list[int], tuple[str, ...]]:
     """Indices of a sweep's chunks with valid Parquet files, and names of the files that are ignored.
 
     Raises:
@@ -232,7 +233,7 @@ class StudyFolder:
         OSError: it cannot be written.
     """
 
-    def __init__(self, folder: str | os.PathLike[str], manifest: Manifest) -> None:
+    def __init__(self, folder: PathLike, manifest: Manifest) -> None:
         self.folder, self.manifest = Path(folder), manifest
         require_writable(self.folder)
         require_writable(require_no_link(self.folder / ROWS))

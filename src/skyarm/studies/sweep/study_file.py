@@ -25,7 +25,6 @@ Every error is one line: file, field, value, what is allowed.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Mapping, Sequence
 from importlib import resources
 from math import prod
@@ -37,6 +36,7 @@ from skyarm.log.metrics.metric_catalogue import metric_names
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.files import (
     Fields,
+    PathLike,
     did_you_mean,
     file_name,
     number,
@@ -73,7 +73,7 @@ def list_studies() -> tuple[str, ...]:
     return names_in(LIBRARY)
 
 
-def load_study(name_or_path: str | os.PathLike[str], controllers: Sequence[str] | None = None) -> Study:
+def load_study(name_or_path: PathLike, controllers: Sequence[str] | None = None) -> Study:
     """Load a study from the library by name or from a .toml file.
 
     Args:
@@ -106,7 +106,7 @@ def _require_no_file_law(controllers: Any) -> None:
             raise ValueError(f"controllers = {shown(name)}: must not be a file's; only --laws takes FILE.py:make")
 
 
-def study_from(document: Mapping[str, Any], folder: str | os.PathLike[str] = "", *, source: str = "study") -> Study:
+def study_from(document: Mapping[str, Any], folder: PathLike = "", *, source: str = "study") -> Study:
     """Create a study from a parsed TOML document.
 
     Args:
@@ -226,7 +226,7 @@ def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[
     duration = top.take("duration", None)
     if duration is not None:
         duration = number(duration, "duration", low=0.0, strict=True)
-    file: str | os.PathLike[str] = named if named in list_scenarios() else folder / named
+    file: PathLike = named if named in list_scenarios() else folder / named
     found = {}
     chosen: list[str | None] = [None] if controllers is None else [*controllers]
     for controller in chosen:

@@ -7,10 +7,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.log.metrics.windows import Window, Windows
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
 from skyarm.scenario.numbers import with_numbers
@@ -60,9 +59,9 @@ class Flown:
     base: Array
     jitter: Array
     effort: Array
-    lost: npt.NDArray[np.bool_]
+    lost: Mask
     saturated: Array
-    kinds: npt.NDArray[np.int_]
+    kinds: IntArray
 
 
 def shorten(own: Scenario) -> Scenario:
@@ -205,7 +204,7 @@ def _without_motions(plants: Plants) -> Plants:
     return dataclasses.replace(plants, values=values)
 
 
-def _join(mine: npt.NDArray[np.bool_], drawn: Flown, own: Flown) -> Flown:
+def _join(mine: Mask, drawn: Flown, own: Flown) -> Flown:
     """Merge flight results along random motions and along the scenario's own motion, in the order of the plants."""
     tables = {}
     for name, some in parts(drawn).items():
@@ -219,7 +218,7 @@ def _error(window: str, name: str) -> str:
     return f"{window}{name}_error_mean_continuous"
 
 
-def _penalize(error: Array, lost: npt.NDArray[np.bool_]) -> Array:
+def _penalize(error: Array, lost: Mask) -> Array:
     return np.where(lost, LOST, np.minimum(np.nan_to_num(error, nan=LOST), LOST))
 
 
@@ -279,7 +278,7 @@ def scores(flown: Flown) -> Scores:
     )
 
 
-def _error_quantile(errors: Array, kinds: npt.NDArray[np.int_]) -> Array:
+def _error_quantile(errors: Array, kinds: IntArray) -> Array:
     """90 % quantile of the error over plants per kind of motion, combined over kinds by geometric mean.
 
     One quantile over all would be that of the hardest kind alone.

@@ -13,14 +13,13 @@ import dataclasses
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.control.model import Model
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.plant.interface import Truth
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.scenario.controller_table import controller_by_name, loop_facts, make_named_or_tuned
@@ -91,7 +90,7 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
     )
 
 
-def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, Array], npt.NDArray[np.int_]]:
+def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, Array], IntArray]:
     """Draw reference motions for ``count`` plants: parameter path -> values, and the kind of each motion (count,).
 
     Args:
@@ -267,14 +266,14 @@ class Plants:
     spread: Spread
     eased: float
     values: dict[str, Array]
-    kinds: npt.NDArray[np.int_]
+    kinds: IntArray
 
     @property
     def count(self) -> int:
         """Number of perturbed plants."""
         return len(next(iter(self.values.values())))
 
-    def select(self, which: npt.NDArray[np.int_]) -> Plants:
+    def select(self, which: IntArray) -> Plants:
         """Subset of the perturbed plants by index."""
         values = {path: numbers[which] for path, numbers in self.values.items()}
         return Plants(spread=self.spread, eased=self.eased, values=values, kinds=self.kinds[which])
@@ -303,14 +302,14 @@ def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = Fals
     for axis in "xyz":
         values[f"environment.forces.{blown}.force_W.{axis}"] = values.pop(f"environment.wind.force_W.{axis}")
     assert isinstance(scenario.forces[blown], ForceWind)
-    kinds: npt.NDArray[np.int_] = np.zeros(count, dtype=int)
+    kinds: IntArray = np.zeros(count, dtype=int)
     if mixed:
         moved, kinds = draw_motions(truth, count, seed=seed)
         values |= moved
     return Plants(spread=spread, eased=eased, values=values, kinds=kinds)
 
 
-def with_lost(pool: Plants, count: int, lost: npt.NDArray[np.bool_]) -> Plants:
+def with_lost(pool: Plants, count: int, lost: Mask) -> Plants:
     """First plants of a pool, up to half of them replaced by plants on which gain candidates crashed.
 
     Those come first that some candidates lost and some flew: they tell one from another. Then those that all lost.

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 
+from skyarm.records.files import PathLike
 from skyarm.scenario.scenario_file import as_scenario, is_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.workers import Progress
@@ -29,7 +29,7 @@ def require_size(candidates: int, plants: int, seed: int, prefix: str = "") -> N
 
 
 def tune(
-    what: Vehicle | Scenario | str | os.PathLike[str],
+    what: Vehicle | Scenario | PathLike,
     controller: str | None = None,
     *,
     candidates: int = 1640,

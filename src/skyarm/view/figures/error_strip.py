@@ -7,16 +7,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Pixels
 from skyarm.records.immutable import immutable
 from skyarm.view.figures.style import PAGE, plain_numbers
-
-Pixels = npt.NDArray[np.uint8]
 
 DPI = 100.0
 TEXT = 12.5

@@ -12,6 +12,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.formats import as_log
 from skyarm.log.metrics.score import wanted_push
 from skyarm.records.arrays import Array
+from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 
@@ -63,7 +64,7 @@ def gust_interval(log: Log) -> tuple[float, float] | None:
     return float(log.time[blowing[0]]), float(log.time[end])
 
 
-Flight = Log | str | os.PathLike[str]
+Flight = Log | PathLike
 """Log, or the path of its file."""
 
 Flights = Flight | Sequence[Flight] | Mapping[str, Flight]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from matplotlib.patches import Polygon
 
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
-from skyarm.records.files import number
+from skyarm.records.files import PathLike, number
 from skyarm.records.files.names import require_suffix
 from skyarm.view.figures.flight_facts import (
     Event,
@@ -177,7 +176,7 @@ OF_A_PAGE = 9
 
 def plot(
     flights: Flights,
-    file: str | os.PathLike[str] | None = None,
+    file: PathLike | None = None,
     *,
     kind: str = ALL,
     window: tuple[float, float] | None = None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from skyarm.log.metrics.metric_catalogue import metric_words
 from skyarm.records.arrays import Array
+from skyarm.records.files import PathLike
 from skyarm.records.files.names import require_suffix
 from skyarm.scenario.numbers import axis_label
 from skyarm.studies.stability.along import Locus
@@ -45,10 +45,10 @@ LONGEST = 44
 
 
 def plot_sweep(
-    folder: str | os.PathLike[str] | Rows,
+    folder: PathLike | Rows,
     metrics: str | Sequence[str],
     over: str,
-    file: str | os.PathLike[str] | None = None,
+    file: PathLike | None = None,
 ) -> Picture:
     """Draw metrics of a sweep against a varied parameter or an expression of several.
 

@@ -8,16 +8,14 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Pixels
 from skyarm.records.immutable import immutable
 from skyarm.view.figures.error_strip import Curve, Strip, error_strip
 from skyarm.view.figures.style import typeface
 from skyarm.view.film.filmed_flight import FilmedFlight, wind_words
 
-Pixels = npt.NDArray[np.uint8]
 INK, PAPER = (28, 32, 40), (255, 255, 255)
 LOST = (190, 20, 30)
 WANTED = (0.55, 0.58, 0.63)

@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Pixels
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import Scenario, first_state
@@ -41,7 +40,6 @@ from skyarm.view.film.stage import Panel, Stage, open_stage
 from skyarm.world import WindSample
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
-Pixels = npt.NDArray[np.uint8]
 OPTIONS = {"width": 480, "height": 480, "camera": "follow", "ghost": True, "fine": False}
 """Fields of :class:`FilmSettings` that a picture has, and what they are if left out."""
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import as_log
-from skyarm.records.files import output_file
+from skyarm.records.files import PathLike, output_file
 from skyarm.records.registry import names
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop import run
@@ -17,13 +17,13 @@ from skyarm.view.film.make_film import FilmSettings, Progress, make_film
 from skyarm.view.film.recording import SUFFIXES, record, save_recording
 from skyarm.view.film.video_files import require_film_format, usual_size_and_rate
 
-Flight = Log | Scenario | str | os.PathLike[str]
+Flight = Log | Scenario | PathLike
 """Log or scenario, or the path or name of one."""
 
 
 def film(
     flights: Flight | Sequence[Flight],
-    file: str | os.PathLike[str],
+    file: PathLike,
     *,
     labels: Sequence[str] | None = None,
     progress: Progress | None = None,
@@ -47,14 +47,18 @@ def film(
         OSError: the file cannot be written.
     """
     path = output_file(os.fspath(file), "file")
-    recorded = require_film_format(path, SUFFIXES) is None
     usual = dict(zip(("width", "height", "fps"), usual_size_and_rate(path), strict=True))
     chosen = FilmSettings(**{**usual, **settings})
     listed = flights if isinstance(flights, Sequence) and not isinstance(flights, str) else [flights]
     logs = [_log(each) for each in listed]
-    if recorded:
-        return save_recording(record(logs, chosen, labels=labels, progress=progress), path)
-    return make_film(logs, path, chosen, labels=labels, progress=progress)
+    return write_film(logs, path, chosen, labels=labels, progress=progress)
+
+
+def write_film(logs: Sequence[Log], path: Path, settings: FilmSettings, **options: Any) -> Path:
+    """Film logs, or record them if the suffix is that of a recording; ``options``: labels and progress."""
+    if require_film_format(path, SUFFIXES) is None:
+        return save_recording(record(logs, settings, **options), path)
+    return make_film(logs, path, settings, **options)
 
 
 def _log(flight: Any) -> Log:

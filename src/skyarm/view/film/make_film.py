@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Pixels
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.files import shown
+from skyarm.records.files import PathLike, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, units
 from skyarm.view.figures.flight_facts import end_time
@@ -26,14 +24,13 @@ from skyarm.view.film.video_files import require_film_format
 from skyarm.world.scene.shapes import Solid
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
-Pixels = npt.NDArray[np.uint8]
 Progress = Callable[[int, int], None]
 """(frames drawn, frames in all)."""
 
 
 def make_film(
     flights: Log | Sequence[Log],
-    file: str | os.PathLike[str],
+    file: PathLike,
     settings: FilmSettings | None = None,
     *,
     labels: Sequence[str] | None = None,

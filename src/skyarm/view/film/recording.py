@@ -6,7 +6,6 @@ The extra ``studio`` (viser) writes it and brings the player, one page without a
 from __future__ import annotations
 
 import base64
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import RLock
@@ -17,7 +16,7 @@ import numpy as np
 
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
-from skyarm.records.files import needs_extra, write_atomically
+from skyarm.records.files import PathLike, needs_extra, write_atomically
 from skyarm.records.immutable import immutable
 from skyarm.view.film.camera_paths import (
     CAMERAS,
@@ -101,7 +100,7 @@ def record(
     return Recording(content, len(times) / chosen.fps, lambda: page_with(content))
 
 
-def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
+def save_recording(recording: Recording, path: PathLike) -> Path:
     """Write a recording as NAME.viser, or with its player page as NAME.html."""
     target = Path(path)
     content = recording.content if target.suffix.lower() == ".viser" else recording.html().encode()

@@ -13,15 +13,13 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
+from skyarm.records.arrays import Pixels
 from skyarm.records.immutable import immutable
 from skyarm.view.film.camera_paths import FIELD_OF_VIEW, CameraPath
 from skyarm.view.film.filmed_flight import Mark
 from skyarm.view.film.offscreen import offscreen
 from skyarm.world.scene.shapes import SURFACE, UPRIGHT, Shape, Solid, mesh_of, own_mesh
-
-Pixels = npt.NDArray[np.uint8]
 
 KINDS = {
     "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 
+from skyarm.records.arrays import Pixels
 from skyarm.records.files import must_be_one_of, needs_extra, shown, write_atomically
 
-Pixels = npt.NDArray[np.uint8]
 Frames = Iterator[Pixels]
 
 QUALITY = "20"

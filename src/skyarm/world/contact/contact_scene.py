@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Vec3
+from skyarm.records.arrays import Array
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.contact.contact import Contact
@@ -21,8 +21,6 @@ from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.scene import PATCH, Arrow, Instants, Scene
 from skyarm.world.scene.shapes import OBJECT, SURFACE, Shape, Solid, floats, shape_between
 from skyarm.world.scene.vehicle_shapes import Poses, longest_boom, matrices, rotations_of, vectors
-
-Array = npt.NDArray[np.float64]
 
 POINT = 0.03
 """Radius of the mark of a point that touches, as a share of the longest boom; a ball has its own."""

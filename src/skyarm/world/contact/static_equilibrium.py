@@ -14,12 +14,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics.energy import center_of_mass
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
+from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.contact.carrier import NOBODY
@@ -27,7 +27,6 @@ from skyarm.world.contact.contact import Contact
 from skyarm.world.contact.free_object import FreeObject, ObjectMotion
 from skyarm.world.contact.meetings import Meeting
 
-Array = npt.NDArray[np.float64]
 Residual = Callable[[Array], Array]
 
 STEP, LOWEST, ABOVE = 0.002, 3.0, 0.05

@@ -12,10 +12,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.files.names import distinct
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE
@@ -215,7 +214,7 @@ def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> floa
     return float(behind.mean())
 
 
-def inside(solid: Solid, places: Array) -> npt.NDArray[np.bool_]:
+def inside(solid: Solid, places: Array) -> Mask:
     """True for points (..., 3) inside a drawn solid, given in its axes."""
     kind, size, height = solid.shape.kind, np.array(solid.shape.size), places[..., 2]
     across = np.linalg.norm(places[..., :2], axis=-1)

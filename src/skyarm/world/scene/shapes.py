@@ -7,9 +7,8 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.stl_mesh import METRES, mesh_or_none
 from skyarm.records.immutable import immutable
 
@@ -108,13 +107,11 @@ def floats(values: Iterable[Any]) -> Vector:
     return (float(x), float(y), float(z))
 
 
-Faces = npt.NDArray[np.int64]
-
 AROUND = 24
 """Corners of a circle."""
 
 
-def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, Faces]:
+def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, IntArray]:
     """Triangle mesh of a shape: vertices (V, 3) in m and triangles (F, 3) with outward normals.
 
     Args:
@@ -152,7 +149,7 @@ def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, Faces]:
     return vertices @ np.array(shape.rotation).T + np.array(shape.position), faces
 
 
-def own_mesh(shape: Shape) -> tuple[Array, Faces] | None:
+def own_mesh(shape: Shape) -> tuple[Array, IntArray] | None:
     """Vertices (m) and triangles of a shape's STL file; None without a readable file."""
     if not shape.mesh:
         return None
@@ -164,14 +161,14 @@ def own_mesh(shape: Shape) -> tuple[Array, Faces] | None:
     return vertices, faces[:, ::-1]  # a mirrored mesh would be seen from inside
 
 
-def _box(half: Array) -> tuple[Array, Faces]:
+def _box(half: Array) -> tuple[Array, IntArray]:
     """Mesh of a box about the origin with half lengths (3,)."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return corners, np.array([corner for a, b, c, d in quads for corner in ((a, b, c), (a, c, d))])
 
 
-def _revolve(profile: list[tuple[float, float]], around: int) -> tuple[Array, Faces]:
+def _revolve(profile: list[tuple[float, float]], around: int) -> tuple[Array, IntArray]:
     """Mesh of a surface of revolution: a profile of (radius, height) about z, outside on its right."""
     angles = np.linspace(0.0, 2.0 * math.pi, around, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(around)], axis=1)
