@@ -12,7 +12,9 @@ from commanded import skyarm
 from skyarm.cli.lines import say_suspicious, say_warning
 from skyarm.scenario.scenario_file import load_scenario
 
-SAID = "environment.wind: moves the air along z, where 'hummingbird' has no drag: it has no effect"
+SAID = (
+    "environment.wind: moves the air along z, where 'hummingbird' has drag by its tilt alone: hardly any effect of that"
+)
 LIFT = """schema = 1
 name = "lift"
 duration = 0.2

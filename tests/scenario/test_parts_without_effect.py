@@ -10,6 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import maximum
 from skyarm.records.immutable import immutable
 from skyarm.scenario.in_flight import Change
 from skyarm.scenario.without_effect import WithoutEffectWarning, without_effect
@@ -35,8 +36,10 @@ def with_area(*area: float) -> skyarm.Scenario:
 
 def test_vertical_air_needs_an_area_and_the_cure_cures():
     (line,) = without_effect(CASE.with_words(wind=UP))
-    assert line.startswith("environment.wind: moves the air along z, where 'hummingbird_arm2_rotors' has no drag")
-    assert "drag.area[2]" in line
+    assert line == (
+        "environment.wind: moves the air along z, where 'hummingbird_arm2_rotors' has drag by its tilt alone: "
+        "hardly any effect of that; drag.area[2] of it?"
+    )
     assert without_effect(with_area(0.0, 0.0, 0.02).with_words(wind=UP)) == ()
     assert without_effect(CASE.with_words(wind=UP, forces=(RotorDrag(inflow=1e-4),))) == ()
     assert without_effect(CASE.with_words(wind=UP, forces=(LinkDrag(area=(0.002, 0.002)),))) == ()
@@ -108,6 +111,59 @@ def test_a_memory_goes_on_and_turbulence_counts_where_no_air_is_felt():
     smooth = _with_vehicle(CASE, dataclasses.replace(BIRD, rotors=tuple(rotors))).with_words(wind=wind)
     (line,) = without_effect(smooth)
     assert line.startswith("environment.wind: moves the air along x, y, z, where ")
+    assert "has no drag: no effect of that; " in line
+
+
+@immutable
+class Righting(Force):
+    """A user's torque against tilt alone: none on a level reference."""
+
+    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
+        at = motion.state.quaternion
+        return [Wrench(torque_W=Vec3(-at.x, -at.y, 0.0))]
+
+
+@immutable
+class Fence(Force):
+    """A user's wall beyond the reference, which a passage would latch on."""
+
+    def start(self, period: float, draws: Any) -> Any:
+        return (0.0,)
+
+    def advance(self, memory: Any, t: Any, dt: float, state: Any, draws: Any) -> Any:
+        return (maximum(memory[0], state.position.x - 5.0),)
+
+    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
+        return [Wrench(force_W=Vec3(-maximum(memory[0], 0.0), 0.0, 0.0))]
+
+
+@immutable
+class Kick(Force):
+    """A user's force for 12 ms."""
+
+    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
+        return [Wrench(force_W=Vec3(maximum(0.0, t - 7.0112) * maximum(0.0, 7.0232 - t), 0.0, 0.0))]
+
+
+@pytest.mark.parametrize("force", [Righting(), Fence(), Kick()])
+def test_a_force_that_may_act_where_it_is_not_looked_at_is_not_called_idle(force):
+    long = CASE.with_words(forces=(force,), duration=300.0)
+    assert without_effect(long) == ()
+    (line,) = without_effect(long.with_words(wind=ForceWind(force_W=(0.0, 0.0, 0.0))))
+    assert line.startswith("environment.wind: moves no air and exerts no force along the reference; ")
+
+
+@immutable
+class Broken(Force):
+    """A user's force that cannot be evaluated."""
+
+    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
+        raise ArithmeticError
+
+
+def test_a_part_that_cannot_be_evaluated_hides_no_other():
+    beside = CASE.with_words(wind=UP, forces=(Broken(), Nudge()))
+    assert [line.partition(":")[0] for line in without_effect(beside)] == ["environment.wind", "environment.forces[1]"]
 
 
 @immutable

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import UserDict
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +18,6 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import autopilot_of, senses_force
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import applied_force
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records.leaves import leaves, rebuild
@@ -38,7 +38,15 @@ WEIGHT = Vec3(0.0, 0.0, 9.81)
 """Specific force that sensors are given in a check, m/s^2."""
 
 MOVING = Vec3(1.1, 0.7, 0.9)
-"""m/s and rad/s: a motion in which no drag is zero by chance."""
+"""rad/s: a motion in which no drag is zero by chance."""
+
+AIRS = {"xy": Vec3(0.8, 0.6, 0.0), "z": Vec3(0.0, 0.0, 1.0)}
+"""World axes -> air along them, m/s."""
+
+UNKNOWN: Any = None
+"""State, motion or time for a component that must not depend on it."""
+
+LEVEL, TILTED = Quaternion(1.0, 0.0, 0.0, 0.0), Quaternion(0.9, 0.3, 0.3, 0.1)
 
 
 class WithoutEffectWarning(UserWarning):
@@ -50,10 +58,11 @@ def without_effect(scenario: Scenario) -> tuple[str, ...]:
 
     A part that cannot be evaluated is not judged: the flight states its fault.
     """
-    try:
-        return (*_idle_components(scenario), *_unread_sensors(scenario))
-    except Exception:
-        return ()
+    found = list[str]()
+    for judge in (_idle_components, _unread_sensors):
+        with suppress(Exception):
+            found += judge(scenario)
+    return tuple(found)
 
 
 def _idle_components(scenario: Scenario) -> Iterator[str]:
@@ -65,30 +74,38 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
     if not placed or scenario.kind not in PLANTS:  # other plants have forces of their own
         return
     changing = any(each.path.startswith("environment.") for each in scenario.changes)
-    name, level, rates = scenario.plant.vehicle.name, Quaternion(1.0, 0.0, 0.0, 0.0), (1.0,) * scenario.plant.vehicle.n
-    state = replace(first_state(scenario), quaternion=level, velocity=MOVING, rate=MOVING, joint_rates=rates)
-    blind = _blind_axes(scenario, [*placed.values()], state)
+    parts = (NO_WIND, *placed.values())
+    blind, tilted = (_blind_axes(scenario, parts, attitude) for attitude in (LEVEL, TILTED))
     cure = "drag.area[2]" if blind == {"z"} else "rotors.drag_coefficient or drag.area"
     for where, component in placed.items():
-        moved, acts = _effect(scenario, component, state, blind)
-        if axes := ", ".join(sorted(moved & blind)):
-            yield f"{where}: moves the air along {axes}, where {name!r} has no drag: it has no effect; {cure} of it?"
-        elif not (acts or moved or changing):
-            yield f"{where}: moves no air and exerts no force along the reference; its numbers and times?"
+        with suppress(Exception):
+            moved, acts = _effect(scenario, component, blind)
+            if idle := moved & blind:
+                axes = ", ".join(sorted(idle))
+                lacks = "no drag: no" if idle <= tilted else "drag by its tilt alone: hardly any"
+                lacks = f"where {scenario.plant.vehicle.name!r} has {lacks} effect of that"
+                yield f"{where}: moves the air along {axes}, {lacks}; {cure} of it?"
+            elif not (acts or moved or changing):
+                yield f"{where}: moves no air and exerts no force along the reference; its numbers and times?"
 
 
-def _blind_axes(scenario: Scenario, parts: list[Component], state: State) -> set[str]:
+def _blind_axes(scenario: Scenario, parts: tuple[Component, ...], attitude: Quaternion) -> set[str]:
     """World axes along which moving air changes no force on the vehicle; x and y together, for it may turn."""
-    memories, vehicle = [_begin(scenario, each) for each in parts], scenario.plant.vehicle
-    state, command = replace(state, velocity=ZERO3), Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n)
+    vehicle, blind = scenario.plant.vehicle, {*"xyz"}
+    command, rates = Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n), (1.0,) * vehicle.n
+    state = replace(first_state(scenario), quaternion=attitude, velocity=ZERO3, rate=MOVING, joint_rates=rates)
 
-    def forces(*air: float) -> Any:
-        probe = WindSample(air_velocity_W=Vec3(*air))
-        around = Surroundings(components=(probe, *parts), memories=((), *memories))
-        return np.array(leaves(applied_force(vehicle, state, command, around)))
+    def forces(part: Component, air: Vec3) -> Any:
+        around = (WindSample(air_velocity_W=air), part)
+        surroundings = Surroundings(components=around, memories=((), _begin(scenario, part)))
+        return np.array(leaves(applied_force(vehicle, state, command, surroundings)))
 
-    x, y, z = (np.abs(forces(*row) - forces(0.0, 0.0, 0.0)).max() < NOTHING for row in np.eye(3).tolist())
-    return {axis for axis, idle in zip("xyz", (x and y, x and y, z), strict=True) if idle}
+    for part in parts:
+        with suppress(Exception):
+            for axes, air in AIRS.items():
+                if not np.abs(forces(part, air) - forces(part, 0.0 * air)).max() < NOTHING:
+                    blind -= {*axes}
+    return blind
 
 
 def _begin(scenario: Scenario, component: Component, noise: float = 0.0) -> Any:
@@ -98,29 +115,32 @@ def _begin(scenario: Scenario, component: Component, noise: float = 0.0) -> Any:
     return rebuild(memory, iter([noise] * len(leaves(memory)))) if draws else memory
 
 
-def _effect(scenario: Scenario, component: Component, state: State, blind: set[str]) -> tuple[set[str], bool]:
+def _effect(scenario: Scenario, component: Component, blind: set[str]) -> tuple[set[str], bool]:
     """Axes along which a component moves the air, and whether it acts otherwise, at instants of the reference.
 
-    Turbulence moves the air along every axis: it counts only where the vehicle feels none.
+    Turbulence moves the air along every axis: it counts only where the vehicle feels none. Of a component that looks
+    at the motion, or at the time where instants are left out, an error says that it may act elsewhere.
     """
     period, every = 1.0 / scenario.rates.control, max(1, scenario.steps // INSTANTS)
-    memory = _begin(scenario, component, noise=float(len(blind) == len("xyz")))
+    memory = _begin(scenario, component, noise=float(len(blind) == 3))
     moved, acts = set[str](), component.uniforms > 0
-    times = [k * period for k in range(0, scenario.steps, every)]
-    for t in (*(0.5 * (start + stop) for _, start, stop in component.events), *times):
-        state = replace(state, position=scenario.reference.at(t).position)
+    speeds = first_state(scenario).rotor_speeds
+    middles = [0.5 * (start + stop) for _, start, stop in component.events]
+    for t in (*middles, *(k * period for k in range(0, scenario.steps, every))):
         if not component.uniforms:
-            memory = component.advance(memory, t, every * period, state, ())
-        air, speeds = component.velocity(memory, t, state.position), state.rotor_speeds
+            memory = component.act(component.advance(memory, t, every * period, UNKNOWN, ()), t, period, UNKNOWN)
+        air = component.velocity(memory, t, scenario.reference.at(t).position)
         moved |= {axis for axis, speed in zip("xyz", air, strict=True) if abs(speed) > NOTHING}
         if not acts:
-            motion = PointMotion(scenario.plant.vehicle, state)
-            pushes = component.wrenches(memory, t, motion, speeds)
+            pushes = component.wrenches(memory, t, UNKNOWN, speeds)
             acts = any(abs(c) > NOTHING for each in pushes for c in (*each.force_W, *each.torque_W))
-            acts = acts or component.rotor_commands(memory, motion.vehicle.rotors, speeds) is not speeds
+            acts = acts or component.rotor_commands(memory, scenario.plant.vehicle.rotors, speeds) is not speeds
         still = {axis for axis, speed in zip("xyz", air, strict=True) if type(speed) is int}  # at any time
         if (acts or moved) and moved | still >= blind:
             break
+    if not (acts or moved or every == 1 or middles):
+        component.wrenches(component.advance(memory, UNKNOWN, UNKNOWN, UNKNOWN, ()), UNKNOWN, UNKNOWN, speeds)
+        component.velocity(memory, UNKNOWN, ZERO3)
     return moved, acts
 
 

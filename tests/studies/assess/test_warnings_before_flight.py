@@ -13,6 +13,7 @@ import skyarm
 import standing_walls
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import list_scenarios
+from skyarm.scenario.scenario_record import first_state
 from skyarm.studies.assess import pressing_flights as flights
 from skyarm.studies.assess.assessment import assess_scenario, assess_vehicle, warnings_of_scenario
 from skyarm.studies.assess.before_flight import warnings_before_flight
@@ -143,6 +144,22 @@ def test_numbers_in_degrees_are_as_severe_as_what_follows_from_them():
     assert (alarm.question, alarm.level) == ("units", FAULT)
     rotors, joints = (each for each in found.findings if each.question.endswith(" along the reference"))
     assert rotors.level == joints.level == NOTE
+
+
+WEAK = {"plant.vehicle.links.0.joint.effort_limit": 0.01}
+
+
+@pytest.mark.parametrize("path", ["sensors.position", "initial.position.x"])
+def test_a_sensor_or_a_start_causes_no_alarm_of_the_vehicle(path):
+    base = CASE.with_words(initial=first_state(CASE))
+    weak, odd = with_numbers(base, WEAK), with_numbers(base, WEAK | {path: 5000.0})
+    assert set(warnings_before_flight(weak)) < set(warnings_before_flight(odd))
+    heavy = assess_scenario(with_numbers(base, {path: 5000.0}), payload=5.0, poses=8)
+    alarms = {each.question: each for each in heavy.alarms()}
+    assert alarms["units"].level == WARNING
+    assert alarms["joints[joint1] static effort with 5 kg"].level == FAULT
+    assert alarms["thrust margin with 5 kg"].text.startswith("cannot lift itself: ")
+    assert not [each for each in alarms if each.startswith("balance")]
 
 
 def test_parts_without_effect_are_findings():

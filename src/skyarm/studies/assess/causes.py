@@ -10,21 +10,34 @@ from skyarm.studies.assess.finding import FAULT, LEVELS, NOTE, UNITS, WARNING, F
 
 ALARMS = (WARNING, FAULT)
 
-DYNAMICS = r"units \S*(mass|inertia|com|position|speed|thrust|coefficient)"
-THRUST = rf"{DYNAMICS}|weight on the rotors|thrust coefficient|senses of rotation|balance of the rotors"
+# numbers of the vehicle, not of its model, a sensor, the start or the air
+MASS = r"^units (plant\.)?((base|links)\S*\.)?mass:|^weight on the rotors' discs"
+LOADS = rf"{MASS}|^units (plant\.)?(base|links)\S*\.(com|position):"
+ARM = r"^units (plant\.)?links\S*\.(mass|com|position):|^weight on the rotors' discs links"
+ROTORS = r"^units (plant\.)?rotors\S*\.(position|max_speed|thrust_\w+|moment_coefficient):"
+LIFT = rf"{LOADS}|{ROTORS}|^thrust coefficient"
+THRUST = rf"{LIFT}|^senses of rotation|^balance of the rotors"
+INERTIA = r"^units (plant\.)?(base|links)\S*\.inertia:"
 
 FOLLOWS = {
-    r"units (base\.inertia|rotors\.max_speed)": r"units mass",
-    r"weight on the rotors|thrust coefficient|moment coefficient": DYNAMICS,
-    r"balance of the rotors": rf"{DYNAMICS}|senses of rotation",
-    r"thrust margin": THRUST,
-    r"static effort": rf"{DYNAMICS}|weight on the rotors' discs links",
-    r"authority": rf"{THRUST}|thrust margin",
-    r"largest payload \S+ none": rf"{THRUST}|thrust margin|static effort",
-    r"reference within joint limits": r"units reference",
-    r"^\w+ along the reference|servo's speed": rf"{THRUST}|units ref|within joint limits|thrust margin|static effort",
+    r"^units (plant\.)?base\.inertia": r"^units (plant\.)?mass:|^weight on the rotors' discs base",
+    r"^units (plant\.)?rotors\.max_speed": rf"{MASS}|^thrust coefficient",
+    r"^weight on the rotors": rf"{MASS}|^units (plant\.)?rotors\S*\.position:",
+    r"^(thrust|moment) coefficient": r"^units (plant\.)?rotors\S*\.(position|moment_coefficient):",
+    r"^balance of the rotors": rf"{LOADS}|{ROTORS}|^senses of rotation",
+    r"^balance of the rotors with": r"^thrust margin with .*: cannot lift",
+    r"^thrust margin .*cannot lift": LIFT,
+    r"^thrust margin (?!.*cannot lift)": THRUST,
+    r"static effort": ARM,
+    r"authority": rf"{THRUST}|{INERTIA}|^thrust margin",
+    r"^largest payload \S+ none": rf"{THRUST}|^thrust margin|static effort",
+    r"^reference within joint limits|servo's speed": r"^units reference\.joints",
+    r"servo's speed": r"^reference within joint limits",
+    r"^\w+ along the reference": rf"{LOADS}|{INERTIA}|^units reference|^reference within joint limits",
+    r"^rotors along the reference": rf"{THRUST}|^thrust margin",
+    r"^joints along the reference": r"static effort",
 }
-"""Question, field and text of an alarm -> question and field of alarms that cause it, as patterns."""
+"""Question, field and text of an alarm -> those of alarms that can cause it, as patterns."""
 
 
 def causes_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:
@@ -38,7 +51,7 @@ def causes_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:
         causes = [why for what, why in FOLLOWS.items() if re.search(what, f"{each.question} {each.field} {each.text}")]
         for j, other in enumerate(findings):
             enough = other.level in (FAULT, each.level, WARNING if other.question == UNITS else FAULT)
-            words = f"{other.question} {other.field}"
+            words = f"{other.question} {other.field}: {other.text}"
             if i == j or not enough or each.level not in ALARMS or not any(re.search(why, words) for why in causes):
                 continue
             found[i] = replace(each, level=NOTE, text=f"{each.text}; follows from {other.field}")
