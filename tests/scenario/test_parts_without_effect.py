@@ -146,7 +146,8 @@ class Kick(Force):
 
 
 @pytest.mark.parametrize("force", [Righting(), Fence(), Kick()])
-def test_a_force_that_may_act_where_it_is_not_looked_at_is_not_called_idle(force):
+def test_a_force_that_may_act_where_it_is_not_looked_at_is_not_called_idle(force, monkeypatch):
+    monkeypatch.setattr("skyarm.scenario.without_effect.INSTANTS", 100)
     long = CASE.with_words(forces=(force,), duration=300.0)
     assert without_effect(long) == ()
     (line,) = without_effect(long.with_words(wind=ForceWind(force_W=(0.0, 0.0, 0.0))))

@@ -130,7 +130,7 @@ def test_an_arm_that_is_too_heavy_is_told_by_its_causes_alone(factor, tmp_path):
     assert (yaw.level, yaw.text.rpartition("; ")[2]) == (NOTE, f"follows from {found.alarms()[-1].field}")
 
 
-@pytest.mark.parametrize("kind", ["base mass in g", "first rotor turned round"])
+@pytest.mark.parametrize("kind", ["base mass in g", "first rotor turned round", "thrust per (rev/min)^2"])
 def test_a_planted_fault_is_one_alarm(kind, tmp_path):
     (planted,) = [each for each in PLANTED if each.kind == kind]
     (alarm,) = assess_vehicle(planted.vehicle("pelican_arm2", tmp_path), poses=8).alarms()
