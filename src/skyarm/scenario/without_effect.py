@@ -76,7 +76,7 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
     changing = any(each.path.startswith("environment.") for each in scenario.changes)
     parts = (NO_WIND, *placed.values())
     blind, tilted = (_blind_axes(scenario, parts, attitude) for attitude in (LEVEL, TILTED))
-    cure = "drag.area[2]" if blind == {"z"} else "rotors.drag_coefficient or drag.area"
+    cure = "rotors.drag_coefficient or drag.area" if "x" in blind else "drag.area[2]"
     for where, component in placed.items():
         with suppress(Exception):
             moved, acts = _effect(scenario, component, blind)

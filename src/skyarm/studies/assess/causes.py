@@ -20,9 +20,10 @@ THRUST = rf"{LIFT}|^senses of rotation|^balance of the rotors"
 INERTIA = r"^units (plant\.)?(base|links)\S*\.inertia:"
 
 FOLLOWS = {
-    r"^units (plant\.)?base\.inertia": r"^units (plant\.)?mass:|^weight on the rotors' discs base",
+    r"^units (plant\.)?base\.inertia": r"^weight on the rotors' discs base",
     r"^units (plant\.)?rotors\.max_speed": rf"{MASS}|^thrust coefficient",
-    r"^weight on the rotors": rf"{MASS}|^units (plant\.)?rotors\S*\.position:",
+    r"^units (plant\.)?mass": r"^weight on the rotors' discs",
+    r"^weight on the rotors": r"^units (plant\.)?((base|links)\S*\.mass|rotors\S*\.position):",
     r"^(thrust|moment) coefficient": r"^units (plant\.)?rotors\S*\.(position|moment_coefficient):",
     r"^balance of the rotors": rf"{LOADS}|{ROTORS}|^senses of rotation",
     r"^balance of the rotors with": r"^thrust margin with .*: cannot lift",
