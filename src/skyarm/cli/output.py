@@ -32,6 +32,7 @@ from rich.text import Text
 from skyarm.cli.arguments import EVERY
 from skyarm.cli.lines import say
 from skyarm.records.files import printable, write_atomically
+from skyarm.records.files.user_code import require_result
 
 SCHEMA = 1
 """Of the document: keys are added under the same number; one that goes or means something else raises it."""
@@ -152,7 +153,8 @@ def with_output_options(name: str, function: Callable[..., Any]) -> Callable[...
     def perform(*arguments: Any, **options: Any) -> Any:
         asked = {each.name: bool(options.pop(each.name, False)) for each in added}
         with _output(name, _Asked(asked.get("as_json", False), asked.get("quiet", False))):
-            return function(*arguments, **options)
+            code = function(*arguments, **options)
+            return require_result(function, code, isinstance(code, int | None), "an exit code, or None")
 
     perform.__dict__["__signature__"] = signature.replace(parameters=[*own, *added])
     perform.__annotations__ = {each.name: each.annotation for each in (*own, *added)}

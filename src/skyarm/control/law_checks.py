@@ -95,8 +95,13 @@ def check_controller(controller: Controller) -> None:
         raise wrong(controller, f"{words}, {AS_FLOATS}" if words.endswith("of numbers") else words)
 
 
+MEMORIES = "must be a tuple or a frozen dataclass of numbers"
+
+
 def memory_mistake(memory: Any, path: str) -> str | None:
     """Error text for an initial controller state that cannot be compiled; None for a valid state."""
+    if isinstance(memory, str):  # within a memory it is a constant, alone it never changes
+        return f"has {path} = {shown(memory)}: {MEMORIES}"
     found = (_kept_mistake(value, at) for at, value in named_parts(memory, path))
     return next((words for words in found if words), None)
 
@@ -108,7 +113,7 @@ def _kept_mistake(value: Any, path: str) -> str | None:
         return f"has {path} = {value!r}: an int never changes in a program; must be {number}"
     if value is None or isinstance(value, (str, Enum)) or _is_number(value):
         return None
-    return f"has {path} = {shown(value)}: must be a tuple or a frozen dataclass of numbers"
+    return f"has {path} = {shown(value)}: {MEMORIES}"
 
 
 def checked_law(controller: Controller) -> Law:

@@ -17,7 +17,8 @@ from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
 from skyarm.records.files import PathLike, must_be_one_of, shown, unreadable, write_atomically
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
-from skyarm.records.files.user_code import own_code
+from skyarm.records.files.user_code import own_code, require_result
+from skyarm.records.files.writing import taken_back
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import format_mistake
@@ -147,9 +148,14 @@ def save_log(log: Log, path: PathLike) -> Path:
     """Write a log to a file in the format of the file's suffix.
 
     Raises:
-        RegistryError: no such format. OSError: it cannot be written.
+        RegistryError: no such format. OSError: it cannot be written. ValueError: the format wrote no file.
     """
-    return require_format(path).write(log, Path(path))
+    write, file = require_format(path).write, Path(path)
+    with taken_back(file):
+        written = write(log, file)
+    named = written or file
+    require_result(write, written, os.path.lexists(str(named)), "the path of the written file")
+    return named
 
 
 def as_log(given: Log | PathLike) -> Log:
@@ -177,4 +183,6 @@ def load_log(path: PathLike) -> Log:
     """
     read = require_readable(path)
     unreadable(Path(path))  # an input of the running command; the reader says why it is none
-    return read(Path(path))
+    log = read(Path(path))
+    require_result(read, log, isinstance(log, Log), "a skyarm.Log")
+    return log

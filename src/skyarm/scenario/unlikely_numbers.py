@@ -14,6 +14,7 @@ import numpy as np
 
 from skyarm.control.catalogue import BEARS_UNDRIVEN
 from skyarm.dynamics.actuators.hover import highest_thrust
+from skyarm.records.files.user_code import require_result
 from skyarm.records.leaves import named_leaves, parts
 from skyarm.records.registry.shipped import SHIPPED
 from skyarm.records.units import units
@@ -71,8 +72,11 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
 def part_warnings(scenario: Scenario) -> tuple[str, ...]:
     """Warnings issued by the environment models of a scenario, and of parts without effect on its flight."""
     vehicle, step = scenario.plant.vehicle, 1.0 / scenario.rates.physics
-    parts = scenario.placed_components
-    lines = (f"{where}: {line}" for where, part in parts for line in part.warnings(vehicle, step))
+    lines = list[str]()
+    for where, part in scenario.placed_components:
+        found = part.warnings(vehicle, step)
+        require_result(part.warnings, found, isinstance(found, list | tuple | Iterator), "a list of texts")
+        lines += [f"{where}: {line}" for line in found]
     return (*lines, *without_effect(scenario))
 
 

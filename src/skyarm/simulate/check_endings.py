@@ -13,6 +13,7 @@ from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
 from skyarm.records.arrays import AnyArray, Array
+from skyarm.records.files.user_code import failure, require_result
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import rebuild
 from skyarm.reference.trajectory import failure_words
@@ -66,7 +67,12 @@ def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Seque
     state = rebuild(example_state(*vehicle.sizes), iter(x))
     for ending in endings_of(scenario):
         if not ending.fine(scenario, state, Vec3(*goal), 0):
-            return Ended(ending.status, ending.cause(scenario, state, Vec3(*goal)), time)
+            try:
+                cause = ending.cause(scenario, state, Vec3(*goal))
+                require_result(ending.cause, cause, isinstance(cause, str), "a text")
+            except Exception as error:  # a flight that has been flown is kept
+                cause = failure(error) or str(error)
+            return Ended(ending.status, cause, time)
     return None
 
 

@@ -349,6 +349,10 @@ def _check_estimator(_index: int, scenario: Scenario, part: Part) -> Fingerprint
 
 
 def _check_ending(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
+    status = getattr(part.record, "status", None)
+    if not isinstance(status, str):
+        raise part.refusal(f"has status = {shown(status)}: must be a text")
+
     def step(call: Any, memory: Any, _time: Scalar, state: State, _draws: Any) -> Any:
         part.require_numbers("fine", "fine", call("fine", scenario, state, state.position, 0.0), 0.0, bool)
         return memory

@@ -9,6 +9,9 @@ import os
 import types
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
+
+from skyarm.records.files.messages import shown
 
 PACKAGE = f"{os.path.dirname(os.path.dirname(os.path.dirname(__file__)))}{os.sep}"
 """Where the library's own code stands."""
@@ -95,6 +98,24 @@ def place_of(thing: object) -> str:
     if code is None:
         return str(getattr(thing, "__qualname__", type(thing).__qualname__))
     return f"{code.co_filename}:{code.co_firstlineno}"
+
+
+def require_result(function: object, value: Any, fine: bool, allowed: str) -> Any:
+    """Result of a user's function that is not traced, where it is one that is allowed.
+
+    Args:
+        function: of the user, or one of the library's in its place.
+        value: its result.
+        fine: whether it is allowed.
+        allowed: what is, in words.
+
+    Raises:
+        ValueError: it is not; one line with file, function, value and what is allowed.
+    """
+    if not fine:
+        name = getattr(function, "__qualname__", type(function).__name__)
+        raise ValueError(f"{place_of(function)}: {name} gives {shown(value)}: must be {allowed}")
+    return value
 
 
 class OwnCodeError(ValueError):

@@ -16,11 +16,12 @@ import numpy as np
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.files.names import distinct
+from skyarm.records.files.user_code import require_result
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Component
-from skyarm.world.scene.shapes import RGBA, Shape, Solid
+from skyarm.world.scene.shapes import KINDS, RGBA, Shape, Solid
 from skyarm.world.scene.vehicle_shapes import Poses, body_poses
 
 PATCH = 1.0
@@ -185,7 +186,7 @@ def _own_columns(
 
 def _scene(parts: Iterable[tuple[Component, Instants]]) -> Scene:
     """Merge the drawn solids, lines and arrows of all environment models."""
-    scenes = [part.shapes(seen) for part, seen in parts]
+    scenes = [_drawn(part, seen) for part, seen in parts]
     solids = [solid for each in scenes for solid in each.solids]
     lines = [line for each in scenes for line in each.lines]
     of_solids, of_lines = (distinct(names) for names in ([s.shape.name for s in solids], [s.name for s in lines]))
@@ -196,6 +197,22 @@ def _scene(parts: Iterable[tuple[Component, Instants]]) -> Scene:
         attached=tuple(shape for each in scenes for shape in each.attached),
         ground=max((each.ground for each in scenes if each.ground is not None), default=None),
     )
+
+
+def _drawn(part: Component, seen: Instants) -> Scene:
+    """Scene of one environment model.
+
+    Raises:
+        ValueError: it cannot be drawn; one line with the method's file.
+    """
+    found, function = part.shapes(seen), part.shapes
+    require_result(function, found, isinstance(found, Scene), "a skyarm.world.scene.Scene")
+    for shape in (*found.attached, *(each.shape for each in found.solids)):
+        require_result(function, shape, shape.kind in KINDS, f"of one of the kinds {', '.join(KINDS)}")
+    for line in found.lines:
+        wanted = f"with places of shape (N, K, 3) at N = {len(seen.times)} instants"
+        require_result(function, line, np.shape(line.places)[::2] == (len(seen.times), 3), wanted)
+    return found
 
 
 def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> float:

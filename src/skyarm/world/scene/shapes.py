@@ -21,6 +21,8 @@ Matrix = tuple[Vector, Vector, Vector]
 
 UPRIGHT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
+KINDS = "ellipsoid", "capsule", "cylinder", "sphere", "box", "patch", "hole", "mesh"
+
 ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "surface", "object")
 """What a shape stands for; who draws it chooses a colour by it."""
 
