@@ -195,7 +195,9 @@ def test_a_format_that_reads_no_log(form) -> None:
     assert str(error.value) == f"{form.places[1]} gives 'x': must be a skyarm.Log"
 
 
-@pytest.mark.parametrize(("value", "code"), [(None, 0), (3, 3), ({"a": 1.0}, None), ("x", None), (1.5, None)])
+@pytest.mark.parametrize(
+    ("value", "code"), [(None, 0), (3, 3), ({"a": 1.0}, None), ("x", None), (np.nan, None), (np.inf, None), (1.5, 1)]
+)
 def test_what_a_command_returns_is_its_exit_code(value, code) -> None:
     with registry_kept():
 

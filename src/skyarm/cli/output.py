@@ -154,7 +154,8 @@ def with_output_options(name: str, function: Callable[..., Any]) -> Callable[...
         asked = {each.name: bool(options.pop(each.name, False)) for each in added}
         with _output(name, _Asked(asked.get("as_json", False), asked.get("quiet", False))):
             code = function(*arguments, **options)
-            return require_result(function, code, isinstance(code, int | None), "an exit code, or None")
+            fine = isinstance(code, int | float | None) and abs(code or 0) < math.inf
+            return require_result(function, code, fine, "an exit code, or None")
 
     perform.__dict__["__signature__"] = signature.replace(parameters=[*own, *added])
     perform.__annotations__ = {each.name: each.annotation for each in (*own, *added)}

@@ -7,7 +7,7 @@ what flying robots have, and less than the factors between units. What depends o
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -75,7 +75,8 @@ def part_warnings(scenario: Scenario) -> tuple[str, ...]:
     lines = list[str]()
     for where, part in scenario.placed_components:
         found = part.warnings(vehicle, step)
-        require_result(part.warnings, found, isinstance(found, list | tuple | Iterator), "a list of texts")
+        listed = isinstance(found, Iterable) and not isinstance(found, str)
+        require_result(part.warnings, found, listed, "a list of texts")
         lines += [f"{where}: {line}" for line in found]
     return (*lines, *without_effect(scenario))
 

@@ -113,8 +113,8 @@ def require_result(function: object, value: Any, fine: bool, allowed: str) -> An
         ValueError: it is not; one line with file, function, value and what is allowed.
     """
     if not fine:
-        name = getattr(function, "__qualname__", type(function).__name__)
-        raise ValueError(f"{place_of(function)}: {name} gives {shown(value)}: must be {allowed}")
+        named = f"{place_of(function)}: {getattr(function, '__qualname__', type(function).__name__)}"
+        raise ValueError(f"{named} gives {shown(value)}: must be {allowed}")
     return value
 
 

@@ -43,31 +43,38 @@ def class_mistake(kind: type) -> tuple[str, str] | None:
 
 def format_mistake(thing: object) -> tuple[str, str] | None:
     """Error in a registered log format, as (file and line, message); None if there is none."""
-    for name, call in (("write", "write(log, path)"), ("read", "read(path)")):
-        held = getattr(thing, name, None)
-        if held is None and name == "read" and not isinstance(thing, type):
-            continue
-        if isinstance(thing, type) or not callable(held):
-            return _other_thing(thing, f"skyarm.LogFormat(write, read), called as {call}")
-        words = _call_mistake(name, held, call.partition("(")[2].rstrip(")").split(", "), 0)
-        if words:
-            return place_of(held), words
-    return None
+    return _functions_mistake(thing, "skyarm.LogFormat(write, read)", "write(log, path)", OPTIONAL)
 
 
 def flight_format_mistake(thing: object) -> tuple[str, str] | None:
     """Error in a registered format of measured flights, as (file and line, message); None if there is none."""
-    held = getattr(thing, "read", None)
-    if isinstance(thing, type) or not callable(held):
-        return _other_thing(thing, "FlightFormat(read, suffixes, begins)")
-    words = _call_mistake("read", held, ["path", "columns"], 0)
-    return (place_of(held), words) if words else None
+    return _functions_mistake(thing, "FlightFormat(read, suffixes, begins)", "read(path, columns)")
 
 
-def _other_thing(thing: object, wanted: str) -> tuple[str, str]:
-    """Error about an object that is registered in place of another one."""
-    found = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
-    return place_of(thing), f"is {found}: must be {wanted}"
+OPTIONAL = "read(path)"
+"""Function that a log format may lack."""
+
+
+def _functions_mistake(thing: object, made: str, *calls: str) -> tuple[str, str] | None:
+    """Error in an object that holds functions, as (file and line, message); None if there is none.
+
+    Args:
+        thing: the object.
+        made: how one is made.
+        calls: how its functions are called.
+    """
+    for call in calls:
+        name, _, given = call.rstrip(")").partition("(")
+        held = getattr(thing, name, None)
+        if isinstance(thing, type) or not callable(held):
+            if held is None and call == OPTIONAL:
+                continue
+            found = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
+            return place_of(thing), f"is {found}: must be {made}, called as {call}"
+        words = _call_mistake(name, held, given.split(", "), 0)
+        if words:
+            return place_of(held), words
+    return None
 
 
 def thing_mistake(kind: str, thing: object) -> tuple[str, str] | None:
