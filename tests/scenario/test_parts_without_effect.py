@@ -54,6 +54,20 @@ def test_air_that_acts_is_not_said_nor_turbulence_beside_it():
     assert len(without_effect(CASE.with_words(wind=dataclasses.replace(wind, velocity_W=(0.0, 0.0, 1.0))))) == 1
 
 
+@immutable
+class Many(Force):
+    """A user's force of more random numbers than any memory holds."""
+
+    uniforms = 10**12  # type: ignore[assignment]
+
+    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
+        return []
+
+
+def test_a_count_of_random_numbers_beyond_measure_does_not_hold_up_the_judgement():
+    assert without_effect(CASE.with_words(forces=(Many(),))) == ()
+
+
 def test_a_force_that_is_zero_until_it_changes_in_flight_is_not_said():
     still = CASE.with_words(wind=ForceWind(force_W=(0.0, 0.0, 0.0)))
     assert len(without_effect(still)) == 1

@@ -27,6 +27,7 @@ from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import measurement_of
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.world import NO_WIND, Component, WindSample
+from skyarm.world.component import MOST_UNIFORMS
 
 INSTANTS = 2000
 """Of the flight, at which a part that seems to do nothing is looked at."""
@@ -110,7 +111,7 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component, ...], attitude: Quat
 
 def _begin(scenario: Scenario, component: Component, noise: float = 0.0) -> Any:
     """First memory of a component; of one that draws random numbers, with each number of its memory at ``noise``."""
-    draws = [0.5] * 2 * component.uniforms
+    draws = [0.5] * 2 * min(component.uniforms, MOST_UNIFORMS)  # more are refused before the flight
     memory = component.start(1.0 / scenario.rates.control, draws)
     return rebuild(memory, iter([noise] * len(leaves(memory)))) if draws else memory
 

@@ -57,9 +57,7 @@ from skyarm.simulate.draws import draw_plan, start_draws
 from skyarm.simulate.other_process import ANSWERING, CAUSES, FAILED, WHERE, try_elsewhere
 from skyarm.vehicle.linkage import BASE
 from skyarm.world import Wrench
-
-MOST_UNIFORMS = 10_000
-"""Random numbers of one component a period: beyond this it is a slip, and a program of it would take minutes."""
+from skyarm.world.component import MOST_UNIFORMS
 
 Step = Callable[..., Any]
 """(call, memory, time, state, draws) -> following memory; raises ScenarioError of a result with the wrong shape."""

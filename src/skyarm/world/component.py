@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 MOST_STEPS = 1000
 """Integration steps of a control period at most: a record that asks for more is a slip of units."""
 
+MOST_UNIFORMS = 10_000
+"""Random numbers of one component a period: beyond this it is a slip, and a program of it would take minutes."""
+
 
 @immutable
 class Wrench:

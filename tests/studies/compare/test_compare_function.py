@@ -81,3 +81,11 @@ def test_a_record_is_compared_as_its_file(tmp_path: Path) -> None:
     found = [skyarm.compare(given, ["paper_pd"], tmp_path / name) for name, given in (("a", record), ("b", file))]
     assert found[0].document["summaries"] == found[1].document["summaries"]
     assert "| own | 1 of 1 |" in found[0].report.markdown()
+
+
+def test_a_name_of_no_law_is_refused_before_the_first_flight(tmp_path):
+    with pytest.raises(ValueError, match="nope"):
+        skyarm.compare("case1", ["paper_pd", "nope"], tmp_path / "out")
+    assert not list(tmp_path.rglob("*.cell"))
+    with pytest.raises(ValueError, match="'nope'"):
+        skyarm.compare("case1", "nope", tmp_path / "out")

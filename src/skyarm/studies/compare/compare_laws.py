@@ -60,11 +60,13 @@ def compare(
     Raises:
         ValueError: one line. OSError: a file cannot be written.
     """
-    if laws is not None and what == SUITE:
-        options["entrants"] = chosen_entrants(laws, "laws")
-    elif laws is not None:
-        options["laws"] = chosen_laws(laws, "laws", OWN if what == CONTACT else ())
     kind = SUITES.get(str(what))
+    if laws is not None:
+        names = [laws] if isinstance(laws, str) else laws
+        if what == SUITE:
+            options["entrants"] = chosen_entrants(names, "laws")
+        else:
+            options["laws"] = chosen_laws(names, "laws", OWN if what == CONTACT else ())
     suite: Suite[Any] = OwnScenario(scenario=what, **options) if kind is None else kind(**options)
     document = fly_suite(suite, require_writable(out), threads=workers, progress=progress)
     return ComparisonResults(folder=Path(out), document=document, report=suite.report(document))

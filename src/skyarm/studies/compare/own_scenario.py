@@ -93,6 +93,8 @@ class OwnScenario(Suite[GivenFlights]):
         """
         named = [law for law in self.laws if law != OWN]
         require_different(named, "--laws")
+        for name in named:
+            as_scenario(self.scenario, name)  # refuses a name of no law before the first flight
         own = as_scenario(self.scenario).with_words(kind=self.plant)
         case = Case(name=own.name, title=own.title, scenario=own.name)
         by_chance = any(draws_needed(stretch.overrides.of(own)) for stretch in stretches(own))

@@ -50,6 +50,8 @@ def film(
     usual = dict(zip(("width", "height", "fps"), usual_size_and_rate(path), strict=True))
     chosen = FilmSettings(**{**usual, **settings})
     listed = flights if isinstance(flights, Sequence) and not isinstance(flights, str) else [flights]
+    if not listed:
+        raise ValueError("flights = []: must name at least one")
     logs = [_log(each) for each in listed]
     return write_film(logs, path, chosen, labels=labels, progress=progress)
 
