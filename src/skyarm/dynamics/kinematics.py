@@ -39,11 +39,6 @@ def joint_placement(joint: Joint, q: Scalar) -> Pose:
     return Pose(joint.rotation, joint.position + joint.rotation.apply(joint.axis * q))
 
 
-def placements(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[Pose]:
-    """Pose of every link relative to its parent link."""
-    return [joint_placement(link.joint, q) for link, q in zip(vehicle.links, joints, strict=True)]
-
-
 def link_poses(vehicle: Vehicle, joints: Sequence[Scalar], *, summed: bool = False) -> list[Pose]:
     """Poses of all links in the base frame; those of coupled joints come last.
 

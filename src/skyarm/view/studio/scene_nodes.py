@@ -23,8 +23,6 @@ from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
 Paint = Callable[[str], RGBA]
 """Role of a shape -> its colour."""
 
-GREY = (90, 96, 105)
-
 NO_TURNS: Mapping[str, Array] = MappingProxyType({})
 
 DIGITS = 4
