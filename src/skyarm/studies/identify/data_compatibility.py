@@ -116,20 +116,13 @@ def signed_permutations(size: int = 3) -> Iterator[Array]:
 
 def rate_law(gyro: Channel, attitude: Channel) -> Law | None:
     """Rates of the attitude (measured) against those of the gyro (inputs), rad/s; None of a short flight."""
-    every = max(1, round(ATTITUDE_STEP * attitude.rate))
-    time, turned = attitude.time[::every], attitude.values[::every]
+    time, turned = _thin(attitude, ATTITUDE_STEP)
     if len(time) < ROWS or gyro.time.size < ROWS:
         return None
     steps = np.diff(time)
     even = np.abs(steps - np.median(steps)) < 0.2 * np.median(steps)
     rates = rotation_steps(turned) / steps[:, None]
-    mean = means_of(gyro.time, gyro.values)
-
-    def at(lag: float) -> tuple[Array, Array]:
-        inside = even & (time[:-1] - lag >= gyro.time[0]) & (time[1:] - lag <= gyro.time[-1])
-        return mean(time[:-1][inside] - lag, time[1:][inside] - lag), rates[inside]
-
-    return _best(at, np.eye(3))
+    return _best(_step_means(gyro.time, gyro.values, time, rates, even), np.eye(3))
 
 
 def tilt_law(attitude: Channel, velocity: Channel, gravity: float = GRAVITY) -> Law | None:
@@ -138,38 +131,30 @@ def tilt_law(attitude: Channel, velocity: Channel, gravity: float = GRAVITY) -> 
     A multirotor is accelerated along its z axis: x and y of dv/dt + g over z are those of the attitude's z axis.
     None of a flight that is too short.
     """
-    every = max(1, round(VELOCITY_STEP * velocity.rate))
-    time, speeds = velocity.time[::every], velocity.values[::every]
+    time, speeds = _thin(velocity, VELOCITY_STEP)
     if len(time) < ROWS or attitude.time.size < ROWS:
         return None
-    force = np.diff(speeds, axis=0) / np.diff(time)[:, None] + [0.0, 0.0, gravity]
+    force = _slopes(time, speeds) + np.array([0.0, 0.0, gravity])
     slopes = force[:, :2] / np.maximum(force[:, 2:], 0.3 * gravity)
-    mean = means_of(attitude.time, turn_vectors(attitude.values, np.tile([0.0, 0.0, 1.0], (attitude.time.size, 1))))
+    axes = turn_vectors(attitude.values, np.tile([0.0, 0.0, 1.0], (attitude.time.size, 1)))
+    means = _step_means(attitude.time, axes, time, slopes)
 
     def at(lag: float) -> tuple[Array, Array]:
-        inside = (time[:-1] - lag >= attitude.time[0]) & (time[1:] - lag <= attitude.time[-1])
-        axis = mean(time[:-1][inside] - lag, time[1:][inside] - lag)
-        return axis[:, :2] / np.maximum(axis[:, 2:], 0.2), slopes[inside]
+        axis, measured = means(lag)
+        return axis[:, :2] / np.maximum(axis[:, 2:], 0.2), measured
 
     return _best(at, np.eye(2))
 
 
 def force_law(accelerometer: Channel, attitude: Channel, velocity: Channel, gravity: float = GRAVITY) -> Law | None:
     """Specific force by velocity and attitude, base axes (measured), against the accelerometer (inputs), m/s^2."""
-    every = max(1, round(VELOCITY_STEP * velocity.rate))
-    time, speeds = velocity.time[::every], velocity.values[::every]
+    time, speeds = _thin(velocity, VELOCITY_STEP)
     if len(time) < ROWS or accelerometer.time.size < ROWS:
         return None
-    force = np.diff(speeds, axis=0) / np.diff(time)[:, None] + [0.0, 0.0, gravity]
+    force = _slopes(time, speeds) + np.array([0.0, 0.0, gravity])
     middle = 0.5 * (time[1:] + time[:-1])
     inside_base = turn_vectors(attitude_at(attitude, middle) * [1.0, -1.0, -1.0, -1.0], force)
-    mean = means_of(accelerometer.time, accelerometer.values)
-
-    def at(lag: float) -> tuple[Array, Array]:
-        inside = (time[:-1] - lag >= accelerometer.time[0]) & (time[1:] - lag <= accelerometer.time[-1])
-        return mean(time[:-1][inside] - lag, time[1:][inside] - lag), inside_base[inside]
-
-    return _best(at, np.eye(3))
+    return _best(_step_means(accelerometer.time, accelerometer.values, time, inside_base), np.eye(3))
 
 
 def rotor_law(gyro: Channel, speeds: Channel, vehicle: Vehicle, joints: Channel | None = None) -> Law | None:
@@ -196,11 +181,11 @@ def rotor_law(gyro: Channel, speeds: Channel, vehicle: Vehicle, joints: Channel 
     mean, push_mean = means_of(gyro.time, gyro.values), means_of(time, integral_of(time, pushes))
     if len(edges) < ROWS:
         return None
-    changes = np.diff(mean(edges[:-1], edges[1:]), axis=0)
+    changes = _changes(mean, edges)
     used = np.interp(edges[1:-1], time, flies.astype(float)) > 0.5
 
     def at(lag: float) -> tuple[Array, Array]:
-        return np.diff(push_mean(edges[:-1] - lag, edges[1:] - lag), axis=0)[used], changes[used]
+        return _changes(push_mean, edges - lag)[used], changes[used]
 
     resting = np.zeros(vehicle.n) if joints is None else np.median(joints.values, axis=0)
     return _best(at, turning_of(vehicle, resting), FAINT) if used.sum() >= ROWS else None
@@ -228,28 +213,21 @@ def joint_law(commands: Channel, positions: Channel) -> Law | None:
     if len(edges) < ROWS:
         return None
     mean, wanted = means_of(positions.time, positions.values), means_of(commands.time, commands.values)
-    moved = np.diff(mean(edges[:-1], edges[1:]), axis=0)
+    moved = _changes(mean, edges)
 
     def at(lag: float) -> tuple[Array, Array]:
-        return np.diff(wanted(edges[:-1] - lag, edges[1:] - lag), axis=0), moved
+        return _changes(wanted, edges - lag), moved
 
     return _best(at, np.eye(positions.values.shape[1]), PLAIN)
 
 
 def slope_law(rates: Channel, positions: Channel) -> Law | None:
     """Slopes of positions (measured) against the rates that should be their derivatives (inputs)."""
-    every = max(1, round(VELOCITY_STEP * positions.rate))
-    time, rows = positions.time[::every], positions.values[::every]
+    time, rows = _thin(positions, VELOCITY_STEP)
     if len(time) < ROWS or rates.time.size < ROWS or rates.values.shape[1] != rows.shape[1]:
         return None
-    slopes = np.diff(rows, axis=0) / np.diff(time)[:, None]
-    mean = means_of(rates.time, rates.values)
-
-    def at(lag: float) -> tuple[Array, Array]:
-        inside = (time[:-1] - lag >= rates.time[0]) & (time[1:] - lag <= rates.time[-1])
-        return mean(time[:-1][inside] - lag, time[1:][inside] - lag), slopes[inside]
-
-    return _best(at, np.eye(rows.shape[1]), PLAIN)
+    means = _step_means(rates.time, rates.values, time, _slopes(time, rows))
+    return _best(means, np.eye(rows.shape[1]), PLAIN)
 
 
 def effort_law(stretch: Stretch, vehicle: Vehicle) -> Law | None:
@@ -266,6 +244,44 @@ def effort_law(stretch: Stretch, vehicle: Vehicle) -> Law | None:
         return inputs, measured
 
     return _best(at, np.eye(vehicle.n)) if rows >= ROWS * every else None
+
+
+def _thin(channel: Channel, step: float) -> tuple[Array, Array]:
+    """Return times and values of a channel about a step apart, s."""
+    every = max(1, round(step * channel.rate))
+    return channel.time[::every], channel.values[::every]
+
+
+def _slopes(time: Array, values: Array) -> Array:
+    """Differences of successive values over those of their times."""
+    return np.asarray(np.diff(values, axis=0) / np.diff(time)[:, None])
+
+
+def _changes(mean: Callable[[Array, Array], Array], edges: Array) -> Array:
+    """Differences of the means over successive steps between instants."""
+    return np.diff(mean(edges[:-1], edges[1:]), axis=0)
+
+
+def _step_means(
+    source: Array, values: Array, time: Array, measured: Array, used: Mask | bool = True
+) -> Callable[[float], tuple[Array, Array]]:
+    """Function from a lag (s) to means of values over steps that much earlier, and what is measured in those.
+
+    Args:
+        source: times of the values, s.
+        values: that are averaged.
+        time: instants between which the steps lie.
+        measured: of each step.
+        used: True for each step that counts.
+    """
+    mean = means_of(source, values)
+
+    def at(lag: float) -> tuple[Array, Array]:
+        begin, end = time[:-1] - lag, time[1:] - lag
+        inside = used & (begin >= source[0]) & (end <= source[-1])
+        return mean(begin[inside], end[inside]), measured[inside]
+
+    return at
 
 
 def _best(at: Callable[[float], tuple[Array, Array]], nominal: Array, least: float = VISIBLE) -> Law | None:
