@@ -125,15 +125,12 @@ class Surface:
         if self.shape == "sphere":
             away = sqrt(p.dot(p) + _CENTRE)
             return ((away - self.size[0], p * divide(1.0, away)),)
-        if self.shape == "hole":  # as if it were filled
-            outer, length = self.size[3:]
+        if self.shape in ("hole", "cylinder"):  # a hole as if it were filled
+            outer, length = self.size[-2:]
             away = sqrt(p.x * p.x + p.y * p.y + _CENTRE)
             round_about = Vec3(divide(p.x, away), divide(p.y, away), 0)
-            return ((away - outer, round_about), _slab(p.z + 0.5 * length, length, E_Z))
-        if self.shape == "cylinder":
-            away = sqrt(p.x * p.x + p.y * p.y + _CENTRE)
-            round_about = Vec3(divide(p.x, away), divide(p.y, away), 0)
-            return ((away - self.size[0], round_about), _slab(p.z, self.size[1], E_Z))
+            side = (away - outer, round_about)
+            return (side, _slab(p.z + 0.5 * length if self.shape == "hole" else p.z, length, E_Z))
         return tuple(_slab(c, size, axis) for c, size, axis in zip(p, self.size, (E_X, E_Y, E_Z), strict=True))
 
     def depth(self, point_W: Vec3, radius: Scalar, t: Scalar) -> tuple[Any, Vec3]:
