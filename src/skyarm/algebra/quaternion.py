@@ -86,7 +86,11 @@ class Quaternion(ArrayLike):
 
     def normalized(self) -> Quaternion:
         """Quaternion divided by its length; NaN for zero."""
-        return self._scale(divide(1.0, sqrt(self._square())))
+        return self._scale(divide(1.0, self.norm()))
+
+    def norm(self) -> Scalar:
+        """Length of the quaternion."""
+        return sqrt(self._square())
 
     def _square(self) -> Scalar:
         """Squared length of the quaternion."""

@@ -27,7 +27,7 @@ from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import cos, divide, sin, sqrt
+from skyarm.algebra.scalars import cos, divide, sin
 from skyarm.control.actuator_layer import with_believed_queues
 from skyarm.control.controller import Controller
 from skyarm.dynamics import State
@@ -240,7 +240,7 @@ def start_with(scenario: Scenario, values: Mapping[str, Any]) -> State:
         changed = dataclasses.replace(changed, quaternion=_quaternion_of_angles(*chosen))
     elif any(path.startswith("initial.quaternion") for path in values):
         q = changed.quaternion
-        length = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z)
+        length = q.norm()
         changed = dataclasses.replace(changed, quaternion=Quaternion(*(divide(c, length) for c in q)))
     state: State = changed
     return state

@@ -12,7 +12,7 @@ import numpy as np
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.algebra.matrix import axis_rotation
-from skyarm.algebra.scalars import Scalar, divide, sqrt
+from skyarm.algebra.scalars import Scalar, divide
 from skyarm.compile import trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.program import Program
@@ -145,7 +145,7 @@ def _program(vehicle: Vehicle) -> Program:
 
     def poses(position: Vec3, quaternion: Quaternion, joints: tuple[Scalar, ...]) -> tuple[Any, ...]:
         q = quaternion
-        length = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z)
+        length = q.norm()
         R_WB = Quaternion(*(divide(c, length) for c in q)).rotation()
         links = [(R_WB @ pose.R, position + R_WB.apply(pose.p)) for pose in link_poses(vehicle, joints)]
         tip = position if frame is None else links[frame.link][1] + links[frame.link][0].apply(frame.position)
