@@ -8,8 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from skyarm.studies.compare import comparison as results
-from skyarm.studies.compare import run_suite
+from skyarm.studies.compare import run_suite, summary
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.comparison import Comparison
 from skyarm.studies.compare.entrants import ENTRANTS
@@ -83,7 +82,7 @@ def test_every_flight_is_a_row_of_one_table(tmp_path, asked):
 
 
 def test_a_number_that_json_does_not_know_is_not_written(tmp_path, asked, monkeypatch):
-    monkeypatch.setattr(results, "table", lambda _cells: {"plants_noisy": {"case3_wind": {}, "none": float("nan")}})
+    monkeypatch.setattr(summary, "table", lambda _cells: {"plants_noisy": {"case3_wind": {}, "none": float("nan")}})
     with pytest.raises(ValueError, match="not JSON compliant"):
         fly_suite(Comparison(entrants=LAWS, conditions=COLUMNS), tmp_path)
     assert not (tmp_path / "results.json").exists()

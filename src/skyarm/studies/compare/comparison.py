@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 
 from skyarm.records.immutable import immutable
-from skyarm.studies.compare.cells import Cell, Flights
+from skyarm.studies.compare.cells import Flights
 from skyarm.studies.compare.comparison_report import TRACKING, comparison_report, value
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
-from skyarm.studies.compare.run_suite import DPI, Document, Record, Refused, Suite
+from skyarm.studies.compare.run_suite import DPI, Document, Record, Refused
 from skyarm.studies.compare.suite import CASES, Condition, conditions
-from skyarm.studies.compare.summary import table
+from skyarm.studies.compare.summary import SummarySuite
 from skyarm.view.figures.comparison_figures import Share, laws_figure
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import Report
@@ -25,7 +25,7 @@ BRIEF, WIDEST = ("step", "part"), "case3_wind"
 
 
 @immutable
-class Comparison(Suite[Flights]):
+class Comparison(SummarySuite[Flights]):
     """Benchmark that compares all shipped controllers on the same cases and perturbed plants.
 
     Attributes:
@@ -58,11 +58,6 @@ class Comparison(Suite[Flights]):
     def plan_cells(self) -> tuple[list[Flights], Refused]:
         """All flights of the comparison, and an empty mapping, since no controller is excluded."""
         return self.flights(), {}
-
-    def judge(self, todo: Sequence[Flights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Statistics of the metrics for every controller, case and condition, as plain data."""
-        named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
-        return {"summaries": table(named)}
 
     def pictures(self, found: Record) -> dict[str, bytes]:
         """Pictures of the comparison report by file name: errors and success rates of all controllers."""

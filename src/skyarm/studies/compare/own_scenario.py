@@ -14,12 +14,12 @@ from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.draws import draws_needed
-from skyarm.studies.compare.cells import JITTER, LIMITED, Cell, Flights
+from skyarm.studies.compare.cells import JITTER, LIMITED, Flights
 from skyarm.studies.compare.comparison_report import BASE, JOINT, TOOL, title_of
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import Document, Record, Refused, Suite
+from skyarm.studies.compare.run_suite import Document, Record, Refused
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.studies.compare.summary import table
+from skyarm.studies.compare.summary import SummarySuite
 from skyarm.view.pages import DASH, Report, Section, Table, number
 
 OWN = "own"
@@ -55,7 +55,7 @@ class GivenFlights(Flights):
 
 
 @immutable
-class OwnScenario(Suite[GivenFlights]):
+class OwnScenario(SummarySuite[GivenFlights]):
     """Comparison of several controllers on one scenario of the user.
 
     Attributes:
@@ -109,11 +109,6 @@ class OwnScenario(Suite[GivenFlights]):
         )
         entrants = [Entrant(name=name, group="own", law=name) for name in (*(() if once else (OWN,)), *named)]
         return [GivenFlights(entrant=each, **options) for each in entrants], {}
-
-    def judge(self, todo: Sequence[GivenFlights], cells: Sequence[Cell], refused: Refused) -> Document:
-        """Statistics of the metrics for every controller, as plain data."""
-        named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
-        return {"summaries": table(named)}
 
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Comparison report with one table: a row per controller, means over completed flights."""

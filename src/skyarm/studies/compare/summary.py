@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
 from skyarm.studies.compare.cells import Cell
-from skyarm.studies.compare.run_suite import Document
+from skyarm.studies.compare.run_suite import Document, F, Refused, Suite
 from skyarm.studies.sweep.intervals import bootstrap_mean, quantiles, wilson
 
 SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max_continuous", 0.020
@@ -67,3 +67,12 @@ def table(cells: Mapping[tuple[str, str, str], Cell]) -> Document:
     for (condition, case, entrant), cell in cells.items():
         found.setdefault(condition, {}).setdefault(case, {})[entrant] = summary(cell)
     return found
+
+
+class SummarySuite(Suite[F]):
+    """Base of benchmarks whose results are the statistics of each controller, case and condition."""
+
+    def judge(self, todo: Sequence[F], cells: Sequence[Cell], refused: Refused) -> Document:
+        """Statistics of the metrics for every controller, case and condition, as plain data."""
+        named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
+        return {"summaries": table(named)}
