@@ -11,7 +11,7 @@ import pytest
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.cli.output import Terminal
-from skyarm.cli.show_command import vehicle_facts
+from skyarm.cli.show_command import sheet, vehicle_facts
 from skyarm.dynamics import workspace
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.workspace import AROUND, FEW, MANY, ROUNDS, SAMPLES, reach, samples_of, static_torques
@@ -116,14 +116,14 @@ def test_an_arm_of_many_joints_is_tried_as_often_as_was_said(joints: int, monkey
 
 
 def test_what_was_tried_less_is_told() -> None:
-    def sheet(vehicle: Vehicle) -> str:
+    def printed(vehicle: Vehicle) -> str:
         console = Terminal(width=200, markup=False)
         with console.capture() as told:
             console.print(*sheet(vehicle, vehicle_facts(vehicle, 9.81)), sep="\n")
         return told.get()
 
-    assert "for a level base, over all joint values" in sheet(long_arm(2))
-    told = sheet(long_arm(120))
+    assert "for a level base, over all joint values" in printed(long_arm(2))
+    told = printed(long_arm(120))
     assert told.count("random joint values") == 2, "reach and efforts"
 
 

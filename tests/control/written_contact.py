@@ -65,7 +65,7 @@ class Interaction:
         f_d, speed, told = push
         dt, n, asked, slides = self.dt, self.normal(told), f_d > 0.0, course > 0.01
         into = -n @ v
-        e, enters = max(into - min(speed, 0.1) / 2, 0.0) if self.gamma == 1.0 else 0.0, into + min(self.ds, 0.0) > 0.1
+        e, enters = max(into - 0.8 * min(speed, 0.1), 0.0) if self.gamma == 1.0 else 0.0, into + min(self.ds, 0.0) > 0.1
         f = then.force(plus(d, self.bias, -1.0))
         along, was = n @ f, self.contact
         through = enters and self.whole
@@ -97,7 +97,7 @@ class Interaction:
             u = plus(plus(u, now.load(o * n + kappa * across, more)), then.load(f), -1.0)
         # the reference
         if pressed:
-            a = 3.5**2 * gap - 7.0 * (self.ds + max(e - min(speed, 0.1) / 2, 0.0))
+            a = 3.5**2 * gap - 7.0 * (self.ds + max(e - 0.2 * min(speed, 0.1), 0.0))
         elif asked:
             c = min(speed, 0.1) if self.met else speed
             a = 8.0 * (-(c if self.s > self.last - 0.5 else 0.0) - self.ds)

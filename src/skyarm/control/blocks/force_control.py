@@ -22,7 +22,7 @@ reference out again: let go at once, a tip springs back while the base still lea
 below ``lost`` for ``loss_time``, whatever its direction, it is none that the joints compensate: it stores no force in
 what holds it.
 
-What slides or turns away bears less than f_d, and would be driven to any speed. Where the tip goes in faster than half
+What slides or turns away bears less than f_d, and would be driven to any speed. Where the tip goes in faster than 0.8 of
 the speed of its approach, the force that the integral looks for falls by f_d for each ``again`` of the excess, the
 order down to none, and from that whole speed on the reference takes over what is more: less would answer what is only
 pushed into a hole. A tip that leaves its reference behind is through the surface.
@@ -63,6 +63,9 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.tip_motion import STRONGEST, out_of_axis
 
+YIELDING = 0.8
+"""Share of the speed of the approach above which a force gives way: doors swing below it, boxes slide above."""
+
 PRESSED = 0.75
 """Above it a surface was not only met: the order has been there as a whole."""
 
@@ -100,7 +103,7 @@ def interact(
     # faster than its reference: what gives way slowly takes the reference along
     ahead = into + minimum(memory.shift_rate, 0.0)
     touching, losing = touches(gains, memory, asked, where(asked, along, _size(measured)), ahead, dt)
-    yields = where(memory.share < 1.0, 0.0, maximum(into - 0.5 * minimum(wanted.speed, gains.again), 0.0))
+    yields = where(memory.share < 1.0, 0.0, maximum(into - YIELDING * minimum(wanted.speed, gains.again), 0.0))
     relieved = clip((load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0)
     if wanted.grips:
         touching, losing = maximum(touching, wanted.grip), losing * (1.0 - wanted.grip)
@@ -219,7 +222,7 @@ def normal_shift(
     speed = where(memory.found > 0.0, minimum(speed, gains.again), speed)
     coming = where(s > memory.reached - gains.furthest, -speed, 0.0)
     back = -(w * w) * s - 2.0 * w * rate
-    follow = (w * w) * memory.gap - 2.0 * w * (rate + maximum(yields - 0.5 * speed, 0.0))
+    follow = (w * w) * memory.gap - 2.0 * w * (rate + maximum(yields - (1.0 - YIELDING) * speed, 0.0))
     free = where(asked, gains.coming * (coming - rate), back + (follow - back) * share)
     limit = gains.follow_limit
     acceleration = clip(where(touching > 0.5, follow, free), -limit, limit)
