@@ -22,8 +22,8 @@ reference out again: let go at once, a tip springs back while the base still lea
 below ``lost`` for ``loss_time``, whatever its direction, it is none that the joints compensate: it stores no force in
 what holds it.
 
-What slides or turns away bears less than f_d, and would be driven to any speed. Where the tip goes in faster than 0.8 of
-the speed of its approach, the force that the integral looks for falls by f_d for each ``again`` of the excess, the
+What slides or turns away bears less than f_d, and would be driven to any speed. Where the tip goes in faster than 0.8
+of the speed of its approach, the force that the integral looks for falls by f_d for each ``again`` of the excess, the
 order down to none, and from that whole speed on the reference takes over what is more: less would answer what is only
 pushed into a hole. A tip that leaves its reference behind is through the surface.
 
