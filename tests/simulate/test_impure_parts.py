@@ -125,7 +125,8 @@ def text(kind: str, value: str) -> str:
         return LAW.replace("VALUE", value)
     method, result, _ = METHODS[kind]
     head = CLASS.replace("KIND", kind).replace("BASE", kind.capitalize())
-    return f"{head}    def {method}:\n        return {result}\n".replace("VALUE", value)
+    status = "    status = 'gone'\n\n" if kind == "ending" else ""
+    return f"{head}{status}    def {method}:\n        return {result}\n".replace("VALUE", value)
 
 
 def planned(kind: str, module: Any, **fields: Any) -> Scenario:
