@@ -9,8 +9,8 @@ import pytest
 from commanded import skyarm
 from skyarm.cli.commands import COMMANDS, GROUPS
 
-LINES, COLUMNS, MOST = 24, 100, 17
-LONGER = {"identify": 28}
+LINES, COLUMNS, MOST = 25, 100, 17
+LONGER = {"identify": 29}
 """Command whose help has the four limits of a designed flight, too."""
 
 

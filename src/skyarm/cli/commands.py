@@ -94,8 +94,7 @@ class Spelled(TyperCommand):
             each.opts = [word for word in each.opts if each.name not in EVERY or word not in own]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the options without their older spellings, and without --help itself."""
-        self.add_help_option = False
+        """Write the options without their older spellings."""
         for each in self.params:
             each.opts = [word for word in each.opts if OLDER.get(word) not in each.opts]
         super().format_options(ctx, formatter)
