@@ -40,7 +40,8 @@ sys.path[:] = json.loads(sys.argv[1])
 out = os.dup(1)
 os.dup2(2, 1)
 from skyarm.simulate.other_process import answer
-found = json.dumps(answer())
+from skyarm.simulate.user_code import fingerprints
+found = json.dumps(answer(fingerprints))
 with open(out, "w") as file:
     file.write(found)"""
 """What plugins print goes to standard error: the answer has standard output for itself."""
@@ -128,10 +129,8 @@ def _lend_file(name: Any, folder: Path) -> None:
         shutil.copy(name, there)
 
 
-def answer() -> Found | str:
+def answer(fingerprints: Callable[..., Found]) -> Found | str:
     """Fingerprints of the models of a scenario, or why a plugin cannot be loaded; both are read from standard input."""
-    from skyarm.simulate.user_code import fingerprints
-
     ANSWERING.append(True)
     plugins, scenario = pickle.loads(sys.stdin.buffer.read())
     try:
