@@ -21,6 +21,7 @@ from commanded import skyarm as typed
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario
+from skyarm.scenario.without_effect import without_effect
 from skyarm.simulate import other_process
 from skyarm.simulate.user_code import check_law, require_shapes
 from skyarm.simulate.workers import TRIED, workers
@@ -206,11 +207,12 @@ CONVERTS = """    angle: float = 30.0
     def __post_init__(self):
         object.__setattr__(self, "angle", VALUE)
         object.__setattr__(self, "kept", self.angle + 2.0)
+        object.__setattr__(self, "listed", [self.angle])
 
 """
 
 
-def converting(folder: Path, value: str, used: str = "self.angle + self.kept") -> Path:
+def converting(folder: Path, value: str, used: str = "self.angle + self.kept + self.listed[0]") -> Path:
     """File of a part that converts a field as it is constructed."""
     file = folder / "mine.py"
     file.write_text(text("force", used).replace('    file: str = ""\n', CONVERTS.replace("VALUE", value)))
@@ -226,11 +228,33 @@ def test_a_constructor_that_draws_is_found(tmp_path):
     assert " (Mine.__post_init__) gives another program whenever it is traced" in line_of(require_shapes, scenario)
 
 
-def test_what_was_refused_for_what_it_keeps_is_refused_again(tmp_path):
+ATTRIBUTE = "1.0 if hasattr(self, 'begun') else object.__setattr__(self, 'begun', True) or 0.0"
+TABLE = "1.0 if self.kept else self.kept.update(begun=1.0) or 0.0"
+FLAG = "1.0 if self.kept else object.__setattr__(self, 'kept', True) or 0.0"
+KEEPERS = {
+    "attribute": (ATTRIBUTE, "", ""),
+    "table": (TABLE, "    def __post_init__(self):\n        object.__setattr__(self, 'kept', {})\n", ""),
+    "flag": (FLAG, "    def __post_init__(self):\n        object.__setattr__(self, 'kept', False)\n", ""),
+    "field": (TABLE, "    kept: dict = field(init=False, default_factory=dict)\n", ""),
+    "record in a tuple": (
+        "self.subs[0].value()",
+        "    subs: tuple = (Sub(),)\n",
+        f"@dataclass(frozen=True)\nclass Sub:\n    size: float = 1.0\n    def value(self): return {ATTRIBUTE}\n",
+    ),
+}
+"""What a part returns that keeps something, lines of its class, and lines before it."""
+
+
+@pytest.mark.parametrize("keeper", KEEPERS)
+def test_what_was_refused_for_what_it_keeps_is_refused_again(tmp_path, keeper):
     """Once it has changed, it gives one program only, as if it had been constructed so."""
-    keeps = "1.0 if hasattr(self, 'begun') else object.__setattr__(self, 'begun', True) or 0.0"
-    scenario = by_python(tmp_path, "force", keeps)
-    assert line_of(require_shapes, scenario) == line_of(require_shapes, scenario)
+    value, lines, before = KEEPERS[keeper]
+    written = text("force", value).replace('    file: str = ""\n', f'    file: str = ""\n{lines}')
+    (tmp_path / "mine.py").write_text(written.replace("CALLS = []", f"from dataclasses import field\n{before}"))
+    scenario = planned("force", load_plugin(tmp_path / "mine.py"))
+    assert without_effect(scenario) == ()  # evaluates it, as loading a file does
+    for _ in range(2):
+        assert names_method(line_of(require_shapes, scenario), "force")
 
 
 def test_every_flight_and_check_law_look(tmp_path):
@@ -268,6 +292,14 @@ def test_what_differs_in_another_process_is_found(tmp_path, monkeypatch, tried_e
         assert "in a process with an empty environment, another folder and another hash seed" in line
         assert ("fails in " in line) == (cause in ("needs_environment", "file"))
         assert kind == "law" or " (Mine" in line
+
+
+def test_the_place_of_two_parts_of_one_class_is_said_once(tmp_path, monkeypatch, tried_elsewhere):
+    ended = subprocess.CompletedProcess((), 3, stdout=b"", stderr=b"")
+    monkeypatch.setattr(other_process.subprocess, "run", lambda *_, **_more: ended)
+    scenario = by_plugin(tmp_path, "force", "1.0")
+    with pytest.warns(UserWarning, match=r"^[^,]*mine\.py:\d+: could not be tried in .*: it ended with code 3$"):
+        require_shapes(dataclasses.replace(scenario, forces=scenario.forces * 2))
 
 
 @pytest.mark.thorough
@@ -359,7 +391,7 @@ def test_what_a_plugin_prints_hides_no_difference(tmp_path, monkeypatch, tried_e
 @pytest.mark.parametrize(
     ("fails", "why"),
     [
-        ("os._exit(3)", "it ended with code 3: "),
+        ("os._exit(3)", "it ended with code 3$"),
         ("print('lost', file=__import__('sys').stderr, flush=True) or os._exit(0)", "it ended with code 0: lost"),
         ("time.sleep(99.0)", "no answer within 2 s"),
     ],

@@ -100,7 +100,7 @@ def try_elsewhere(scenario: Any, models: Sequence[tuple[Any, Any]], compare: Cal
                 check=False,
             )
         last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-        why = f"it ended with code {done.returncode}: {last}"
+        why = f"it ended with code {done.returncode}: {last}".removesuffix(": ")
         found = json.loads(done.stdout)
     except subprocess.TimeoutExpired:
         why = f"no answer within {SECONDS:g} s"
@@ -109,7 +109,7 @@ def try_elsewhere(scenario: Any, models: Sequence[tuple[Any, Any]], compare: Cal
     if isinstance(found, str):
         raise RegistryError(f"{found} {WHERE}")
     if found is None:
-        warnings.warn(f"{comma_list(places)}: could not be tried {WHERE}: {why}", stacklevel=2)
+        warnings.warn(f"{comma_list(dict.fromkeys(places))}: could not be tried {WHERE}: {why}", stacklevel=2)
     else:
         compare(found)
     TRIED.add(key)

@@ -121,7 +121,7 @@ class Part:
             raise self.refusal(f"writes to its argument {name!r}: must return new records", method=method)
         return result
 
-    def trace(self, step: Step, memory: Any, state: State, draws: int = 0) -> Fingerprint:
+    def trace(self, step: Step, memory: Any, scenario: Scenario, draws: int = 0) -> Fingerprint:
         """Trace one step of a user-defined model; raise a one-line error for a mistake in the user's code."""
         words = memory_mistake(memory, "memory")
         if words:
@@ -139,7 +139,7 @@ class Part:
             return {"start": memory, **own, **self.results}
 
         try:
-            return fingerprint(check_step, in_floats(memory), (0.0,), in_floats(state), (0.5,) * draws)
+            return fingerprint(check_step, in_floats(memory), (0.0,), in_floats(first_state(scenario)), (0.5,) * draws)
         except (TypeError, AttributeError, RecordError) as error:
             words = mistake_in(error)
             if words is None:
@@ -149,10 +149,14 @@ class Part:
 
 def _as_constructed(record: Any) -> Any:
     """Copy of a record without what was kept in it since it was constructed."""
+    if type(record) is tuple:
+        return tuple(map(_as_constructed, record))
     try:
         again = replace(record)
-        for name in vars(again):  # the values as they are: the constructor may have converted fields twice
-            object.__setattr__(again, name, _as_constructed(getattr(record, name)))
+        # of a constructor that converts its fields, a second call makes something else than the first: what that made
+        made = again if contents(again) == contents(replace(again)) else record
+        for name in vars(again):
+            object.__setattr__(again, name, _as_constructed(getattr(made, name)))
     except Exception:
         return record  # no dataclass, or one that cannot be constructed from its fields
     return again
@@ -266,8 +270,7 @@ def _check_component(index: int, scenario: Scenario, part: Part) -> Fingerprint:
         motion.to_world(ZERO3, len(vehicle.moving) - 1)  # what it keeps is there before the call, and compared
         wrenches = call("wrenches", following, time, motion, state.rotor_speeds)
         if not isinstance(wrenches, (list, tuple)) or not all(isinstance(each, Wrench) for each in wrenches):
-            words = f"gives wrenches as {kind_of(wrenches)}: must be a list of Wrench"
-            raise part.refusal(words, method="wrenches")
+            raise part.refusal(f"gives wrenches as {kind_of(wrenches)}: must be a list of Wrench", method="wrenches")
         part.require_numbers("wrenches", "wrenches", tuple(wrenches), (Wrench(),) * len(wrenches))
         for each in wrenches:
             if not BASE <= each.body < len(vehicle.moving):
@@ -277,8 +280,7 @@ def _check_component(index: int, scenario: Scenario, part: Part) -> Fingerprint:
             slope = call("slope", following, time, motion, state.rotor_speeds)
             different = difference(following, slope, "the slope")
             if different:
-                words = f"gives the rates of its memory in another structure: {different}"
-                raise part.refusal(words, method="slope")
+                raise part.refusal(f"gives the rates of its memory in another structure: {different}", method="slope")
         if component.columns:
             numbers = (0.0,) * len(component.columns)
             part.require_numbers("logged", "logged", call("logged", following, motion), numbers)
@@ -293,13 +295,13 @@ def _check_component(index: int, scenario: Scenario, part: Part) -> Fingerprint:
         raise part.refusal(
             f"cannot start from {len(draws)} draws, which are twice its uniforms: {error}", place_of_error(error)
         ) from error
-    return part.trace(step, memory, first_state(scenario), draw_plan(scenario).components[index][1])
+    return part.trace(step, memory, scenario, draw_plan(scenario).components[index][1])
 
 
 def _check_drive(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
     joints = [link.joint.name for link in scenario.plant.vehicle.links]
     joint, drive = joints.index(part.place.removeprefix("plant.drives.")), part.record
-    period, first = 1.0 / scenario.rates.control, first_state(scenario)
+    period, place = 1.0 / scenario.rates.control, first_state(scenario).joints[joint]
 
     def step(call: Any, memory: Any, _time: Scalar, state: State, _draws: Any) -> Any:
         position, rate = state.joints[joint], state.joint_rates[joint]
@@ -309,7 +311,7 @@ def _check_drive(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
             raise part.refusal(f"gives an effort that is {kind_of(effort)}: must be a number", method="effort")
         return following
 
-    return part.trace(step, drive.begin(first.joints[joint], first.joints[joint], period), first)
+    return part.trace(step, drive.begin(place, place, period), scenario)
 
 
 def _check_sensor(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
@@ -324,7 +326,7 @@ def _check_sensor(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
         part.require_numbers("measure", "a reading", result[1], also=bool)
         return result[0]
 
-    return part.trace(step, sensor.start(vehicle), first_state(scenario), sensor.uniforms(vehicle))
+    return part.trace(step, sensor.start(vehicle), scenario, sensor.uniforms(vehicle))
 
 
 def _check_estimator(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
@@ -343,7 +345,7 @@ def _check_estimator(_index: int, scenario: Scenario, part: Part) -> Fingerprint
         part.require_numbers("step", "a measurement", result[1], readings[FULL_STATE])
         return result[0]
 
-    return part.trace(step, estimator.start(scenario.controller.par.model.vehicle), first_state(scenario))
+    return part.trace(step, estimator.start(scenario.controller.par.model.vehicle), scenario)
 
 
 def _check_ending(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
@@ -355,7 +357,7 @@ def _check_ending(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
         part.require_numbers("fine", "fine", call("fine", scenario, state, state.position, 0.0), 0.0, bool)
         return memory
 
-    return part.trace(step, (), first_state(scenario))
+    return part.trace(step, (), scenario)
 
 
 def _check_motion(scenario: Scenario, part: Part) -> Fingerprint:
@@ -363,7 +365,7 @@ def _check_motion(scenario: Scenario, part: Part) -> Fingerprint:
         call("at", time)
         return memory
 
-    return part.trace(step, (), first_state(scenario))
+    return part.trace(step, (), scenario)
 
 
 def _check_law(scenario: Scenario, part: Part) -> Fingerprint:
@@ -374,7 +376,7 @@ def _check_law(scenario: Scenario, part: Part) -> Fingerprint:
         wanted = with_preview(reference.at(time), leads, lambda lead: reference.at(time + lead))
         return call("law", memory, measurement_of(state, WEIGHT), wanted, period)[0]
 
-    return part.trace(step, part.record.memory, first_state(scenario))
+    return part.trace(step, part.record.memory, scenario)
 
 
 def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenario: Scenario | str = "case3") -> None:
@@ -398,13 +400,12 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
     else:
         flown = load_scenario(scenario) if isinstance(scenario, str) else scenario
         controller = _make_controller(law, flown.controller.par.model)
-    rates = flown.rates
-    start = first_state(flown.with_words(controller=controller))
-    seen = measurement_of(start, Vec3(0.0, 0.0, float(flown.plant.gravity)))
+    flown, rates = flown.with_words(controller=controller), flown.rates
+    seen = measurement_of(first_state(flown), Vec3(0.0, 0.0, float(flown.plant.gravity)))
     times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(np.arange(PERIODS))
     wanted = [flown.reference.at(float(time)) for time in times[: flown.steps]]
     try_law(controller, 1.0 / rates.control, seen, wanted)
-    require_shapes(flown.with_words(controller=controller))
+    require_shapes(flown)
 
 
 def _make_controller(law: Controller | Callable[[Model], Controller], model: Model) -> Controller:
