@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import maximum
+from skyarm.algebra.scalars import maximum, sqrt
 from skyarm.records.immutable import immutable
 from skyarm.scenario.in_flight import Change
 from skyarm.scenario.without_effect import WithoutEffectWarning, without_effect
@@ -65,7 +65,8 @@ class Many(Force):
 
 
 def test_a_count_of_random_numbers_beyond_measure_does_not_hold_up_the_judgement():
-    assert without_effect(CASE.with_words(forces=(Many(),))) == ()
+    beside = CASE.with_words(wind=UP, forces=(Many(), Nudge()))
+    assert [line.partition(":")[0] for line in without_effect(beside)] == ["environment.wind", "environment.forces[1]"]
 
 
 def test_a_force_that_is_zero_until_it_changes_in_flight_is_not_said():
@@ -73,6 +74,23 @@ def test_a_force_that_is_zero_until_it_changes_in_flight_is_not_said():
     assert len(without_effect(still)) == 1
     later = Change(at=1.0, path="environment.wind.force.x", value=1.0)
     assert without_effect(still.with_words(changes=(later,))) == ()
+
+
+@pytest.mark.parametrize(
+    ("path", "forces"),
+    [
+        ("environment.forces.0.area.0", (LinkDrag(area=(0.0, 0.0)),)),
+        ("plant.vehicle.drag.area.2", ()),
+        pytest.param("environment.forces.0.inflow", (RotorDrag(inflow=0.0),), marks=pytest.mark.thorough),
+        pytest.param("plant.drag.area.2", (), marks=pytest.mark.thorough),
+    ],
+)
+def test_air_that_is_felt_once_a_drag_changes_in_flight_is_not_said(path, forces):
+    still = CASE.with_words(wind=UP, forces=forces)
+    assert [line.partition(":")[0] for line in without_effect(still)][:1] == ["environment.wind"]
+    assert without_effect(still.with_words(changes=(Change(at=0.5, path=path, value=1e-4),))) == ()
+    wind = Change(at=0.5, path="environment.wind.velocity.z", value=1.0)
+    assert without_effect(still.with_words(changes=(wind,)))[:1] == without_effect(still)[:1]
 
 
 @immutable
@@ -176,9 +194,19 @@ class Broken(Force):
         raise ArithmeticError
 
 
-def test_a_part_that_cannot_be_evaluated_hides_no_other():
-    beside = CASE.with_words(wind=UP, forces=(Broken(), Nudge()))
-    assert [line.partition(":")[0] for line in without_effect(beside)] == ["environment.wind", "environment.forces[1]"]
+@immutable
+class Dividing(Force):
+    """A user's drag, which no float is where no air moves."""
+
+    def wrenches(self, memory: Any, t: Any, motion: Any, rotor_speeds: Any) -> Any:
+        air = motion.velocity() - motion.air_velocity()
+        return [Wrench(force_W=air * (1.0 / sqrt(air.dot(air))))]
+
+
+@pytest.mark.parametrize("part", [Broken(), Dividing()])
+def test_a_part_that_cannot_be_evaluated_may_feel_air_and_hides_no_other_force(part):
+    beside = CASE.with_words(wind=UP, forces=(part, Nudge()))
+    assert [line.partition(":")[0] for line in without_effect(beside)] == ["environment.forces[1]"]
 
 
 @immutable

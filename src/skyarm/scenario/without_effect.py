@@ -74,24 +74,28 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
     }
     if not placed or scenario.kind not in PLANTS:  # other plants have forces of their own
         return
-    changing = any(each.path.startswith("environment.") for each in scenario.changes)
+    changing = " ".join(each.path for each in scenario.changes)
+    settled = not ("environment.forces" in changing or "plant." in changing)  # else it may feel air later
     parts = (NO_WIND, *placed.values())
     blind, tilted = (_blind_axes(scenario, parts, attitude) for attitude in (LEVEL, TILTED))
     cure = "rotors.drag_coefficient or drag.area" if "x" in blind else "drag.area[2]"
     for where, component in placed.items():
         with suppress(Exception):
             moved, acts = _effect(scenario, component, blind)
-            if idle := moved & blind:
+            if settled and (idle := moved & blind):
                 axes = ", ".join(sorted(idle))
                 lacks = "no drag: no" if idle <= tilted else "drag by its tilt alone: hardly any"
                 lacks = f"where {scenario.plant.vehicle.name!r} has {lacks} effect of that"
                 yield f"{where}: moves the air along {axes}, {lacks}; {cure} of it?"
-            elif not (acts or moved or changing):
+            elif not (acts or moved or "environment." in changing):
                 yield f"{where}: moves no air and exerts no force along the reference; its numbers and times?"
 
 
 def _blind_axes(scenario: Scenario, parts: tuple[Component, ...], attitude: Quaternion) -> set[str]:
-    """World axes along which moving air changes no force on the vehicle; x and y together, for it may turn."""
+    """World axes along which moving air changes no force on the vehicle; x and y together, for it may turn.
+
+    None if a part cannot be evaluated: it may feel air.
+    """
     vehicle, blind = scenario.plant.vehicle, {*"xyz"}
     command, rates = Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n), (1.0,) * vehicle.n
     state = replace(first_state(scenario), quaternion=attitude, velocity=ZERO3, rate=MOVING, joint_rates=rates)
@@ -101,12 +105,13 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component, ...], attitude: Quat
         surroundings = Surroundings(components=around, memories=((), _begin(scenario, part)))
         return np.array(leaves(applied_force(vehicle, state, command, surroundings)))
 
-    for part in parts:
-        with suppress(Exception):
+    with suppress(Exception):
+        for part in parts:
             for axes, air in AIRS.items():
                 if not np.abs(forces(part, air) - forces(part, 0.0 * air)).max() < NOTHING:
                     blind -= {*axes}
-    return blind
+        return blind
+    return set()
 
 
 def _begin(scenario: Scenario, component: Component, noise: float = 0.0) -> Any:
