@@ -74,14 +74,29 @@ def test_a_log_is_flown_again_beside_itself(folder: Path) -> None:
 def test_a_file_that_takes_the_number_of_one_that_is_gone_is_written(folder: Path) -> None:
     note = Path("read.toml")
     note.write_text("a = 1")
-    found = os.stat(note)
     with inputs_kept():
-        note_input(note, found)
-        note.rename("kept.toml")  # as an editor that saves; the number's new owner has another path
-        require_no_input("kept.toml")
-        Path("kept.toml").rename(note)
+        note_input(note)
+        note.rename("other.toml")
+        Path("other.toml").write_text("a = 22")  # the number's new owner, as it has another path and other content
+        require_no_input("other.toml")
+        Path("other.toml").rename(note)
         with pytest.raises(ValueError, match="must be another file"):
             require_no_input(note)
+
+
+def test_a_file_that_was_read_is_known_though_a_name_of_it_is_gone(folder: Path) -> None:
+    for name in ("a.toml", "b.toml"):
+        Path(name).write_text(name)
+        os.link(name, f"other_{name}")
+    with inputs_kept():
+        for name in ("a.toml", "other_a.toml", "b.toml"):
+            note_input(Path(name))
+        Path("other_a.toml").unlink()
+        Path("b.toml").rename("kept.toml")  # as an editor that saves
+        require_no_input("b.toml")
+        for name in ("a.toml", "kept.toml", "other_b.toml"):
+            with pytest.raises(ValueError, match="must be another file"):
+                require_no_input(name)
 
 
 SLOW = {"tune", "film", "plot", "margins"}

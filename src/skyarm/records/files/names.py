@@ -45,7 +45,7 @@ def unreadable(path: Path) -> str:
         return "is a folder"
     if not stat.S_ISREG(found.st_mode):
         return NO_FILE
-    note_input(path, found)
+    note_input(path)
     return ""
 
 

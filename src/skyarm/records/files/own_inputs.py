@@ -11,37 +11,43 @@ from pathlib import Path
 from skyarm.records.files.messages import shown
 from skyarm.records.files.paths import PathLike
 
-_read: ContextVar[dict[tuple[int, int], Path] | None] = ContextVar("read", default=None)
-"""Device and number of each file that was read -> its path; None outside commands, where all may be written."""
+_read: ContextVar[set[tuple[Path, tuple[int, ...]]] | None] = ContextVar("read", default=None)
+"""Path and stamp of each file that was read; None outside commands, where all may be written."""
 
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
     """Context of one command, in which no file is written over that was read before."""
-    before = _read.set({})
+    before = _read.set(set())
     try:
         yield
     finally:
         _read.reset(before)
 
 
-def note_input(path: Path, found: os.stat_result) -> None:
+def note_input(path: Path) -> None:
     """Note a file as input of the running command, by its place on the disk: it may have several names."""
     files = _read.get()
     if files is not None:
-        files[found.st_dev, found.st_ino] = path.absolute()
+        files.add((path.absolute(), stamp_of(path)))
 
 
-def is_input(path: str | os.PathLike[str]) -> bool:
-    """True if a file is one that the running command has read, under whatever name."""
-    files = _read.get()
+def stamp_of(path: PathLike) -> tuple[int, ...]:
+    """Device, number, time in ns and size of a file; empty if there is none."""
     try:
-        found = os.stat(path) if files else None
+        found = os.stat(path)
     except (OSError, ValueError):  # not there yet, or never
-        return False
-    source = files.get((found.st_dev, found.st_ino)) if files and found else None
-    # a number goes to another file once its own is gone
-    return source is not None and found is not None and source.exists() and os.path.samestat(found, source.stat())
+        return ()
+    return found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size
+
+
+def is_input(path: PathLike) -> bool:
+    """True if a file is one that the running command has read, under whatever name."""
+    now = stamp_of(path)
+    # a number goes to another file once its own is gone: the time tells, or a path that leads to it still
+    return now != () and any(
+        now == then or now[:2] == then[:2] == stamp_of(source)[:2] for source, then in _read.get() or ()
+    )
 
 
 def require_no_input(path: PathLike, field: str = "file") -> None:
