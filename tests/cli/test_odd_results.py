@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from commanded import skyarm as command
 from skyarm.control.law_checks import memory_mistake
 from skyarm.log.formats import load_log, save_log
 from skyarm.records.leaves import leaves
+from skyarm.scenario.endings import Divergence
 from skyarm.scenario.scenario_record import first_state
 from skyarm.scenario.unlikely_numbers import part_warnings
 from skyarm.simulate.check_endings import Ending, find_ending
@@ -81,12 +83,19 @@ def test_a_flight_whose_ending_names_no_cause_is_kept(gives, value) -> None:
     assert log.info["cause"] == f"{place(Fence.cause)} gives {value}: must be a text"
 
 
-def test_a_cause_that_fails_is_the_cause_of_the_end(gives) -> None:
-    gives(KeyError("gate"))
+@pytest.mark.parametrize(("error", "words"), [(KeyError("gate"), "'gate'"), (RuntimeError("one\ntwo"), "one two")])
+def test_a_cause_that_fails_is_the_cause_of_the_end(gives, error, words) -> None:
+    gives(error)
     start = first_state(BASE)
     ended = find_ending(dataclasses.replace(BASE, endings=(Fence(),)), 0.0, leaves(start), [*start.position])
     assert ended is not None
-    assert re.fullmatch(rf"{re.escape(__file__)}:\d+: KeyError: 'gate'", ended.cause)
+    assert re.fullmatch(rf"{re.escape(__file__)}:\d+: {type(error).__name__}: {words}", ended.cause)
+
+
+def test_a_cause_of_the_library_that_fails_is_a_fault_of_the_library(monkeypatch) -> None:
+    monkeypatch.setattr(Divergence, "cause", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        find_ending(BASE, 0.0, [math.nan] * len(leaves(first_state(BASE))), [0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize("value", [3, None])

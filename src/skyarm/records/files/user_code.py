@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from skyarm.records.files.messages import shown
+from skyarm.records.files.messages import one_line, shown
 
 PACKAGE = f"{os.path.dirname(os.path.dirname(os.path.dirname(__file__)))}{os.sep}"
 """Where the library's own code stands."""
@@ -123,9 +123,9 @@ class OwnCodeError(ValueError):
 
 
 def failure(error: BaseException) -> str:
-    """Message about an error in user code: file, line, class and text; empty for an error of the library."""
+    """One line about an error in user code: file, line, class and text; empty for an error of the library."""
     place = place_of_error(error)
-    return f"{place}: {type(error).__name__}: {error}" if place else ""
+    return one_line(f"{place}: {type(error).__name__}: {error}") if place else ""
 
 
 def own_failure(error: BaseException) -> str:
