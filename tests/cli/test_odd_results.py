@@ -125,6 +125,7 @@ SHAPES = {
     "kind": (Scene(attached=(Shape("b", "object", "cone", 0, (0.1,)),)), "kind='cone'"),
     "line": (Scene(lines=(Line("r", np.zeros(3)),)), "must be with places of shape (N, K, 3) at N = 2 instants"),
     "flat": (Scene(lines=(Line("r", np.zeros((2, 3))),)), "must be with places of shape (N, K, 3)"),
+    "deep": (Scene(lines=(Line("r", np.zeros((2, 5, 3, 7))),)), "must be with places of shape (N, K, 3)"),
 }
 
 
@@ -205,8 +206,12 @@ def test_a_format_that_reads_no_log(form) -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "code"), [(None, 0), (3, 3), ({"a": 1.0}, None), ("x", None), (np.nan, None), (np.inf, None), (1.5, 1)]
-)
+    ("value", "code"),
+    [
+        (None, 0), (3, 3), (3.0, 3), (np.int64(3), 3), ({"a": 1.0}, None), ("3", None), (np.nan, None), (np.inf, None),
+        (0.5, None),
+    ],
+)  # fmt: skip
 def test_what_a_command_returns_is_its_exit_code(value, code) -> None:
     with registry_kept():
 

@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, fields, is_dataclass
+from numbers import Integral
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -154,7 +155,7 @@ def with_output_options(name: str, function: Callable[..., Any]) -> Callable[...
         asked = {each.name: bool(options.pop(each.name, False)) for each in added}
         with _output(name, _Asked(asked.get("as_json", False), asked.get("quiet", False))):
             code = function(*arguments, **options)
-            fine = isinstance(code, int | float | None) and abs(code or 0) < math.inf
+            fine = isinstance(code, Integral | float | None) and (code or 0) % 1 == 0
             return require_result(function, code, fine, "an exit code, or None")
 
     perform.__dict__["__signature__"] = signature.replace(parameters=[*own, *added])

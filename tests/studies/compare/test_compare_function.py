@@ -47,6 +47,13 @@ def test_a_record_flies_what_its_name_flies(asked: list[Any], tmp_path: Path) ->
     assert len(repr(found[0])) <= 300
 
 
+def test_laws_beside_a_scenario_are_those_of_the_command(asked: list[Any], tmp_path: Path) -> None:
+    skyarm.compare("case1", ["own", "paper_pd"], tmp_path)
+    skyarm.compare("case1", str(tmp_path / "gains.toml"), tmp_path)
+    assert [each.entrant.name for each in asked[0][0].plan_cells()[0]] == ["own", "paper_pd"]
+    assert asked[1][0].laws == (str(tmp_path / "gains.toml"),)
+
+
 def test_suites_take_their_own_options(asked: list[Any], tmp_path: Path) -> None:
     skyarm.compare("envelope-suite", ["paper_ct"], tmp_path, quick=True)
     skyarm.compare("paper-suite", list(ENTRANTS)[1:3], tmp_path, plant="mujoco")
@@ -62,7 +69,7 @@ def test_suites_take_their_own_options(asked: list[Any], tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("given", "laws", "words"),
     [
-        ("case1", ["paper_p"], r"^laws = 'paper_p': did you mean 'paper_pd'\?"),
+        ("case1", ["paper_p"], r"^case1: controller = 'paper_p': did you mean 'paper_pd'\?"),
         ("case1", ["paper_pd", "paper_pd"], r"^laws = .*must be a list of different"),
         ("cas3", ["paper_pd"], r"^scenario = 'cas3': did you mean 'case3'\?"),
         ("paper-suite", ["nothing"], r"^laws = 'nothing': must be one of "),

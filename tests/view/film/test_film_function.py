@@ -68,8 +68,11 @@ def test_one_flight_is_a_film_of_the_size_of_its_suffix(log: skyarm.Log, filmed:
     ],
 )
 def test_what_cannot_be_filmed_is_one_line_and_nothing_is_written(
-    flight: Any, file: str, settings: Any, words: str, tmp_path: Path
+    flight: Any, file: str, settings: Any, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    flown: list[Any] = []
+    monkeypatch.setattr(film_flights, "run", lambda given: flown.append(given) or skyarm.run(given))
     with pytest.raises(ValueError, match=words):
         skyarm.film(flight, tmp_path / file, **settings)
+    assert "case1" not in flown
     assert list(tmp_path.iterdir()) == []

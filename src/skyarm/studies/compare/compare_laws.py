@@ -66,7 +66,8 @@ def compare(
         if what == SUITE:
             options["entrants"] = chosen_entrants(names, "laws")
         else:
-            options["laws"] = chosen_laws(names, "laws", OWN if what == CONTACT else ())
+            # of an own scenario any controller flies
+            options["laws"] = chosen_laws(names, "laws", OWN if what == CONTACT else () if kind else names)
     suite: Suite[Any] = OwnScenario(scenario=what, **options) if kind is None else kind(**options)
     document = fly_suite(suite, require_writable(out), threads=workers, progress=progress)
     return ComparisonResults(folder=Path(out), document=document, report=suite.report(document))

@@ -47,8 +47,9 @@ def film(
         OSError: the file cannot be written.
     """
     path = output_file(os.fspath(file), "file")
+    require_film_format(path, SUFFIXES)
     usual = dict(zip(("width", "height", "fps"), usual_size_and_rate(path), strict=True))
-    chosen = FilmSettings(**{**usual, **settings})
+    chosen = FilmSettings(**usual | settings)
     listed = flights if isinstance(flights, Sequence) and not isinstance(flights, str) else [flights]
     if not listed:
         raise ValueError("flights = []: must name at least one")

@@ -21,7 +21,7 @@ from skyarm.view.film.filmed_flight import Mark
 from skyarm.view.film.offscreen import offscreen
 from skyarm.world.scene.shapes import SURFACE, UPRIGHT, Shape, Solid, mesh_of, own_mesh
 
-KINDS = {
+GEOMS = {
     "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
@@ -165,7 +165,7 @@ class Stage:
         scene.ngeom = ground + len(panel.solids)
         for mark in panel.marks(k):
             geom = self._add(scene, mark.kind, (mark.width, mark.width, 0.0), mark.rgba)
-            mujoco.mjv_connector(geom, KINDS[mark.kind].value, mark.width, mark.start, mark.end)
+            mujoco.mjv_connector(geom, GEOMS[mark.kind].value, mark.width, mark.start, mark.end)
         mujoco.mjv_updateCamera(self._model, self._data, _camera(panel.camera, k), scene)
         for i in range(scene.nlight):
             if not scene.lights[i].headlight:
@@ -175,7 +175,7 @@ class Stage:
         """Add a geom without gloss to a MuJoCo scene."""
         geom = scene.geoms[scene.ngeom]
         sizes = np.array([*size, THIN if kind == "patch" else 0.0, 0.0][:3])
-        mujoco.mjv_initGeom(geom, KINDS[kind].value, sizes, np.zeros(3), np.eye(3).ravel(), np.array(rgba, np.float32))
+        mujoco.mjv_initGeom(geom, GEOMS[kind].value, sizes, np.zeros(3), np.eye(3).ravel(), np.array(rgba, np.float32))
         geom.specular, geom.shininess = 0.15, 0.3
         if rgba[3] < 1.0:
             geom.category = NO_SHADOW

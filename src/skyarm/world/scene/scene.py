@@ -211,7 +211,8 @@ def _drawn(part: Component, seen: Instants) -> Scene:
         require_result(function, shape, shape.kind in KINDS, f"of one of the kinds {', '.join(KINDS)}")
     for line in found.lines:
         wanted = f"with places of shape (N, K, 3) at N = {len(seen.times)} instants"
-        require_result(function, line, np.shape(line.places)[::2] == (len(seen.times), 3), wanted)
+        size = np.shape(line.places)
+        require_result(function, line, size == (len(seen.times), *size[1:2], 3), wanted)
     return found
 
 
