@@ -17,6 +17,7 @@ import skyarm
 from added_components import registry_kept
 from commanded import refused
 from commanded import skyarm as command
+from skyarm.cli.run_command import save_logs
 from skyarm.control.law_checks import memory_mistake
 from skyarm.log.formats import load_log, save_log
 from skyarm.records.leaves import leaves
@@ -181,9 +182,30 @@ def test_a_format_that_writes_nothing(form, value) -> None:
     assert str(error.value) == f"{form.places[0]} gives {value!r}: must be the path of the written file"
 
 
-def test_a_format_that_names_no_path_but_writes_its_file(form) -> None:
-    form.write = lambda path: path.write_text("a") and None
+@pytest.mark.parametrize("value", [None, 4, "a.odd", ""])
+def test_a_format_that_names_no_path_but_writes_its_file(form, value) -> None:
+    form.write = lambda path: path.write_text("text") and value
     assert save_log(LOG, "a.odd") == Path("a.odd")
+
+
+def test_a_path_in_words_is_a_path_and_an_old_file_is_none_that_was_written(form) -> None:
+    Path("a.odd").write_text("old")
+    form.write = lambda path: Path("b.odd").write_text("text") and "b.odd"
+    assert save_log(LOG, "a.odd") == Path("b.odd")
+    form.write = lambda path: 3
+    with pytest.raises(ValueError, match="gives 3: must be the path of the written file"):
+        save_log(LOG, "a.odd")
+
+
+def test_a_log_that_cannot_be_written_keeps_no_other_from_its_file(form) -> None:
+    Path("a.odd").write_text("earlier")
+    files = [Path("a.odd"), Path("b.npz"), Path("c.odd")]
+    form.write = lambda path: f"of {path}"
+    with pytest.raises(ValueError, match=r"gives 'of a\.odd': must be the path"):
+        save_logs(LOG, files)
+    assert load_log("b.npz").time.size == LOG.time.size
+    assert sorted(each.name for each in Path().iterdir()) == ["a.odd", "b.npz"]
+    assert Path("a.odd").read_text() == "earlier"
 
 
 def test_a_format_that_fails_midway_leaves_nothing(form) -> None:

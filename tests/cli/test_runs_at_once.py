@@ -11,6 +11,7 @@ import pytest
 
 from skyarm.cli.run_command import NAMING, earlier_kept, save_logs
 from skyarm.records.files import writing
+from skyarm.records.files.own_inputs import inputs_kept, note_input
 from skyarm.records.files.writing import TakenError, one_writer
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be removed there")
@@ -62,6 +63,37 @@ def test_a_flight_is_saved_although_another_process_holds_the_folder(
     assert kept == []
     assert [file.read_text() for file in written] == ["flown", "flown"]
     assert "one process at a time" in capsys.readouterr().err
+
+
+def test_an_earlier_flight_of_this_process_s_number_is_left_and_so_is_a_device(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("skyarm.cli.run_command.PATIENCE", 0.0)
+    monkeypatch.setattr("skyarm.cli.run_command.save_log", lambda text, file: file.write_text(text) and file)
+    earlier, device = tmp_path / f"a_{os.getpid()}.npz", Path(os.devnull)
+    earlier.write_text("earlier")
+    with earlier_kept([tmp_path / "a.npz"]):
+        written, _ = save_logs("flown", [tmp_path / "a.npz", device])
+    assert written == [tmp_path / f"a_{os.getpid() + 1}.npz", device]
+    assert earlier.read_text() == "earlier"
+
+
+def test_a_flight_beside_the_log_it_read_gets_its_name_under_the_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another flight may take the number while this one waits."""
+
+    def late(folder: Path, **more: object) -> object:
+        (folder / "a_1.npz").write_text("another's")
+        return one_writer(folder, **more)
+
+    monkeypatch.setattr("skyarm.cli.run_command.one_writer", late)
+    monkeypatch.setattr("skyarm.cli.run_command.save_log", lambda text, file: file.write_text(text) and file)
+    (tmp_path / "a.npz").write_text("read")
+    with inputs_kept():
+        note_input(tmp_path / "a.npz")
+        assert save_logs("flown", [tmp_path / "a.npz"]) == ([tmp_path / "a_2.npz"], [])
+    assert (tmp_path / "a_1.npz").read_text() == "another's"
 
 
 def test_a_running_sweep_of_the_folder_keeps_no_flight_from_its_log(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def identify_design(
         clear=USUAL.clear if clear is None else number(clear, "--clear", low=0.0),
     )
     start = load_vehicle(vehicle)
-    with taken_back(*(() if out is None else (Path(out).parent,))):
+    with taken_back(out and Path(out).parent):
         written = None if out is None else output_file(out, "--out", ".toml")
         folder = Path() if written is None else Path(written).parent
         name = vehicle if vehicle in list_vehicles() else os.path.relpath(vehicle, folder)

@@ -73,9 +73,9 @@ def fly(
             arm.close()
         written, kept = save_logs(log, files)
     found = facts(log) | {"outside": log.info["outside"]}
-    tell(*summary(log, found), *_times(log.info["outside"]))
-    tell(f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}")
-    give(found, logs=written, kept=[str(name) for name in kept])
+    words = f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}"
+    tell(*summary(log, found), *_times(log.info["outside"]), words)
+    give(found, logs=written, kept=kept)
     if flight.interrupted is not None:
         raise flight.interrupted
     if log.status != "completed":

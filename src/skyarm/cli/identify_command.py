@@ -139,7 +139,7 @@ def identify(
     felt = None if gravity is None else require_gravity(gravity, "--gravity")
     options = (columns, start, given, curve, drag_height, _sections(begin, end), felt, despite_faults)
     work = Work(flights, held_out or (), join, *options)
-    with taken_back(*(() if out is None else (out,))):
+    with taken_back(out):
         _identify_vehicle(work, None if out is None else Path(out))
 
 

@@ -42,7 +42,7 @@ def identify_lags(
     reason = unreadable(Path(flight))
     if reason:
         raise ValueError(f"flight = {shown(flight)}: {reason}")
-    with taken_back(*(() if out is None else (Path(out).parent,))):
+    with taken_back(out and Path(out).parent):
         _identify_lags(flight, vehicle, gravity, begin, end, out)
 
 

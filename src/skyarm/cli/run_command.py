@@ -156,7 +156,7 @@ def _fly_one(
         the log, its facts, and what ended the flight from outside, to be raised again.
     """
     new = out is not None and not Path(out).exists()
-    with taken_back(*(() if out is None else (out,))):
+    with taken_back(out):
         if out is not None:
             require_writable(out)
         require_replaceable(*files, renames=not force)
@@ -176,10 +176,11 @@ def _fly_one(
     )
     if kept:
         tell(f"the flight before it is kept: {', '.join(map(str, kept))}")
-    found |= {"logs": written, "kept": [str(name) for name in kept]}
+    found |= {"logs": written, "kept": kept}
     if live is not None:
-        seen = {"version": live.version, "commanded": live.commanded, "goals": live.goals, "late_s": live.late}
-        found |= {"ros": seen}
+        found["ros"] = {
+            "version": live.version, "commanded": live.commanded, "goals": live.goals, "late_s": live.late
+        }  # fmt: skip
     return log, found, interrupted
 
 
@@ -216,13 +217,10 @@ def _fly_live(planned: Scenario, version: int, pace: float, advance: Advance, pr
 
     if not 0.0 <= pace < math.inf:
         raise ValueError(f"--pace = {pace:g}: must be a finite number, 0 or above")
-    node = open_node(version)
-    return fly_live(planned, node, version, pace=pace or math.inf, advance=advance, preparing=preparing, warn=say_line)
-
-
-def say_line(line: str) -> None:
-    """Print a warning of a live flight."""
-    say(f"warning: {line}")
+    return fly_live(
+        planned, open_node(version), version, pace=pace or math.inf, advance=advance, preparing=preparing,
+        warn=lambda line: say(f"warning: {line}"),
+    )  # fmt: skip
 
 
 def log_files(names: Sequence[str]) -> list[Path]:
@@ -250,19 +248,26 @@ def save_logs(log: Log, files: Sequence[Path], *, replace: bool = False) -> tupl
     """Write the logs of a flight; return their names, and those that earlier ones got.
 
     A log that was read keeps its name: the flight is numbered in its place. Where another process holds the folder for
-    longer than a minute, the names end in this process's number.
+    longer than a minute, the names end in this process's number, or the next that is free. A log that cannot be
+    written keeps no other from its file: all are tried before the first error is raised.
     """
-    if not replace and any(map(is_input, files)):
-        files = _free_names(files)
-    try:
-        with earlier_kept(files, replace=replace) as kept:
-            return [save_log(log, file) for file in files], kept
-    except TakenError as error:
-        say(f"warning: {error}; this flight's logs get names of their own")
-        alone = [
-            file if _is_device(file) else file.with_name(f"{file.stem}_{os.getpid()}{file.suffix}") for file in files
-        ]
-        return [save_log(log, file) for file in alone], []
+    beside = not replace and any(map(is_input, files))
+    written, errors = [], []
+    with ExitStack() as lock:
+        try:
+            kept = lock.enter_context(earlier_kept(files, replace=replace or beside))
+            names = _free_names(files) if beside else files
+        except TakenError as error:
+            say(f"warning: {error}; this flight's logs get names of their own")
+            names, kept = _free_names(files, os.getpid()), []
+        for file in names:
+            try:
+                written.append(save_log(log, file))
+            except Exception as error:
+                errors.append(error)
+        if errors:
+            raise errors[0]
+    return written, kept
 
 
 @contextmanager
@@ -303,10 +308,13 @@ def _is_device(file: Path) -> bool:
     return file.exists() and not file.is_file()
 
 
-def _free_names(files: Sequence[Path]) -> list[Path]:
-    """Names NAME_1.npz of some files, with the first number of which none of them is there."""
-    every = ([file.with_name(f"{file.stem}_{k}{file.suffix}") for file in files] for k in count(1))
-    return next(names for names in every if not any(map(os.path.lexists, names)))
+def _free_names(files: Sequence[Path], least: int = 1) -> list[Path]:
+    """Names NAME_1.npz of some files but devices, with the first number of which none of them is there."""
+    every = (
+        [file if _is_device(file) else file.with_name(f"{file.stem}_{k}{file.suffix}") for file in files]
+        for k in count(least)
+    )
+    return next(names for names in every if not any(map(os.path.lexists, {*names} - {*files})))
 
 
 LABELS = {
@@ -354,8 +362,9 @@ def facts(log: Log) -> dict[str, Any]:
         found["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
     if log.phase.size:
         late = timed_out(log)
-        ends = enumerate(log.phase_ends)
-        found["phase_ends"] = [{"phase": name, "end": end, "timeout": number in late} for number, (name, end) in ends]
+        found["phase_ends"] = [
+            {"phase": name, "end": end, "timeout": number in late} for number, (name, end) in enumerate(log.phase_ends)
+        ]
     elif log.path_time.size:
         distances = {
             "lag": log.time - log.path_time,
@@ -384,16 +393,14 @@ def error_norms(log: Log) -> dict[str, Array]:
 
 def _peak_thrust(log: Log) -> float | None:
     """Highest ratio of a rotor's thrust to its maximum; None if no rotor has a limit."""
-    vehicle = restored_part(log.info, "agent", "plant", "vehicle")
-    rotors = () if vehicle is None else vehicle.rotors
+    rotors = getattr(restored_part(log.info, "agent", "plant", "vehicle"), "rotors", ())
     pairs = zip(rotors, log.rotor_speeds.max(axis=0), strict=False)
     return max((float(push(r, w) / push(r, r.max_speed)) for r, w in pairs if np.isfinite(r.max_speed)), default=None)
 
 
 def _has_battery(log: Log) -> bool:
     """True if a battery's voltage limits the rotors, of which the commands alone say nothing."""
-    vehicle = restored_part(log.info, "agent", "plant", "vehicle")
-    return vehicle is not None and vehicle.battery is not None
+    return getattr(restored_part(log.info, "agent", "plant", "vehicle"), "battery", None) is not None
 
 
 def _contacts(log: Log) -> list[dict[str, Any]]:
@@ -497,8 +504,8 @@ def sentences(found: dict[str, Any]) -> list[str]:
 def _flight_words(log: Log) -> str:
     """Line that names law, vehicle, plant, integrator, seed, scheduled changes and plugins of a flight."""
     info = log.info
-    line = f"law {info['controller']} on {info['plant_vehicle']}, plant {info['plant']} ({info['integrator']}), seed "
-    line += str(info["seed"])
+    plant = f"{info['plant_vehicle']}, plant {info['plant']} ({info['integrator']})"
+    line = f"law {info['controller']} on {plant}, seed {info['seed']}"
     changes = (info.get("scenario_record") or {}).get("changes", ())
     paths = dict.fromkeys(str(each["path"]) for each in changes if "path" in each)
     if changes:

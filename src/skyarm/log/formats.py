@@ -16,6 +16,7 @@ from skyarm.log.contents import log_info, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
 from skyarm.records.files import PathLike, must_be_one_of, shown, unreadable, write_atomically
+from skyarm.records.files.own_inputs import stamp_of
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
 from skyarm.records.files.user_code import own_code, require_result
 from skyarm.records.files.writing import taken_back
@@ -37,11 +38,11 @@ class LogFormat:
     read: Callable[[Path], Log] | None = None
 
 
-def _import_when_called(module: str, function: str) -> Callable[..., Any]:
+def _of_ros_files(function: str) -> Callable[..., Any]:
     """Make a function that imports its module at the first call."""
 
     def call(*arguments: Any) -> Any:
-        return getattr(import_module(f"skyarm.log.{module}"), function)(*arguments)
+        return getattr(import_module("skyarm.log.ros.files"), function)(*arguments)
 
     return call
 
@@ -109,7 +110,7 @@ def _texts(column: Any, known: dict[bytes, list[str]]) -> list[str]:
 
 NPZ = LogFormat(write_npz, read_npz)
 CSV = LogFormat(write_csv)
-MCAP = LogFormat(_import_when_called("ros.files", "write_mcap"), _import_when_called("ros.files", "read_mcap"))
+MCAP = LogFormat(_of_ros_files("write_mcap"), _of_ros_files("read_mcap"))
 
 
 def require_format(path: PathLike, field: str = "log") -> LogFormat:
@@ -151,10 +152,11 @@ def save_log(log: Log, path: PathLike) -> Path:
         RegistryError: no such format. OSError: it cannot be written. ValueError: the format wrote no file.
     """
     write, file = require_format(path).write, Path(path)
+    before = stamp_of(file)
     with taken_back(file):
         written = write(log, file)
-    named = written or file
-    require_result(write, written, os.path.lexists(str(named)), "the path of the written file")
+    named = Path(str(written or file)) if stamp_of(file) == before else file
+    require_result(write, written, os.path.lexists(named), "the path of the written file")
     return named
 
 

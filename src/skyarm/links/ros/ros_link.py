@@ -48,7 +48,7 @@ TIMEOUT = 0.1
 GOAL_PAUSE = 0.2
 """s of flight between two goals that are taken at least; of more, the last."""
 
-Warn = Callable[[str], None]
+Warn = Callable[[str], object]
 
 
 class LiveInstant:

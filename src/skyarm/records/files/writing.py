@@ -276,12 +276,12 @@ def write_inside(path: Path, content: bytes, *, entry: bool = True) -> Path:
 
 
 @contextmanager
-def taken_back(*paths: PathLike) -> Iterator[None]:
+def taken_back(*paths: PathLike | None) -> Iterator[None]:
     """Context manager that removes new output files if the work inside fails before it has a result.
 
     Args:
         paths: folders that the work makes, outermost first (with those above them), and files that mean nothing
-            without what the folders behind them hold. Those that were there before stay as they are.
+            without what the folders behind them hold. Those that were there before stay as they are. None is no path.
     """
     made = [path for path in _with_parents(paths) if not os.path.lexists(path)]
     try:
@@ -300,9 +300,9 @@ def taken_back(*paths: PathLike) -> Iterator[None]:
         raise
 
 
-def _with_parents(paths: tuple[PathLike, ...]) -> list[Path]:
+def _with_parents(paths: tuple[PathLike | None, ...]) -> list[Path]:
     """Each path and all its parent folders, parents first, without duplicates."""
-    every = [each for path in paths for each in (*reversed(Path(path).parents), Path(path))]
+    every = [each for path in paths if path is not None for each in (*reversed(Path(path).parents), Path(path))]
     return list(dict.fromkeys(every))
 
 
