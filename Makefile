@@ -3,20 +3,21 @@ PYTHON ?= python3
 VENV := .venv
 LOWEST := .venv-lowest
 PEERS := .venv-peers
+RAY := .venv-ray
 BIN := $(VENV)/bin
 PIP := -m pip install --quiet --disable-pip-version-check
 OUT ?= out/paper
 BENCH ?= out/bench.json
 WORKERS ?= 2
 TESTS ?=
-GATES := types test docs thorough attack digests browser peers
+GATES := types test docs thorough attack digests browser peers ray
 
-.PHONY: all reproduce test types pytest test-lowest docs films envelope fresh browser thorough attack digests mutants bench peers lint hooks clean help
+.PHONY: all reproduce test types pytest test-lowest docs films envelope fresh browser thorough attack digests mutants bench peers ray lint hooks clean help
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
 	@echo "make test         lint, and most tests (thorough, attack, digests: the rest); TESTS='tests/plant -k wind' runs these only"
-	@echo "make all          test, docs, thorough, attack, digests, browser, peers, one after the other; a line for each: an hour or two"
+	@echo "make all          test, docs, thorough, attack, digests, browser, peers, ray, one after the other; a line for each: an hour or two"
 	@echo "make pytest       these tests without lint; TESTS as above"
 	@echo "make test-lowest  every test on the lowest versions of pyproject.toml, in $(LOWEST); PYTHON must be 3.11"
 	@echo "make docs         build the documentation site, out/docs/site/index.html; run all that README, docs and examples show"
@@ -28,8 +29,9 @@ help:
 	@echo "make attack       kills at random times, signal races, full disks, forged folders, fuzzed files: some minutes"
 	@echo "make digests      every flight of the paper's cases against the digest it had: some twenty minutes"
 	@echo "make mutants      change 300 drawn lines, one at a time, and name those no test sees: hours; WORKERS=$(WORKERS) processes"
-	@echo "make bench        measure every engine on this machine; BENCH=$(BENCH) is the file of the numbers"
+	@echo "make bench        measure every engine, and that of many flights, here; BENCH=$(BENCH) is the file of the numbers"
 	@echo "make peers        fly the other libraries of the bench once, in $(PEERS): two minutes; docs/performance.md has the long form"
+	@echo "make ray          sweeps on a Ray cluster of two nodes on this machine, one of them killed, in $(RAY): some minutes"
 	@echo "make lint         ruff, import contract"
 	@echo "make types        mypy"
 	@echo "make hooks        run lint's quick parts before each commit (pre-commit, in $(VENV))"
@@ -143,8 +145,9 @@ mutants: $(VENV)/.test
 	$(BIN)/python tests/mutation/mutants.py run --workers $(WORKERS)
 	$(BIN)/python tests/mutation/mutants.py score
 
-bench: $(VENV)/.core
+bench: $(VENV)/.test
 	$(BIN)/python tests/studies/bench/measure_engines.py --out $(BENCH)
+	$(BIN)/python tests/studies/bench/measure_flights.py
 
 # PyFlyt asks for NumPy 1 and flies on 2, which another of them needs
 $(PEERS)/.installed: pyproject.toml tests/studies/bench/peers.txt
@@ -157,9 +160,19 @@ $(PEERS)/.installed: pyproject.toml tests/studies/bench/peers.txt
 peers: $(PEERS)/.installed
 	$(PEERS)/bin/python tests/studies/bench/measure_peers.py --small
 
+# the other eighteen nodes that are killed: $(RAY)/bin/pytest -n 0 -m thorough tests/studies/flights/test_ray_rows.py
+$(RAY)/.installed: pyproject.toml constraints.txt
+	rm -rf $(RAY)
+	$(PYTHON) -m venv $(RAY)
+	$(RAY)/bin/python $(PIP) -c constraints.txt pytest pytest-xdist -e ".[sweep,ray]"
+	@touch $@
+
+ray: $(RAY)/.installed
+	$(RAY)/bin/pytest -n 0 tests/studies/flights/test_ray_*.py tests/test_docs_clusters.py
+
 hooks: $(VENV)/.types
 	$(BIN)/python $(PIP) -c constraints.txt pre-commit
 	$(BIN)/pre-commit install
 
 clean:
-	rm -rf $(VENV) $(LOWEST) $(PEERS) out build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) $(LOWEST) $(PEERS) $(RAY) out build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

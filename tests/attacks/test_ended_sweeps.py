@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from skyarm.studies.sweep import run_sweep
-from skyarm.studies.sweep.store import MANIFEST
+from skyarm.studies.sweep.manifest import MANIFEST
 from sweeps import document, files_of, small_study
 from thorough import sampled
 

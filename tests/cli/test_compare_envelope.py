@@ -12,6 +12,7 @@ from added_components import registry_kept
 from commanded import refused, skyarm
 from skyarm.studies.compare.envelope import LAWS, TUNED_LAWS, Envelope
 from skyarm.studies.compare.envelope_axes import AXES
+from skyarm.studies.flights.store import files_by_label
 
 
 @pytest.fixture
@@ -20,8 +21,8 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Envelop
     monkeypatch.chdir(tmp_path)
     found: list[tuple[Envelope, Path, int]] = []
 
-    def fly(envelope: Envelope, folder: Path, *, threads: int, progress: Any) -> None:
-        found.append((envelope, folder, threads))
+    def fly(envelope: Envelope, folder: Path, *, workers: int, on: str | None, progress: Any) -> None:
+        found.append((envelope, folder, workers))
         raise ValueError("nothing is flown here")
 
     monkeypatch.setattr("skyarm.cli.compare_command.fly_suite", fly)
@@ -102,8 +103,8 @@ def test_a_law_of_a_file_flies(tmp_path: Path) -> None:
         first = skyarm("compare", "envelope-suite", *options)
     assert first.code == 0, first.err
     assert "own_law.py:make_lqr" in first.out
-    (cell,) = (tmp_path / "x" / "cells").iterdir()
-    assert cell.name.endswith("own_law.py-make_lqr.cell")
+    (label,) = files_by_label(tmp_path / "x" / "rows")
+    assert "own_law.py-make_lqr" in label
 
 
 def test_its_result_is_plain_data_on_standard_output(tmp_path: Path) -> None:

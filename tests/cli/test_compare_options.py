@@ -18,8 +18,8 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Compari
     monkeypatch.chdir(tmp_path)
     found: list[tuple[Comparison, Path, int]] = []
 
-    def fly(comparison: Comparison, folder: Path, *, threads: int, progress: Any) -> None:
-        found.append((comparison, folder, threads))
+    def fly(comparison: Comparison, folder: Path, *, workers: int, on: str | None, progress: Any) -> None:
+        found.append((comparison, folder, workers))
         raise ValueError("nothing is flown here")
 
     monkeypatch.setattr("skyarm.cli.compare_command.fly_suite", fly)

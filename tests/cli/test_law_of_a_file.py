@@ -135,14 +135,14 @@ def test_compare_flies_it_beside_others_and_another_file_again(folder, plant, wo
     assert name in (folder / "bench" / "tables.md").read_text()
     if at[0] == "perfect":  # only the suite has a report
         assert "user-defined laws" in (folder / "bench" / "report.html").read_text()
-    kept = {path: path.stat().st_mtime_ns for path in (folder / "bench" / "cells").iterdir()}
+    kept = {path: path.stat().st_mtime_ns for path in (folder / "bench" / "rows").iterdir()}
     ran(*words)
-    assert {path: path.stat().st_mtime_ns for path in (folder / "bench" / "cells").iterdir()} == kept
+    assert {path: path.stat().st_mtime_ns for path in (folder / "bench" / "rows").iterdir()} == kept
     changed(folder)
     with registry_kept():
         anew()
         ran(*words)
-    again = {path.stat().st_mtime_ns for path in (folder / "bench" / "cells").iterdir()} - set(kept.values())
+    again = {path.stat().st_mtime_ns for path in (folder / "bench" / "rows").iterdir()} - set(kept.values())
     assert again
     assert json.loads((folder / "bench" / "results.json").read_text())["plugins"] != {"own_law.py": DIGEST}
 

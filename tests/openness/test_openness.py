@@ -22,7 +22,7 @@ from added_components import registry_kept
 from commanded import skyarm as typed
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.workers import TRIED
+from skyarm.simulate.other_process import TRIED
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -63,18 +63,18 @@ def test_what_was_flown_is_not_flown_again_but_with_another_plugin(tmp_path: Pat
     words = ["added.toml", "--out", "out", "--laws", f"angles,{LAW}", "--seeds", "2"]
     first = compare(tmp_path, *words)
     assert first.code == 0, first.err
-    cells = {file.name: file.stat().st_mtime_ns for file in (tmp_path / "out" / "cells").iterdir()}
+    cells = {file.name: file.stat().st_mtime_ns for file in (tmp_path / "out" / "rows").iterdir()}
     assert len(cells) == 3
     again = compare(tmp_path, *words)
     assert again.out == first.out
-    assert {file.name: file.stat().st_mtime_ns for file in (tmp_path / "out" / "cells").iterdir()} == cells
+    assert {file.name: file.stat().st_mtime_ns for file in (tmp_path / "out" / "rows").iterdir()} == cells
     plugin = tmp_path / "gps.py"
     plugin.write_text(plugin.read_text("utf-8") + "\n# better\n", "utf-8")
     changed = compare(tmp_path, *words)
     assert changed.code == 0, changed.err
     assert (
         not cells.items()
-        & {file.name: file.stat().st_mtime_ns for file in (tmp_path / "out" / "cells").iterdir()}.items()
+        & {file.name: file.stat().st_mtime_ns for file in (tmp_path / "out" / "rows").iterdir()}.items()
     )
 
 

@@ -44,12 +44,12 @@ pytestmark = pytest.mark.thorough
 @pytest.fixture(scope="module")
 def table(campaign: Campaign) -> dict[str, Any]:
     facts = settings(campaign.all_logs()) | shown.inferred_facts(shipped_evidence())
-    return results(campaign.metrics_by_cell(), facts, campaign.found[INFERRED])
+    return results(campaign.found["stated"], facts, campaign.found[INFERRED])
 
 
 @pytest.fixture(scope="module")
 def predicted(campaign: Campaign) -> dict[str, Any]:
-    found: dict[str, Any] = results(campaign.metrics_by_cell(), {}, campaign.found[PREDICTED])["experiments"]
+    found: dict[str, Any] = results(campaign.found["stated"], {}, campaign.found[PREDICTED])["experiments"]
     return found
 
 

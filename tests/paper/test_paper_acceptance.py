@@ -30,7 +30,7 @@ def stated() -> Campaign:
 
 @pytest.fixture(scope="module")
 def table(stated: Campaign) -> dict[str, Any]:
-    return results(stated.metrics_by_cell(), settings(stated.all_logs()))
+    return results(stated.found["stated"], settings(stated.all_logs()))
 
 
 def _cell(table: dict[str, Any], case: str, controller: str, metric: str, plant: str) -> float:
@@ -243,7 +243,7 @@ def test_the_pages_table_is_what_flights_give(table: dict[str, Any]) -> None:
 
 @pytest.mark.thorough
 def test_the_pages_inferred_columns_are_what_flights_give(campaign: Campaign) -> None:
-    flown = results(campaign.metrics_by_cell(), settings(campaign.all_logs()), campaign.found["inferred"])
+    flown = results(campaign.found["stated"], settings(campaign.all_logs()), campaign.found["inferred"])
     _pages_table_is(flown, (3, 4, 6, 7))
 
 

@@ -11,18 +11,20 @@ from typing import Any
 import pytest
 
 import skyarm
+from commanded import skyarm as command
 from skyarm.paper import reproduce as room
 from skyarm.paper.flights import metrics, results, settings
 from skyarm.paper.published import CASES, PRINTED, digits
 from skyarm.paper.reproduce import Campaign, run_campaign
 from skyarm.paper.variations import variations
+from skyarm.records.files.writing import TakenError, one_writer
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log, run
 
 
-def _few(plants: Any, *, workers: int = 1, progress: Any = None) -> Campaign:
+def _few(plants: Any, **options: Any) -> Campaign:
     """The plain flights, and the variations that need no flight of their own."""
-    campaign = run_campaign(plants, sensitivity=False, workers=workers, progress=progress)
+    campaign = run_campaign(plants, **options, sensitivity=False)
     log = campaign.logs[plants[0]]
     for each in variations():
         for case in each.cases:
@@ -54,7 +56,8 @@ def test_every_promised_file_is_there_and_nothing_else(written: tuple[Path, dict
     wanted |= {f"{case}.html" for case in CASES}
     wanted |= {f"figures/figure_{i:02d}.png" for i in range(3, 19)} | {"figures/overview.png"}
     wanted |= {f"logs/rigid_body/{case}_{controller}.npz" for case in CASES for controller in ("CT", "PD")}
-    assert {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()} == wanted
+    there = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
+    assert {name for name in there if not name.startswith("rows/")} == wanted
     assert all((folder / name).stat().st_size > 0 for name in wanted)
     assert len(notes) == 3
 
@@ -93,6 +96,46 @@ def test_logs_are_the_flights(written: tuple[Path, dict[str, Any], list[str]]) -
     log = Log.load_npz(folder / "logs" / "rigid_body" / "case3_wind_PD.npz")
     assert (log.info["scenario"], log.info["controller"]) == ("case3_wind", "decoupled_pd")
     assert log.time.size == 6000
+
+
+def _nothing_flown(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+    """Campaigns that were asked for in place of flown."""
+    asked: list[dict[str, Any]] = []
+    monkeypatch.setattr(room, "run_campaign", lambda _plants, **options: asked.append(options) or Campaign())
+    monkeypatch.setattr(room, "_write", lambda *_: {"written": True})
+    return asked
+
+
+def test_a_second_command_into_the_folder_is_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = _nothing_flown(monkeypatch)
+    with one_writer(tmp_path), pytest.raises(TakenError, match=r"^folder = .*: must be written by one pro") as caught:
+        skyarm.reproduce(tmp_path)
+    assert "\n" not in str(caught.value)
+    assert not asked
+    assert skyarm.reproduce(tmp_path) == {"written": True}
+
+
+def test_without_pyarrow_flights_are_not_kept_which_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, notes = _nothing_flown(monkeypatch), list[str]()
+    monkeypatch.setattr("skyarm.studies.flights.store._parquet", lambda: None)
+    skyarm.reproduce(tmp_path, note=notes.append)
+    assert asked[0]["store"] is None
+    (line,) = notes
+    assert line.startswith("pyarrow is missing, flights are not kept; ")
+    assert not (tmp_path / "rows").exists()
+
+
+def test_nowhere_is_no_place_to_fly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = _nothing_flown(monkeypatch)
+    for on in ("", "moon", 3):
+        with pytest.raises(ValueError, match=r"^on = .*: must be local, processes, ray or ray:HOST:PORT$"):
+            skyarm.reproduce(tmp_path / "out", on=on)  # type: ignore[arg-type]
+    done = command("reproduce", "--on", "moon", "--out", str(tmp_path / "out"))
+    assert (done.code, asked) == (2, [])
+    assert "--on = 'moon'" in done.err
+    assert not (tmp_path / "out").exists()
 
 
 def test_nothing_is_flown_for_an_unknown_plant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 import release
 import skyarm
-from lowest import BUILDERS, CARRIED, DRIVEN, FLOWN, LEFT_OUT, LINTERS, direct, pins, project
+from lowest import BUILDERS, CARRIED, CLUSTERED, DRIVEN, FLOWN, LEFT_OUT, LINTERS, direct, pins, project
 from skyarm.records.files.packages import FLOORS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -30,6 +30,7 @@ def test_every_extra_is_tested_at_its_floor() -> None:
     assert [pin.split("==")[0] for pin in pins(extras.pop("robots"))] == list(CARRIED)
     assert [pin.split("==")[0] for pin in pins(extras.pop("betaflight"))] == list(FLOWN)
     assert [pin.split("==")[0] for pin in pins(extras.pop("dynamixel"))] == list(DRIVEN)
+    assert [pin.split("==")[0] for pin in pins(extras.pop("ray"))] == list(CLUSTERED)
     for name, requirements in extras.items():
         for pin in pins(requirements):
             package, version = pin.split(";")[0].split("==")

@@ -21,7 +21,6 @@ from skyarm.records.identity import FOR_PEOPLE, _without, all_files, identity, o
 from skyarm.records.plain import digest, plain
 from skyarm.records.registry import RegistryError
 from skyarm.records.registry.plugins import Plugin, identities, load_again, load_plugin, loaded_plugins
-from skyarm.studies.compare.cells import key
 from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.sweep.plan import prepare
 from sweeps import small_study
@@ -342,17 +341,17 @@ def test_a_cell_of_a_comparison_is_of_the_code_that_flew(tmp_path: Path) -> None
     file.write_text(FORCE.format(top="GAIN = 1.0"))
     imported(file)
     flights = OwnScenario(scenario=str(tmp_path / "pushed.toml"), laws=["paper_pd"]).plan_cells()[0][1]
-    first = key(flights)
-    assert key(flights) == first
+    first = flights.work().key
+    assert flights.work().key == first
     file.write_text(FORCE.format(top="GAIN = 2.0"))
-    second = key(flights)
+    second = flights.work().key
     assert second != first
     metric = tmp_path / "push_metric.py"
     metric.write_text(METRIC)
     imported(metric)
-    third = key(flights)
+    third = flights.work().key
     metric.write_text(f"{METRIC}# other\n")
-    assert len({first, second, third, key(flights)}) == 4
+    assert len({first, second, third, flights.work().key}) == 4
 
 
 def test_a_study_knows_the_files_of_the_metrics_that_it_counts(tmp_path: Path) -> None:
@@ -377,6 +376,8 @@ def test_the_order_in_which_plugins_are_loaded_changes_no_digest(names: tuple[st
                 load_plugin(file)
             manifest = prepare(small_study()).manifest
             cell = OwnScenario(scenario="case1", laws=["paper_pd"]).plan_cells()[0][0]
-            found.append((manifest.facts, key(cell), list(identities().items()), list(manifest.study["plugins"])))
+            found.append(
+                (manifest.digest, cell.work().key, list(identities().items()), list(manifest.study["plugins"]))
+            )
     assert found[0] == found[1]
     assert len(found[0][2]) == len(found[0][3]) == 2

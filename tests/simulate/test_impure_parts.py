@@ -18,13 +18,14 @@ import skyarm
 from added_components import registry_kept
 from commanded import refused
 from commanded import skyarm as typed
+from in_processes import elsewhere
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario
 from skyarm.scenario.without_effect import without_effect
 from skyarm.simulate import other_process
+from skyarm.simulate.other_process import TRIED
 from skyarm.simulate.user_code import check_law, require_shapes
-from skyarm.simulate.workers import TRIED, workers
 
 BASE = load_scenario("case1", duration=0.02)
 
@@ -321,8 +322,7 @@ def test_a_file_that_a_field_names_is_there_too_and_one_process_is_enough(tmp_pa
 def test_a_worker_starts_no_process_for_what_its_parent_tried(tmp_path, tried_elsewhere):
     scenario = by_plugin(tmp_path, "force", "1.0")
     require_shapes(scenario)
-    with workers(1) as submit:
-        assert submit(_tried).result() == TRIED
+    assert elsewhere(_tried) == TRIED
 
 
 def _tried() -> set[str]:

@@ -82,7 +82,12 @@ EVERY: Mapping[str, Any] = {
 }
 """Parameter -> the option that every command has."""
 
-Flying = Annotated[int, typer.Option("--workers", help="threads that fly; 0 takes every core")]
+Flying = Annotated[int, typer.Option("--workers", help="threads or processes that fly; 0 takes every core")]
+
+On = Annotated[
+    str | None,
+    typer.Option("--on", metavar="PLACE", help="where it flies: local, processes, ray or ray:HOST:PORT"),
+]
 
 Scenario = Annotated[
     str,

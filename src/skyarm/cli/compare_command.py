@@ -10,6 +10,7 @@ import typer
 from skyarm.cli.arguments import (
     Flying,
     Laws,
+    On,
     chosen_names,
     law_names,
     name_completion,
@@ -20,7 +21,7 @@ from skyarm.cli.arguments import (
     workers,
 )
 from skyarm.cli.output import bar, give, tell
-from skyarm.records.files import must_be_one_of, require_writable, shown, taken_back
+from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.registry import names as registered
 from skyarm.records.registry.plugins import loaded_plugins
 from skyarm.simulate.user_code import check_law
@@ -34,8 +35,9 @@ from skyarm.studies.compare.envelope_axes import AXES
 from skyarm.studies.compare.envelope_setting import PAPER
 from skyarm.studies.compare.own_scenario import LAWS as USUAL_LAWS
 from skyarm.studies.compare.own_scenario import OwnScenario
-from skyarm.studies.compare.run_suite import Suite, fly_suite, prepare
+from skyarm.studies.compare.run_suite import Suite, fly_suite
 from skyarm.studies.compare.suite import conditions as conditions_of
+from skyarm.studies.flights.executor import require_place
 
 MOST = 1_000_000
 """Flights of a cell of the comparison: more belong into a sweep, which keeps them on disk."""
@@ -74,6 +76,7 @@ def compare(
     quick: Annotated[bool, typer.Option("--quick", help=f"two values of each axis; {QUICK} worlds in contact")] = False,
     plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",
     flying: Flying = 0,
+    on: On = None,
 ) -> None:
     """Compare laws on a suite of trials, or on a scenario.
 
@@ -82,7 +85,9 @@ def compare(
     require_within("--seeds", seeds, 1, MOST)
     require_within("--plants", PLANTS if plants is None else plants, 1, MOST)
     require_within("--seed", seed, 0)
-    threads = workers(flying)
+    if on is not None:
+        require_place(on, "--on")
+    count = workers(flying)
     if plant not in registered("plant"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
     _require_effect(context, suite)
@@ -114,7 +119,7 @@ def compare(
         raise ValueError(
             f"suite = {shown(suite)}: must be one of {suites}, or a scenario (a .toml file or a shipped one)"
         )
-    _fly(asked, out or folder, threads)
+    _fly(asked, Path(out or folder), count, on)
 
 
 def _require_effect(context: typer.Context, suite: str) -> None:
@@ -126,20 +131,17 @@ def _require_effect(context: typer.Context, suite: str) -> None:
             require_left_out(context, [option], f" for {of}; it is of {' and '.join(readers)}")
 
 
-def _fly(suite: Suite[Any], out: str, threads: int) -> None:
+def _fly(suite: Suite[Any], folder: Path, count: int, on: str | None) -> None:
     """Run the missing flights of a comparison, and print and write its report.
 
     Raises:
         ValueError, OSError: one line.
     """
-    folder = Path(out)
     todo, _ = suite.plan_cells()
     for flights in {each.entrant.name: each for each in todo if loaded_plugins()}.values():
         check_law(flights.scenario())  # here, that no process has to
-    with taken_back(folder, folder / "cells"):
-        prepare(require_writable(out))
-        with bar(suite.name, pause=0.0) as advance:
-            found = fly_suite(suite, folder, threads=threads, progress=advance)
+    with bar(suite.name, pause=0.0) as advance:
+        found = fly_suite(suite, folder, workers=count, on=on, progress=advance)
     report = suite.report(found)
     give(found, folder=folder, title=report.title)
     tell(report.markdown(), f"{suite.name} in {folder}: report.html, tables.md, {suite.file}.json")

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import Out, workers
+from skyarm.cli.arguments import Flying, On, Out, workers
 from skyarm.cli.output import bar, give, tell
 from skyarm.records.files import must_be_one_of
 
@@ -14,21 +14,25 @@ from skyarm.records.files import must_be_one_of
 def reproduce(
     out: Out = "out/paper",
     plant: Annotated[str, typer.Option(help="rigid_body, mujoco or both")] = "both",
-    flying: Annotated[int, typer.Option("--workers", help="processes that fly; 0 takes every core")] = 0,
+    flying: Flying = 0,
+    on: On = None,
 ) -> None:
     """Repeat the flights of the paper by Barakou (2026).
 
     Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
-    Figures 3-18 and report.html.
+    Figures 3-18 and report.html. The same command continues what was interrupted (extra: sweep).
     """
     from skyarm.paper.counted_cells import sentence
     from skyarm.paper.reproduce import prepare_folder
     from skyarm.paper.reproduce import reproduce as perform
     from skyarm.scenario.scenario_record import PLANTS
+    from skyarm.studies.flights.executor import require_place
 
     if plant not in (*PLANTS, "both"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of((*PLANTS, 'both'), plant)}")
     processes = workers(flying)
+    if on is not None:
+        require_place(on, "--on")
     plants = PLANTS if plant == "both" else (plant,)
     prepare_folder(out, plants)
     with bar("flying") as advance:
@@ -36,6 +40,7 @@ def reproduce(
             out,
             plants=plants,
             workers=processes,
+            on=on,
             progress=advance,
             note=tell,
         )

@@ -13,6 +13,7 @@ import typer
 from skyarm.cli.arguments import (
     Flying,
     Laws,
+    On,
     law_names,
     name_completion,
     out_option,
@@ -43,6 +44,7 @@ def sweep(
     laws: Laws = None,
     out: Annotated[str | None, out_option("folder; out/NAME of a study, FOLDER/stats of one")] = None,
     flying: Flying = 0,
+    on: On = None,
     part: Annotated[
         str | None, typer.Option(metavar="K/N", help="of N machines that share the folder the K-th")
     ] = None,
@@ -59,21 +61,25 @@ def sweep(
     differences and maps, as report.html and stats.json.
     """
     if study not in shipped_names("study") and Path(study).is_dir() and study:
-        require_left_out(context, ["--laws", "--workers", "--part"], " with the folder of a sweep")
+        require_left_out(context, ["--laws", "--workers", "--on", "--part"], " with the folder of a sweep")
         _sum_up(study, out, success, paths)
     else:
         require_left_out(context, ["--success", "--map"], "; only the folder of a sweep has it")
-        _fly(study, law_names(laws) or None, out, workers(flying), part)
+        _fly(study, law_names(laws) or None, out, workers(flying), on, part)
 
 
-def _fly(study: str, controllers: list[str] | None, out: str | None, threads: int, part: str | None) -> None:
+def _fly(
+    study: str, controllers: list[str] | None, out: str | None, count: int, on: str | None, part: str | None
+) -> None:
     """Run the missing episodes of a study, and write them to its folder."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
     from skyarm.scenario.without_effect import WithoutEffectWarning
+    from skyarm.studies.flights.executor import LOCAL, require_place
     from skyarm.studies.sweep import load_study, run_sweep
     from skyarm.studies.sweep.plan import largest_episode
 
     require_not_another(study, "study")
+    place = require_place(LOCAL if on is None else on, "--on")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", WithoutEffectWarning)  # of the file's numbers, in place of an episode's
         loaded = load_study(study, controllers)
@@ -90,7 +96,7 @@ def _fly(study: str, controllers: list[str] | None, out: str | None, threads: in
             rate = (done - before[0]) * len(loaded.scenarios) / max(time.perf_counter() - begin, 1e-9)
             advance(done, total, f"{rate:.0f} flights/s")
 
-        summary = run_sweep(loaded, folder, threads=threads, part=part, progress=progress)
+        summary = run_sweep(loaded, folder, workers=count, on=place, part=part, progress=progress)
     flights = summary.flown * len(loaded.scenarios)
     known = f", {summary.found} episodes were there" if summary.found else ""
     tell(

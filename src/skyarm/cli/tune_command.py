@@ -13,6 +13,7 @@ import typer
 from skyarm.cli.arguments import (
     Flying,
     Laws,
+    On,
     names_of,
     one_law,
     out_option,
@@ -58,15 +59,20 @@ def tune(
     ] = None,
     seed: Annotated[int, typer.Option(help="of plants, noise and search")] = 0,
     flying: Flying = 0,
+    on: On = None,
 ) -> None:
     """Tune a law's gains for a vehicle; write the Pareto front.
 
-    Exit code 3 if no gains meet the margins.
+    The same command continues what was interrupted. Exit code 3 if no gains meet the margins.
     """
     from skyarm.studies.tune.tune_scenario import plan_of, require_size
 
     require_size(candidates, plants, seed, "--")
-    threads, wanted = workers(flying), wanted_of(target, one_law(laws))
+    from skyarm.studies.flights.executor import LOCAL, require_place
+
+    place, count = require_place(LOCAL if on is None else on, "--on"), workers(flying)
+    wanted = wanted_of(target, one_law(laws))
+    from skyarm.studies.flights.store import ROWS, require_parquet
     from skyarm.studies.tune.front import POINTS
     from skyarm.studies.tune.gain_search import Effort
     from skyarm.studies.tune.tune_page import front_name, gains_text, tune_page
@@ -78,10 +84,14 @@ def tune(
     plan = plan_of(scenario, wanted.has_motion, wanted.label, names_of("--knobs", knobs) or None, effort, seed)
     folder = Path("out") / f"tune_{wanted.name}" if out is None else Path(out)
     begin = time.perf_counter()
-    with taken_back(folder), bar(f"{wanted.label} for {scenario.name}") as advance:
+    try:
+        require_parquet()
+    except ValueError as error:
+        say(f"this search cannot be resumed: {error}")
+    with taken_back(folder, folder / ROWS), bar(f"{wanted.label} for {scenario.name}") as advance:
         require_writable(folder)
         require_replaceable(folder / GAINS, folder / PAGE, *(folder / front_name(i) for i in range(POINTS)))
-        found = perform(plan, threads=threads, progress=advance)
+        found = perform(plan, workers=count, on=place, folder=folder, progress=advance)
     for i, point in enumerate(found.points):
         write_atomically(folder / front_name(i), gains_text(found, point, wanted.words, wanted.kept).encode())
     for stale in range(len(found.points), POINTS):

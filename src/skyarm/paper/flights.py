@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache, partial
 from typing import Any
+
+import numpy as np
 
 from skyarm.log.metrics.metric_catalogue import REFERRED
 from skyarm.log.metrics.score import score, settling_time
@@ -14,7 +17,8 @@ from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER, Record
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PLANTS
-from skyarm.simulate import Log, Scenario, Window, run
+from skyarm.simulate import Log, Scenario, Window
+from skyarm.studies.flights import Work
 
 STEADY, TRANSIENT, GUST = Window(10.0, 20.0), Window(0.0, 8.0), Window(5.0, 20.0)
 WINDOWS: Mapping[str, Window] = {case: GUST if case == "case2_gust" else STEADY for case in CASES}
@@ -52,6 +56,7 @@ def flights(plants: Sequence[str] = PLANTS) -> list[Flight]:
     return [Flight(case, controller, plant) for plant in plants for case in CASES for controller in CONTROLLERS]
 
 
+@cache
 def scenario(flight: Flight) -> Scenario:
     """Scenario of one flight: the shipped case with the flight's plant and controller."""
     return load_scenario(
@@ -59,10 +64,29 @@ def scenario(flight: Flight) -> Scenario:
     )
 
 
-def fly(flight: Flight, change: Callable[[Scenario], Scenario] | None = None) -> Log:
-    """Simulate one flight of a published case, optionally with a changed scenario."""
-    planned = scenario(flight)
-    return run(change(planned) if change else planned)
+STATED = "stated"
+"""Settings as the paper states them: those of the flights whose logs are kept."""
+
+
+def work_of(flight: Flight, planned: Scenario, settings: str = STATED, holds: tuple[Window, ...] = HOLDS) -> Work:
+    """One flight as a work, measured as its case is.
+
+    Args:
+        flight: case, controller and plant.
+        planned: its scenario.
+        settings: "stated", "inferred", "predicted", or the name of a variation.
+        holds: windows in which Case 1 holds its arm.
+    """
+    return Work(
+        label=f"{flight.case} {flight.controller} {flight.plant} ({settings})",
+        scenario=planned,
+        seed=planned.seed,
+        episodes=np.array([planned.episode]),
+        fixed={**dataclasses.asdict(flight), "settings": settings},
+        alone=True,
+        measure=partial(metrics, flight.case, holds=holds),
+        keeps_log=settings == STATED,
+    )
 
 
 def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:

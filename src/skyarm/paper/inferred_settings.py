@@ -8,14 +8,15 @@ from functools import lru_cache
 from importlib import resources
 from typing import Any
 
-from skyarm.paper.flights import HOLDS, Flight, Metrics, metrics
+from skyarm.paper.flights import HOLDS, Flight, work_of
 from skyarm.paper.published import Record
 from skyarm.paper.unstated_study import Tables, numbers, scenario_tables, stated_tables, study_digest
 from skyarm.records.files import read_toml
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate import Window, run
+from skyarm.simulate import Window
+from skyarm.studies.flights import Work
 
 LIBRARY = resources.files("skyarm.paper") / "library"
 STUDY, FOUND = "unstated_settings.toml", "unstated_settings.json"
@@ -65,10 +66,10 @@ def inferred_scenario(flight: Flight, settings: Record) -> Scenario:
     return changed.with_words(delays=dataclasses.replace(changed.delays, longest_command=None))
 
 
-def measure_inferred(flight: Flight, settings: Record) -> Metrics:
-    """Simulate a flight of the paper with inferred settings and compute its metrics."""
-    planned = inferred_scenario(flight, settings)
+def inferred_work(flight: Flight, evidence: Record, kind: str) -> Work:
+    """Flight with settings that the search found: fitted to all cases, or predicted from some."""
+    planned = inferred_scenario(flight, settings_in(evidence, kind))
     # the arm of Case 1 is held as long after the law has joined as it is after 6 s where all is as stated
     later = float(planned.tracking_start) - MOTION if flight.case == "case1" and planned.tracking_start else 0.0
     holds = tuple(Window(each.start + later, each.stop + later) for each in HOLDS)
-    return metrics(flight.case, run(planned), holds)
+    return work_of(flight, planned, kind, holds=holds)

@@ -4,26 +4,29 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from skyarm.compile.llvm.kernel import require_machine_code
-from skyarm.paper.flights import STEADY, WINDOWS, Flight, Metrics, flights, fly, metrics, results, settings
+from skyarm.log.formats import log_from_npz
+from skyarm.paper.flights import STATED, STEADY, WINDOWS, Metrics, flights, results, scenario, settings, work_of
 from skyarm.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
-from skyarm.paper.inferred_settings import INFERRED, PREDICTED, measure_inferred, settings_in, shipped_evidence
+from skyarm.paper.inferred_settings import INFERRED, PREDICTED, inferred_work, shipped_evidence
 from skyarm.paper.published import CASES, Record
 from skyarm.paper.report_pages import MAIN, case_files, inferred_section, report_pages
 from skyarm.paper.report_tables import markdown_tables
 from skyarm.paper.report_text import LOOK, OVERVIEW
-from skyarm.paper.variations import variation, variations
-from skyarm.records.files import PathLike, require_replaceable, require_writable, write_atomically
-from skyarm.records.immutable import immutable
+from skyarm.paper.variations import Variation, variations
+from skyarm.records.files import PathLike, needs_extra, require_replaceable, require_writable, write_atomically
+from skyarm.records.files.writing import one_writer
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Log
-from skyarm.simulate.workers import Progress
-from skyarm.simulate.workers import workers as spread
+from skyarm.studies.flights import Crew, Rows, Store, Work
+from skyarm.studies.flights.executor import Progress, require_place
+from skyarm.studies.flights.store import unpack_rows
 from skyarm.view.figures.paper_figures import overview_figure, paper_figures
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import image
@@ -32,81 +35,61 @@ Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
 """group -> value -> case -> controller -> metrics."""
 
 
-@immutable(kw_only=False)
-class Job:
-    """One flight to simulate, described by plain values that can be sent to another process.
-
-    Attributes:
-        flight: case, law and plant. group, value: of a variation. kind, settings: inferred or predicted settings.
-    """
-
-    flight: Flight
-    group: str = ""
-    value: str = ""
-    kind: str = ""
-    settings: tuple[tuple[str, Any], ...] = ()
-
-    @property
-    def label(self) -> str:
-        """Description of one flight for a progress bar."""
-        words = f"{self.flight.case} {self.flight.controller} {self.flight.plant}"
-        more = [f"{self.group} {self.value}" if self.group else "", self.kind and f"{self.kind} settings"]
-        return ", ".join([words, *filter(None, more)])
-
-
 @dataclass(slots=True)
 class Campaign:
     """Results of all flights that reproduce Barakou et al. 2026: logs and metrics.
 
     Attributes:
         logs: plant -> case -> law -> log of the paper's flights. sensitivity: metrics under variations.
-        found: kind -> (case, law, plant) -> metrics under inferred settings.
+        found: settings (stated, inferred, predicted, a variation) -> (case, law, plant) -> metrics.
     """
 
     logs: dict[str, dict[str, dict[str, Log]]] = field(default_factory=dict)
     sensitivity: Sensitivity = field(default_factory=dict)
     found: dict[str, dict[tuple[str, str, str], Metrics]] = field(default_factory=dict)
 
-    def metrics_by_cell(self) -> dict[tuple[str, str, str], Metrics]:
-        """Metrics of the flights with published settings: (case, controller, plant) -> metrics."""
-        return {
-            (case, controller, plant): metrics(case, log)
-            for plant, cases in self.logs.items()
-            for case, controllers in cases.items()
-            for controller, log in controllers.items()
-        }
-
     def all_logs(self) -> list[Log]:
         """Flight logs of all cases of Barakou et al. 2026."""
         return [log for cases in self.logs.values() for pair in cases.values() for log in pair.values()]
 
-    def keep(self, job: Job, result: Any) -> None:
-        """Store the result of one simulated flight."""
-        case, law, plant = job.flight.case, job.flight.controller, job.flight.plant
-        if job.kind:
-            self.found.setdefault(job.kind, {})[case, law, plant] = result
-        elif job.group:
-            self.sensitivity.setdefault(job.group, {}).setdefault(job.value, {}).setdefault(case, {})[law] = result
-        else:
-            self.logs.setdefault(plant, {}).setdefault(case, {})[law] = result
+    def keep(self, work: Work, rows: Rows) -> None:
+        """Store the results of one simulated flight."""
+        case, law, plant, settings = work.fixed.values()
+        self.found.setdefault(settings, {})[case, law, plant] = {
+            name: None if np.isnan(column[0]) else float(column[0])
+            for name, column in rows.items()
+            if column.dtype.kind == "f" and name != "end_time"
+        }
+        if work.keeps_log:
+            self.logs.setdefault(plant, {}).setdefault(case, {})[law] = log_from_npz(rows["log"][0], work.label)
 
 
-def perform(job: Job) -> Log | Metrics:
-    """Simulate one flight; returns its log, or its metrics if settings are changed."""
-    if job.kind:
-        return measure_inferred(job.flight, dict(job.settings))
-    if not job.group:
-        return fly(job.flight)
-    return metrics(job.flight.case, fly(job.flight, variation(job.group, job.value).change))
+def works(
+    plants: Sequence[str], chosen: Sequence[Variation] = (), evidence: Record | None = None, *, inferred: bool = True
+) -> list[Work]:
+    """All flights of the reproduction, each a work.
 
-
-def inferred_jobs(plants: Sequence[str], evidence: Record) -> list[Job]:
-    """Flights to simulate with inferred settings, and with settings predicted from some cases."""
-    return [
-        Job(flight, kind=kind, settings=tuple(settings_in(evidence, kind).items()))
-        for kind, flown in ((INFERRED, plants), (PREDICTED, plants[:1]))
-        for flight in flights(flown)
+    Args:
+        plants: "rigid_body", "mujoco" or both; variations are flown on the first.
+        chosen: variations.
+        evidence: with the inferred settings; the package's own if left out.
+        inferred: fly them.
+    """
+    found = [work_of(flight, scenario(flight)) for flight in flights(plants)]
+    found += [
+        work_of(flight, each.change(scenario(flight)), each.name)
+        for each in chosen
+        if each.change is not None
+        for flight in flights(plants[:1])
+        if flight.case in each.cases
     ]
+    evidence = evidence or shipped_evidence()
+    found += [
+        inferred_work(flight, evidence, kind)
+        for kind, flown in ((INFERRED, plants), (PREDICTED, plants[:1]))
+        for flight in (flights(flown) if inferred else ())
+    ]
+    return found
 
 
 def run_campaign(
@@ -116,59 +99,40 @@ def run_campaign(
     evidence: Record | None = None,
     inferred: bool = True,
     workers: int = 1,
+    on: str | None = None,
+    store: Store | None = None,
     progress: Progress | None = None,
 ) -> Campaign:
-    """Simulate all flights of the reproduction; results do not depend on the number of workers.
+    """Simulate all flights of the reproduction; results depend neither on the place nor on the number of workers.
 
     Args:
         plants: "rigid_body", "mujoco" or both; variations are flown on the first.
         sensitivity: fly the variations too.
         evidence: with the inferred settings; the package's own if left out.
         inferred: fly them.
-        workers: processes; 1 flies in this one.
+        workers: processes or processors.
+        on: "local", "processes", "ray" or "ray:HOST:PORT"; processes if left out, of one worker local.
+        store: keeps the flights; those that it holds do not fly again.
         progress: called after every episode.
     """
-    chosen, campaign = variations() if sensitivity else [], Campaign()
-    jobs = [Job(flight) for flight in flights(plants)]
-    jobs += [
-        Job(flight, each.group, each.value)
-        for each in chosen
-        if each.change is not None
-        for flight in flights(plants[:1])
-        if flight.case in each.cases
-    ]
-    jobs += inferred_jobs(plants, evidence or shipped_evidence()) if inferred else []
-    # in the order of the report, whichever flies first
-    campaign.sensitivity = {each.group: {} for each in chosen}
+    chosen = variations() if sensitivity else []
+    every = works(plants, chosen, evidence, inferred=inferred)
+    landed: dict[str, bytes] = {}
+    with Crew(on, workers, store) as crew:
+        for work, content in crew.fly(every):
+            landed[work.label] = content
+            if progress is not None:
+                progress(len(landed), len(every), work.label)
+    # in the order of the report, whichever landed first
+    campaign = Campaign()
+    for work in every:
+        campaign.keep(work, unpack_rows(landed[work.label]))
     for each in chosen:
-        campaign.sensitivity[each.group][each.value] = {}
-    for job, result in _perform_all(jobs, workers, progress).items():
-        campaign.keep(job, result)
-    for each in chosen:
-        for case in each.cases if each.change is None else ():
-            for law, log in campaign.logs[plants[0]][case].items():
-                campaign.keep(Job(Flight(case, law, plants[0]), each.group, each.value), metrics(case, log))
+        cells = campaign.sensitivity.setdefault(each.group, {}).setdefault(each.value, {})
+        for (case, law, plant), numbers in campaign.found[each.name].items():
+            if case in each.cases and plant == plants[0]:
+                cells.setdefault(case, {})[law] = numbers
     return campaign
-
-
-def _perform_all(jobs: Sequence[Job], workers: int, progress: Progress | None) -> dict[Job, Any]:
-    """Simulate flights, in parallel if there are several workers; results in the given order."""
-    done: dict[Job, Any] = {}
-
-    def note(job: Job, result: Any) -> None:
-        done[job] = result
-        if progress is not None:
-            progress(len(done), len(jobs), job.label)
-
-    if workers <= 1:
-        for job in jobs:
-            note(job, perform(job))
-        return done
-    with spread(workers) as submit:
-        futures = {submit(perform, job): job for job in jobs}
-        for future in as_completed(futures):
-            note(futures[future], future.result())
-    return {job: done[job] for job in jobs}
 
 
 Note = Callable[[str], None]
@@ -184,6 +148,7 @@ def reproduce(
     *,
     plants: Sequence[str] = PLANTS,
     workers: int = 1,
+    on: str | None = None,
     evidence: Record | None = None,
     progress: Progress | None = None,
     note: Note | None = None,
@@ -192,12 +157,14 @@ def reproduce(
 
     Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``inference.md``, ``report.html`` and a page for each
     case beside it (``case1.html`` ...), ``figures/figure_03.png`` ... ``figure_18.png`` and ``overview.png`` (first
-    plant), and ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or not at all.
+    plant), and ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or not at all. Flights are kept in ``rows``
+    (extra: sweep): called again after an interruption it goes on, and ends with the same files.
 
     Args:
         out: folder, made if missing.
         plants: "rigid_body", "mujoco" or both.
-        workers: processes that fly.
+        workers: processes or processors that fly; no number depends on it.
+        on: "local", "processes", "ray" or "ray:HOST:PORT"; processes if left out, of one worker local.
         evidence: of a search for the paper's unstated settings (``research/infer.py`` of the source); that of the
             package if left out.
         progress: called after every episode.
@@ -207,19 +174,30 @@ def reproduce(
         The content of ``results.json``.
 
     Raises:
-        ValueError: an unknown plant.
+        ValueError: an unknown plant or place.
+        TakenError: another process writes into the folder.
         NoMachineCodeError: before any flight; as Python floats all flights take hours.
         OSError: the folder or a file in it cannot be written; raised before any flight.
     """
     require_machine_code()
-    folder = prepare_folder(out, plants)
-    say = note or (lambda _line: None)
-    chosen: dict[str, Any] = {} if evidence is None else {"evidence": evidence}
-    campaign = run_campaign(plants, workers=workers, progress=progress, **chosen)
+    if on is not None:
+        require_place(on)
+    folder, say = prepare_folder(out, plants), note or (lambda _line: None)
     evidence = evidence or shipped_evidence()
+    with one_writer(folder):
+        store = Store.if_kept(folder)
+        if store is None:
+            say(f"pyarrow is missing, flights are not kept; {needs_extra('sweep')}")
+        campaign = run_campaign(plants, evidence=evidence, workers=workers, on=on, store=store, progress=progress)
+        return _write(folder, plants, campaign, evidence, say)
+
+
+def _write(folder: Path, plants: Sequence[str], campaign: Campaign, evidence: Record, say: Note) -> dict[str, Any]:
+    """Write tables, logs, figures and pages; returns the content of ``results.json``."""
+    stated = campaign.found[STATED]
     facts = settings(campaign.all_logs()) | inferred_facts(evidence)
-    table = results(campaign.metrics_by_cell(), facts, campaign.found.get(INFERRED))
-    predicted = results(campaign.metrics_by_cell(), facts, campaign.found.get(PREDICTED))["experiments"]
+    table = results(stated, facts, campaign.found.get(INFERRED))
+    predicted = results(stated, facts, campaign.found.get(PREDICTED))["experiments"]
     say("writing tables and logs")
     _write_data(folder, table, campaign)
     tables = [prediction_table(table, predicted, plants[0]), *evidence_tables(evidence)]
@@ -230,7 +208,7 @@ def reproduce(
     overview = overview_figure(first, STEADY)
     for name, figure in {**{f"figure_{n:02d}": f for n, f in figures.items()}, "overview": overview}.items():
         write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
-    inferred = inferred_section(table, predicted, evidence, plants[0]) if campaign.found else ""
+    inferred = inferred_section(table, predicted, evidence, plants[0]) if INFERRED in campaign.found else ""
     say("writing report.html")
     caption = f"{OVERVIEW} {LOOK.rsplit(', ', 1)[0]}; {plants[0]}."
     opening = image(caption, caption, image_bytes(overview), kind="single opening")

@@ -9,7 +9,7 @@ import dataclasses
 import functools
 from collections.abc import Callable
 
-from skyarm.paper.flights import with_damping
+from skyarm.paper.flights import STATED, with_damping
 from skyarm.paper.published import CASES
 from skyarm.records.immutable import immutable
 from skyarm.reference import sequence
@@ -51,6 +51,11 @@ class Variation:
     value: str
     cases: tuple[str, ...] = CASES
     change: Callable[[Scenario], Scenario] | None = None
+
+    @property
+    def name(self) -> str:
+        """Group and value; of the settings as stated, if nothing is changed."""
+        return f"{self.group} {self.value}" if self.change else STATED
 
 
 def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
@@ -105,8 +110,3 @@ def variations() -> list[Variation]:
     )
     damped = [_damping_variation(damping) for damping in DAMPINGS]
     return [*damped, first, *ramps, late]
-
-
-def variation(group: str, value: str) -> Variation:
-    """Changed assumption by the names of its group and value."""
-    return next(each for each in variations() if (each.group, each.value) == (group, value))

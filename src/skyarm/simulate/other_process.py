@@ -22,8 +22,8 @@ from skyarm.records.files.messages import comma_list
 from skyarm.records.files.user_code import own_code
 from skyarm.records.leaves import is_leaf, walk
 from skyarm.records.registry import RegistryError
-from skyarm.records.registry.plugins import is_of_plugin, load_again, loaded_plugins
-from skyarm.simulate.workers import TRIED, pack
+from skyarm.records.registry.plugins import is_of_plugin, loaded_plugins
+from skyarm.records.travel import luggage, pack, unload
 
 WHERE = "in a process with an empty environment, another folder and another hash seed"
 
@@ -55,6 +55,9 @@ DEEP = "a/b/c/d"
 Found = list[dict[str, str]]
 """Fingerprints of models."""
 
+TRIED: set[str] = set()
+"""Models of plugins that this process or its parent tried."""
+
 ANSWERING: list[bool] = []
 """Not empty in the other process, which starts no further one."""
 
@@ -76,10 +79,9 @@ def try_elsewhere(scenario: Any, models: Sequence[tuple[Any, Any]], compare: Cal
     codes = [code for own, _ in models if (code := own_code(own)) is not None]
     if ANSWERING or not any(map(is_of_plugin, codes)):
         return
-    plugins = loaded_plugins()
     values = [pair for _, record in models for pair in walk(record) if not is_leaf(pair[1])]
     places = [f"{code.co_filename}:{code.co_firstlineno}" for code in codes]
-    key = repr((plugins, places, values))
+    key = repr((loaded_plugins(), places, values))
     if key in TRIED:
         return
     found, why = None, ""
@@ -92,7 +94,7 @@ def try_elsewhere(scenario: Any, models: Sequence[tuple[Any, Any]], compare: Cal
             seed = "1" if os.environ.get("PYTHONHASHSEED") == "0" else "0"
             done = subprocess.run(
                 [sys.executable or "", "-B", "-c", PROGRAM, json.dumps([os.path.abspath(path) for path in sys.path])],
-                input=pickle.dumps((plugins, pack(scenario))),
+                input=pickle.dumps((luggage(), pack(scenario))),
                 capture_output=True,
                 cwd=here,
                 env={"PYTHONHASHSEED": seed} | {name: os.environ[name] for name in KEPT if name in os.environ},
@@ -132,9 +134,9 @@ def _lend_file(name: Any, folder: Path) -> None:
 def answer(fingerprints: Callable[..., Found]) -> Found | str:
     """Fingerprints of the models of a scenario, or why a plugin cannot be loaded; both are read from standard input."""
     ANSWERING.append(True)
-    plugins, scenario = pickle.loads(sys.stdin.buffer.read())
+    luggage_there, scenario = pickle.loads(sys.stdin.buffer.read())
     try:
-        load_again(plugins)
+        unload(luggage_there)
     except RegistryError as error:
         return str(error)
     return fingerprints(pickle.loads(scenario), anew=True)

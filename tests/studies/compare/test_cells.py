@@ -1,4 +1,4 @@
-"""Cells of the comparison: a batch is its flights one by one; files are flown once; summaries count right."""
+"""Cells of the comparison: a batch is its flights one by one; cells are flown once; summaries count right."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import dataclasses
 import numpy as np
 import pytest
 
+from compared_flights import cell_of
 from skyarm.log.metrics.windows import Windows
-from skyarm.records.files import unpacked
+from skyarm.scenario.paths import LATE
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate import Delays, Window
-from skyarm.studies.compare import run_suite
-from skyarm.studies.compare.cells import Cell, Cells, Flights, episode_scenario, fly, fly_episode, key
-from skyarm.studies.compare.comparison import Comparison
+from skyarm.studies.compare.cells import Cell, Flights
 from skyarm.studies.compare.comparison_report import comparison_report
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.compare.suite import CASES, NOISE, Case, Condition, conditions
 from skyarm.studies.compare.summary import SUCCESS_METRIC, summary
+from skyarm.studies.flights.fly import one_scenario
 
 EARLY = Windows(steady=Window(1.0, 2.0), gust=Window(0.5, 2.0), last=0.5)
 
@@ -54,51 +54,21 @@ WHOLE = dataclasses.replace(WRONG, spread=Spread(delay=0.0))
 
 @pytest.mark.parametrize("condition", [NOISY, WHOLE], ids=lambda each: each.name)
 def test_a_batch_is_its_flights_one_by_one(condition):
-    planned = flights(condition)
-    single = Cell.of([fly_episode(planned, k) for k in range(condition.episodes)])
-    cell = fly(planned)
+    work = flights(condition).work()
+    cell, single = cell_of(work), cell_of(dataclasses.replace(work, alone=True))
     assert list(single.status) == list(cell.status) == ["completed"] * condition.episodes
-    assert set(single.metrics) == set(cell.metrics)
+    assert list(single.metrics) == list(cell.metrics)
+    assert not set(work.columns) & set(cell.metrics)
     for name, numbers in single.metrics.items():
         # a batch takes the integration steps of its stiffest plant, a single flight its own
         assert np.allclose(cell.metrics[name], numbers, rtol=1e-4, atol=1e-9), name
 
 
-def test_single_flights_round_their_delay_to_physics_steps(monkeypatch):
-    planned = flights(WRONG)
-    drawn = planned.values(planned.scenario())
+def test_single_flights_round_their_delay_to_physics_steps():
+    work = flights(WRONG).work()
     for late, rounded in ((0.0094, 0.009), (0.0091, 0.009), (0.0004, 0.0)):
-        monkeypatch.setattr(Flights, "values", lambda *_, t=late: drawn | {"delays.command": np.full(4, t)})
-        assert episode_scenario(planned, 1).delays == Delays(command=rounded)
-
-
-FORGED = {
-    "no archive": b"no archive",
-    "nothing in it": {},
-    "no status": {"identity": None, "x": np.zeros(2)},
-    "objects": {"identity": None, "status": np.array([{}, {}], dtype=object)},
-    "numbers for words": {"identity": None, "status": np.zeros(2)},
-    "other lengths": {"identity": None, "status": np.array(["completed"]), "x": np.zeros(2)},
-    "words for numbers": {"identity": None, "status": np.array(["completed"]), "x": np.array(["y"])},
-}
-
-
-def test_a_forged_cell_that_unpacks_to_too_much_counts_as_not_flown(tmp_path, monkeypatch):
-    cells = Cells(tmp_path)
-    cells.put(flights(), Cell({SUCCESS_METRIC: np.zeros(10_000)}, np.array(["completed"] * 10_000)))
-    assert cells.get(flights()) is not None
-    monkeypatch.setattr(unpacked, "LARGEST", 1000)
-    monkeypatch.setattr(unpacked, "RATIO", 0)
-    assert cells.get(flights()) is None
-
-
-def test_a_cell_that_is_there_is_not_flown_again(tmp_path):
-    cells, cell = Cells(tmp_path), Cell({SUCCESS_METRIC: np.array([0.1, 0.2])}, np.array(["completed", "diverged"]))
-    assert cells.get(flights()) is None
-    cells.put(flights(), cell)
-    found = cells.get(flights())
-    assert np.array_equal(found.metrics[SUCCESS_METRIC], cell.metrics[SUCCESS_METRIC])
-    assert list(found.status) == list(cell.status)
+        delayed = dataclasses.replace(work, columns={**work.columns, LATE: np.full(4, late)})
+        assert one_scenario(delayed, 1).delays == Delays(command=rounded)
 
 
 @pytest.mark.parametrize(
@@ -111,41 +81,19 @@ def test_a_cell_that_is_there_is_not_flown_again(tmp_path):
     ],
     ids=lambda change: next(iter(change)),
 )
-def test_a_cell_of_other_flights_is_flown_again(tmp_path, change):
-    cells = Cells(tmp_path)
-    cells.put(flights(), Cell({}, np.array(["completed"])))
-    other = dataclasses.replace(flights(), **change)
-    assert other.label == flights().label
-    assert key(other) != key(flights())
-    assert cells.get(other) is None
+def test_cells_of_one_name_are_other_works_if_anything_differs(change):
+    one, other = flights().work(), dataclasses.replace(flights(), **change).work()
+    assert one.label == other.label
+    assert one.key == flights().work().key != other.key
 
 
-def test_a_damaged_cell_is_flown_again(tmp_path):
-    cells = Cells(tmp_path)
-    cells.put(flights(), Cell({}, np.array(["completed"])))
-    (file,) = tmp_path.iterdir()
-    file.write_bytes(file.read_bytes()[:100])
-    assert cells.get(flights()) is None
-
-
-def test_a_comparison_that_was_interrupted_flies_the_rest(tmp_path, monkeypatch):
-    flown = []
-
-    def counted(planned, threads):
-        flown.append(planned.label)
-        if len(flown) == 3:
-            raise KeyboardInterrupt
-        return Cell({SUCCESS_METRIC: np.array([0.001])}, np.array(["completed"]))
-
-    monkeypatch.setattr(run_suite, "fly", counted)
-    columns = {"noisy": dataclasses.replace(NOISY, cases=("case1", "case2"))}
-    todo = Comparison(conditions=columns).flights()
-    with pytest.raises(KeyboardInterrupt):
-        run_suite.fly_all(todo, tmp_path)
-    begun = flown[:2]
-    run_suite.fly_all(todo, tmp_path)
-    assert len(flown) == 3 + 2 * len(ENTRANTS) - 2
-    assert not set(begun) & set(flown[3:])
+def test_the_rows_of_a_cell_name_it_and_each_of_its_flights():
+    work = flights(WRONG).work()
+    assert {name: work.fixed[name] for name in ("condition", "case", "law")} == {
+        **{"condition": "plants_noisy", "case": "case3_wind", "law": "paper_ct"}
+    }
+    assert list(work.fixed["trial"]) == list(work.episodes) == [0, 1, 2, 3]
+    assert work.seed == 5
 
 
 def made(errors, status):
@@ -164,7 +112,7 @@ def test_a_cell_in_which_nobody_flew_to_the_end_has_no_means():
 
 
 def test_tables_have_a_row_for_every_law_that_flew():
-    cells = {"noisy": {"case3_wind": {"paper_ct": summary(fly(flights()))}}}
+    cells = {"noisy": {"case3_wind": {"paper_ct": summary(cell_of(flights()))}}}
     found = {"summaries": cells}
     text = comparison_report(found, ENTRANTS, {"noisy": conditions()["noisy"]}).markdown()
     assert "| paper_ct |" in text
@@ -195,20 +143,6 @@ def test_laws_that_can_use_a_known_delay_are_told_of_it_where_there_is_noise():
     assert ENTRANTS["centroidal_tip"].controller(model, noisy=True).par.delay_periods == 1
     assert ENTRANTS["centroidal_tip"].controller(model, noisy=False).par.delay_periods == 0
     assert ENTRANTS["centroidal_tip without prediction"].controller(model, noisy=True).par.delay_periods == 0
-
-
-def test_a_cell_with_one_bit_changed_is_flown_again(tmp_path):
-    cells = Cells(tmp_path)
-    cells.put(flights(), made([0.1], ["completed"]))
-    (file,) = tmp_path.iterdir()
-    content = bytearray(file.read_bytes())
-    for place in range(0, len(content), 41):
-        content[place] ^= 4
-        file.write_bytes(bytes(content))
-        assert cells.get(flights()) is None
-        content[place] ^= 4
-    file.write_bytes(b"")
-    assert cells.get(flights()) is None
 
 
 def test_peaks_to_either_side_are_no_small_peak():

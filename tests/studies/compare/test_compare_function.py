@@ -93,6 +93,6 @@ def test_a_record_is_compared_as_its_file(tmp_path: Path) -> None:
 def test_a_name_of_no_law_is_refused_before_the_first_flight(tmp_path):
     with pytest.raises(ValueError, match="nope"):
         skyarm.compare("case1", ["paper_pd", "nope"], tmp_path / "out")
-    assert not list(tmp_path.rglob("*.cell"))
+    assert not list(tmp_path.rglob("*.parquet"))
     with pytest.raises(ValueError, match="'nope'"):
         skyarm.compare("case1", "nope", tmp_path / "out")

@@ -8,13 +8,14 @@ import json
 import numpy as np
 import pytest
 
-from skyarm.studies.compare import run_suite, summary
+from skyarm.studies.compare import summary
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.comparison import Comparison
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.run_suite import fly_suite
 from skyarm.studies.compare.suite import conditions
 from skyarm.studies.compare.summary import SUCCESS_METRIC, table
+from skyarm.studies.flights import executor
 
 EVERY = conditions(plants=2, seeds=2)
 LAWS = {name: ENTRANTS[name] for name in ("paper_ct", "centroidal_tip")}
@@ -37,26 +38,29 @@ def flown():
 @pytest.fixture
 def asked(monkeypatch):
     """What the comparison asks for; nothing is flown."""
-    kept = {}
+    works = []
 
-    def fly_all(todo, *positional, **named):
-        kept["flown"] = ([each.name for each in todo], positional, named)
-        return [flown()[each.name] for each in todo]
+    def fly(work, threads):
+        works.append((work, threads))
+        cell = flown()[tuple(work.fixed[name] for name in ("condition", "case", "law"))]
+        return {**{name: np.full(2, word) for name, word in work.fixed.items() if name != "trial"},
+                "trial": np.arange(2.0), **cell.metrics, "status": cell.status}  # fmt: skip
 
-    monkeypatch.setattr(run_suite, "fly_all", fly_all)
-    return kept
+    monkeypatch.setattr(executor, "fly", fly)
+    return works
 
 
 def test_every_file_of_a_comparison_holds_what_was_flown(tmp_path, asked):
     comparison = Comparison(entrants=LAWS, conditions=COLUMNS, seed=7, plant="mujoco")
     folder = tmp_path / "deep" / "comparison"
-    found = fly_suite(comparison, folder, threads=2, progress=print)
-    names, positional, named = asked["flown"]
-    assert set(names) == set(flown())
-    assert (positional, named) == ((folder / "cells",), {"threads": 2, "progress": print})
-    assert {(each.seed, each.plant) for each in comparison.flights()} == {(7, "mujoco")}
+    told = []
+    found = fly_suite(comparison, folder, workers=2, on="local", progress=lambda *heard: told.append(heard))
+    assert {tuple(work.fixed[name] for name in ("condition", "case", "law")) for work, _ in asked} == set(flown())
+    assert {(work.seed, work.alone, threads) for work, threads in asked} == {(7, True, 2)}
+    assert [each[:2] for each in told] == [(k + 1, len(flown())) for k in range(len(flown()))]
+    assert told[0][2] == "perfect case1 paper_ct_mujoco"
     assert sorted(path.name for path in folder.iterdir()) == [
-        *("cells", "flights.parquet", "laws.png", "report.html", "results.json", "tables.md")
+        *("flights.parquet", "laws.png", "report.html", "results.json", "rows", "tables.md")
     ]
     assert json.loads((folder / "results.json").read_text()) == found
     assert (found["schema"], found["suite"], found["seed"], found["plant"]) == (1, "paper-suite", 7, "mujoco")

@@ -9,10 +9,10 @@ import math
 import numpy as np
 import pytest
 
+from compared_flights import cell_of
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.control.catalogue import make_controller
 from skyarm.scenario.controller_table import controller_by_name
-from skyarm.studies.compare.cells import fly, fly_episode
 from skyarm.studies.compare.contact_suite import ContactSuite, worlds_of
 from skyarm.studies.compare.contact_tasks import (
     BEHIND,
@@ -176,15 +176,15 @@ def test_a_law_of_positions_is_led_behind_the_surface_and_waits_for_no_force():
 @pytest.mark.parametrize("law", [FLAGSHIP, "paper_ct"])
 def test_a_cell_equals_single_flights(task, law):
     flights = next(each for each in contact_flights((law,), (task,), 2) if each.condition.noisy)
-    cell = fly(flights)
+    cell = cell_of(flights)
+    single = cell_of(dataclasses.replace(flights.work(), alone=True))
     hardest = flights.stiffest(flights.values(flights.scenario()))
     assert hardest[next(path for path in hardest if path.endswith("stiffness"))] <= 1e5
     for k in range(2):
-        found, status = fly_episode(flights, k)
-        assert cell.status[k] == status
+        assert cell.status[k] == single.status[k]
         for name in ("contact_error_mean", "object_last_x", "phases_done"):
             # single flights take the steps of their own world, the batch those of the hardest
-            assert float(cell.metrics[name][k]) == pytest.approx(found[name], abs=0.02, nan_ok=True), name
+            assert float(cell.metrics[name][k]) == pytest.approx(single.metrics[name][k], abs=0.02, nan_ok=True), name
 
 
 def test_the_stiffest_world_takes_the_steps_of_the_one_that_needs_the_shortest():

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-import pickle
 
 import numpy as np
 
+from compared_flights import cell_of
 from skyarm.log.metrics.windows import Windows
 from skyarm.simulate import Window
 from skyarm.studies.compare import cells
-from skyarm.studies.compare.cells import Cell, Flights, fly
-from skyarm.studies.compare.comparison import Comparison
+from skyarm.studies.compare.cells import Cell, Flights
 from skyarm.studies.compare.comparison_report import plants_rows
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
-from skyarm.studies.compare.run_suite import fly_all
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.compare.summary import SUCCESS_METRIC, summary
+from skyarm.studies.flights import Crew
+from skyarm.studies.flights.executor import PROCESSES
 
 EARLY = Windows(steady=Window(0.1, 0.4), gust=Window(0.1, 0.4), last=0.1)
 
@@ -45,15 +45,15 @@ def same(one: Cell, other: Cell) -> bool:
     )
 
 
-def test_flights_in_processes_are_those_of_one_process_in_order(tmp_path):
+def test_flights_in_processes_are_those_of_one_process_in_order():
     """Single flights of a law that is called with floats and of MuJoCo's plant, and a whole batch."""
-    todo = [flights(), flights(law="paper_ct", plant="mujoco"), flights(WRONG, law="paper_ct")]
-    told = []
-    found = fly_all(todo, tmp_path, threads=2, progress=lambda *heard: told.append(heard[:2]))
-    assert told == [(1, 3), (2, 3), (3, 3)]
+    todo = [each.work() for each in (flights(), flights(law="paper_ct", plant="mujoco"), flights(WRONG, "paper_ct"))]
+    with Crew(PROCESSES, 2) as crew:
+        found = [Cell.of_rows(work, rows) for work, rows in zip(todo, crew.rows(todo), strict=True)]
+    assert crew.flights == 8
     assert [len(cell.status) for cell in found] == [2, 2, 4]
-    for planned, cell in zip(todo, found, strict=True):
-        assert same(cell, fly(planned)), planned.label
+    for work, cell in zip(todo, found, strict=True):
+        assert same(cell, cell_of(work)), work.label
     assert len({float(value) for value in found[0].metrics["ee_error_mean_continuous"]}) == 2
 
 
@@ -67,11 +67,6 @@ def test_of_wrong_plants_a_law_that_flies_alone_meets_some_and_of_noise_all(monk
     assert count(flights(WRONG)) == 2
     assert count(flights(WRONG, law="paper_ct")) == WRONG.episodes
     assert count(flights(WRONG, law="paper_ct", plant="mujoco")) == 2
-
-
-def test_every_cell_of_the_comparison_travels_to_a_process():
-    for each in Comparison().flights():
-        assert pickle.loads(pickle.dumps(each)) == each
 
 
 def test_a_share_of_fewer_flights_than_others_flew_says_of_how_many():

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import skyarm
+from compared_flights import cell_of
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.scenario.numbers import with_numbers
-from skyarm.studies.compare import run_suite
-from skyarm.studies.compare.cells import fly, key
 from skyarm.studies.compare.envelope import Envelope, axis_flights
-from skyarm.studies.compare.envelope_axes import AXES, PLANTS, TIP, TIP_MAX, VEHICLES, widen
+from skyarm.studies.compare.envelope_axes import AXES, PLANTS, TIP, VEHICLES, widen
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.perturbed_plants import Spread, draw
+from skyarm.studies.compare.run_suite import fly_suite
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 QUICK = Envelope(laws=("paper_pd", "paper_ct"), axes=("circle", "step", "measurement_delay"), quick=True)
@@ -28,7 +28,7 @@ def flown(tmp_path_factory):
     """A quick envelope and its folder."""
     folder = tmp_path_factory.mktemp("envelope")
     told = []
-    return run_suite.fly_suite(QUICK, folder, progress=lambda *heard: told.append(heard[:2])), folder, told
+    return fly_suite(QUICK, folder, progress=lambda *heard: told.append(heard[:2])), folder, told
 
 
 def test_every_file_is_there_and_holds_what_was_flown(flown):
@@ -42,7 +42,7 @@ def test_every_file_is_there_and_holds_what_was_flown(flown):
         assert [len(points) for points in axis["laws"].values()] == [len(axis["values"])] * 2
     # one cell a batch, one for each value where values are no data
     assert told[-1] == (8, 8)
-    assert len(list((folder / "cells").iterdir())) == 8
+    assert len(list((folder / "rows").iterdir())) == 8
 
 
 def test_a_lane_is_the_flight_of_its_value_with_the_tip_that_a_level_base_would_carry(flown):
@@ -80,26 +80,10 @@ def test_an_overshoot_is_how_far_the_base_goes_beyond_the_step(flown):
     assert beyond > 0.0
 
 
-def test_what_is_there_is_not_flown_again_and_what_is_broken_is(flown, monkeypatch):
-    found, folder, _ = flown
-    todo, _ = QUICK.plan_cells()
-    again = []
-    honest = run_suite.fly
-    monkeypatch.setattr(run_suite, "fly", lambda each, threads: again.append(each.label) or honest(each))
-    cells = run_suite.fly_all(todo, folder / "cells")
-    assert again == []
-    broken = folder / "cells" / f"{todo[0].label}.cell"
-    broken.write_bytes(broken.read_bytes()[:-1])
-    repaired = run_suite.fly_all(todo, folder / "cells")
-    assert again == [todo[0].label]
-    assert np.array_equal(cells[0].metrics[TIP], repaired[0].metrics[TIP])
-    assert repaired[0].metrics[TIP_MAX][-1] == found["axes"]["circle"]["laws"]["paper_pd"][-1]["tip_max"]
-
-
 def test_every_value_meets_the_same_noise():
     axis = dataclasses.replace(AXES["payload"], values=(0.0, 0.0, 0.2))
     (cell,) = axis_flights("paper_pd", axis, setting_of(PAPER, 5.0))
-    lanes, alone = (fly(each).metrics["rotor_jitter"] for each in (cell, dataclasses.replace(cell, points=(0.0,))))
+    lanes, alone = (cell_of(each).metrics["rotor_jitter"] for each in (cell, dataclasses.replace(cell, points=(0.0,))))
     assert lanes[0] == lanes[1] == alone[0] != lanes[2]
 
 
@@ -116,7 +100,7 @@ def test_a_lane_of_wrong_plants_is_the_flight_of_one_plant_and_all_values_meet_t
     assert values[mass][:PLANTS] - nominal == pytest.approx(0.5 * (values[mass][PLANTS : 2 * PLANTS] - nominal))
     few = dataclasses.replace(cell, points=(2.0,))
     assert np.array_equal(few.values(scenario)[mass], values[mass][-PLANTS:])
-    flown = fly(few)
+    flown = cell_of(few)
     assert flown.status.shape == (PLANTS,)
     numbers = {path: float(column[-1]) for path, column in few.values(scenario).items()}
     numbers[delay] = round(1e3 * numbers[delay]) * 1e-3
@@ -142,7 +126,7 @@ def test_values_seeds_and_vehicles_are_part_of_what_a_cell_is(flown):
     (other,) = axis_flights("paper_ct", dataclasses.replace(axis, values=(0.5, 2.0)), setting)
     (seeded,) = axis_flights("paper_ct", axis, setting, seed=1)
     (longer,) = axis_flights("paper_ct", axis, setting_of(PAPER, 12.0))
-    assert len({key(each) for each in (one, other, seeded, longer)}) == 4
+    assert len({each.work().key for each in (one, other, seeded, longer)}) == 4
 
 
 def test_a_law_that_does_not_fit_a_vehicle_is_told_and_the_others_fly_on():
@@ -170,7 +154,7 @@ def test_other_vehicles_fly_their_axes_with_gains_for_them():
     assert flown["circle", "paper_ct"].scenario().plant.vehicle == load_vehicle(PAPER)
     alone = dataclasses.replace(asked, vehicle="pelican_arm2", axes=VEHICLES)
     with pytest.raises(ValueError, match="--only: must name trials that the vehicle flies"):
-        run_suite.fly_suite(alone, None)
+        fly_suite(alone, None)
 
 
 def test_commands_that_become_late_are_on_time_before():
@@ -183,21 +167,21 @@ def test_commands_that_become_late_are_on_time_before():
     early = logs[0].time < 8.0
     same = [np.array_equal(logs[0].position[at], logs[1].position[at]) for at in (early, ~early)]
     assert same == [True, False]
-    for value, log in zip(fly(cell).metrics[TIP], logs, strict=True):
+    for value, log in zip(cell_of(cell).metrics[TIP], logs, strict=True):
         assert value == pytest.approx(skyarm.score(log, [TIP], cell.case.windows)[TIP], rel=1e-6)
 
 
 @pytest.mark.thorough
 def test_in_processes_the_numbers_are_the_same(flown, tmp_path):
     found, _, _ = flown
-    assert run_suite.fly_suite(QUICK, tmp_path, threads=2) == found
+    assert fly_suite(QUICK, tmp_path, workers=2) == found
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("vehicle", ["crazyflie_arm1", "hexarotor_arm6", "quadrotor_roll_arm2"])
 def test_every_axis_flies_on_any_vehicle_with_an_arm(vehicle, tmp_path):
     envelope = Envelope(laws=("centroidal_tip",), vehicle=vehicle, quick=True)
-    found = run_suite.fly_suite(envelope, tmp_path, threads=2)
+    found = fly_suite(envelope, tmp_path, workers=2)
     assert list(found["axes"]) == list(envelope.flyable_axes)
     for name in ("circle", "vertical", "swing", "payload", "noise"):
         easiest, hardest = found["axes"][name]["laws"]["centroidal_tip"]

@@ -14,10 +14,10 @@ from skyarm.control.catalogue import ControllerError, require_different
 from skyarm.records.registry.plugins import register_law_of_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.loop import run
-from skyarm.studies.compare import cells
 from skyarm.studies.compare.entrants import chosen_entrants
 from skyarm.studies.compare.own_scenario import LAWS, OwnScenario
 from skyarm.studies.compare.run_suite import fly_suite
+from skyarm.studies.flights.store import files_by_label
 from skyarm.studies.sweep import StudyError
 from sweeps import small_study
 
@@ -53,11 +53,11 @@ def test_a_flight_whose_autopilot_has_failed_is_told_and_not_kept(
 ) -> None:
     log = run(load_scenario("case3", duration=0.1))
     failed = dataclasses.replace(log, info={**log.info, "status": "autopilot", "cause": "PX4 ended (no luck)"})
-    monkeypatch.setattr(cells, "run", lambda _: failed)
+    monkeypatch.setattr("skyarm.studies.flights.fly.run", lambda _: failed)
     suite = OwnScenario(scenario="case3", laws=["px4"])
     found = fly_suite(suite, tmp_path)
     assert "px4: autopilot: PX4 ended (no luck) (1 of 1)" in suite.report(found).markdown()
-    assert {path.name for path in (tmp_path / "cells").iterdir()} == {"given__case3__own.cell"}
+    assert list(files_by_label(tmp_path / "rows")) == ["given__case3__own"]
 
 
 @pytest.mark.parametrize("pair", [("indi", "indi"), ("paper_ct", "own_law.py")])

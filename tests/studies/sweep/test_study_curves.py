@@ -10,11 +10,11 @@ import pytest
 
 from skyarm.studies.sweep import run_sweep
 from skyarm.studies.sweep.banded_curves import FEWEST_OF_BAND, banded_curves
+from skyarm.studies.sweep.manifest import read_manifest
 from skyarm.studies.sweep.maps import robustness_maps
 from skyarm.studies.sweep.stats import Rows, statistics
-from skyarm.studies.sweep.store import read_manifest
 from skyarm.view.figures.study_figures import robustness_figure
-from sweeps import MASS, WIND, read, small_study
+from sweeps import MASS, WIND, read, small_study, write_manifest
 
 pytest.importorskip("pyarrow")
 
@@ -100,11 +100,11 @@ def test_a_study_in_which_anything_is_drawn_keeps_its_intervals(tmp_path: Path, 
     assert statistics(rows)["controllers"]["paper_pd"]["success_interval"] is not None
 
 
-def test_a_folder_of_an_older_version_which_does_not_say_keeps_them_too(given: Path, tmp_path: Path) -> None:
+def test_a_folder_that_does_not_say_keeps_them_too(given: Path, tmp_path: Path) -> None:
     path = flown(tmp_path, design="grid", episodes=None, vary=GRID, duration=0.5, windows=None)
     manifest = json.loads((path / "manifest.json").read_text())
     assert (manifest.pop("noise"), manifest.pop("units")) == (False, {MASS: "kg", WIND: "N"})
-    (path / "manifest.json").write_text(json.dumps(manifest))
+    write_manifest(path, manifest)
     rows = Rows(path)
     assert not rows.deterministic
     assert rows.label(WIND) == "wind force x"

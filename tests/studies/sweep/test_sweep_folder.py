@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from skyarm.studies.sweep import StudyError, run_sweep
+from skyarm.studies.sweep.manifest import MANIFEST
 from skyarm.studies.sweep.stats import Rows, statistics
-from skyarm.studies.sweep.store import MANIFEST
-from sweeps import files_of, small_study
+from sweeps import files_of, rows_file, small_study
 
 pytest.importorskip("pyarrow")
 
@@ -59,11 +59,12 @@ def test_chunks_that_vanish_while_a_sweep_runs_are_not_counted_and_the_same_comm
 def test_statistics_count_the_rows_that_are_there(whole: Path, tmp_path: Path) -> None:
     folder = copied(whole, tmp_path / "out")
     assert manifest_of(folder)["complete"] is True
-    chunks(folder)[1].unlink()
-    chunks(folder)[1].write_bytes(chunks(folder)[1].read_bytes()[:-1])
+    rows_file(folder, 1).unlink()
+    damaged = rows_file(folder, 2, "paper_pd")
+    damaged.write_bytes(damaged.read_bytes()[:-1])
     found = statistics(Rows(folder))
     assert (found["complete"], found["rows"], found["rows_planned"]) == (False, 36, 100)
-    assert found["files_not_counted"] == ["chunk_0000002.parquet"]
+    assert found["files_not_counted"] == [damaged.name]
     assert found["controllers"]["paper_ct"]["status"].keys() <= {"completed", "ground", "diverged"}
     whole_one = statistics(Rows(whole))
     assert (whole_one["complete"], whole_one["rows"], whole_one["files_not_counted"]) == (True, 100, [])
@@ -79,8 +80,10 @@ def test_statistics_need_a_manifest(whole: Path, tmp_path: Path) -> None:
 def test_rows_of_another_study_do_not_count(whole: Path, tmp_path: Path) -> None:
     folder = copied(whole, tmp_path / "out")
     run_sweep(small_study(seed=4), tmp_path / "other")
-    os.replace(chunks(tmp_path / "other")[3], chunks(folder)[3])
-    assert Rows(folder).skipped == ("chunk_0000003.parquet",)
+    theirs = rows_file(tmp_path / "other", 3)
+    rows_file(folder, 3).unlink()
+    os.replace(theirs, folder / "rows" / theirs.name)
+    assert Rows(folder).skipped == (theirs.name,)
 
 
 def test_two_parts_in_turn_fly_the_whole(whole: Path, tmp_path: Path) -> None:
@@ -115,7 +118,7 @@ def test_a_disk_that_fails_is_one_line_and_the_sweep_goes_on_when_it_works_again
         run_sweep(small_study(), tmp_path, progress=progress)
     assert "\n" not in str(caught.value)
     left = files_of(tmp_path)
-    assert len(left) == 3
+    assert len(left) == 5
     assert all(content == files_of(whole)[name] for name, content in left.items() if name != MANIFEST)
     state["full"] = False
     assert run_sweep(small_study(), tmp_path).found == 32

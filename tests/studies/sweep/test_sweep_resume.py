@@ -16,8 +16,8 @@ import pytest
 
 from skyarm.records.files.writing import LOCK, TakenError
 from skyarm.studies.sweep import StudyError, run_sweep
-from skyarm.studies.sweep.store import MANIFEST
-from sweeps import MASS, document, files_of, read, small_study
+from skyarm.studies.sweep.manifest import MANIFEST
+from sweeps import MASS, document, files_of, read, rows_file, small_study, write_manifest
 from thorough import sampled
 
 pytest.importorskip("pyarrow")
@@ -63,13 +63,13 @@ def test_a_sweep_killed_again_and_again_ends_with_the_files_of_an_uninterrupted_
         killed += process.returncode == -signal.SIGKILL
         done = [int(line) for line in told if line.strip().isdigit()]
         chunks = sorted((tmp_path / "killed" / "rows").glob("chunk_*.parquet"))
-        assert done[0] == 8 * chunks_before, "what was whole before is kept"
-        assert 8 * len(chunks) >= done[-1], "at most the running chunk is lost"
+        assert done[0] == 8 * chunks_before // 2, "what was whole before is kept"
+        assert 4 * len(chunks) >= done[-1], "at most the running files are lost"
         chunks_before = len(chunks)
     assert killed >= 2
-    assert 0 < chunks_before < 60
+    assert 0 < chunks_before < 120
     summary = run_sweep(small_study(**LONG), tmp_path / "killed")
-    assert summary.found == 8 * chunks_before
+    assert summary.found == 8 * chunks_before // 2
     assert files_of(tmp_path / "killed") == files_of(tmp_path / "whole")
     for rows in read(tmp_path / "killed").values():
         assert rows["episode"].tolist() == list(range(480)), "no row is lost, none is there twice"
@@ -143,19 +143,25 @@ def test_a_lost_or_damaged_chunk_is_flown_again(done: Path, damage: Any, manifes
     before = files_of(done)
     if manifest == "lost":
         (done / MANIFEST).unlink()
-    damage(done / "rows" / "chunk_0000001.parquet")
+    damage(rows_file(done, 1))
     summary = run_sweep(small_study(), done)
-    assert (summary.found, summary.flown) == (34, 16)
+    assert (summary.found, summary.flown) == (42, 8)
     assert files_of(done) == before
 
 
 def test_a_chunk_of_another_study_is_not_taken_for_one_of_this(done: Path, tmp_path: Path) -> None:
     run_sweep(small_study(seed=4), tmp_path / "other")
     before = files_of(done)
-    name = "chunk_0000000.parquet"
-    os.replace(tmp_path / "other" / "rows" / name, done / "rows" / name)
-    os.replace(done / "rows" / "chunk_0000002.parquet", done / "rows" / "chunk_0000001.parquet")
-    assert run_sweep(small_study(), done).found == 2
+    theirs = rows_file(tmp_path / "other", 0)
+    rows_file(done, 0).unlink()
+    os.replace(theirs, done / "rows" / theirs.name)
+    # another chunk's rows under the name of this one
+    digest = rows_file(done, 2).name.split(".")[-2]
+    os.replace(rows_file(done, 2), rows_file(done, 1).with_name(f"chunk_0000001.paper_ct.{digest}.parquet"))
+    assert len(list((done / "rows").glob("chunk_0000001.paper_ct.*"))) == 2
+    rows_file(done, 1, "paper_pd").unlink()
+    summary = run_sweep(small_study(), done)
+    assert (summary.found, summary.flown) == (26, 24)
     assert files_of(done) == before
 
 
@@ -216,7 +222,7 @@ def test_a_change_of_success_flies_nothing_and_is_kept(done: Path) -> None:
 def test_rows_of_another_version_are_refused(done: Path) -> None:
     manifest = manifest_of(done)
     manifest["versions"]["skyarm"] = "0.0.1"
-    (done / MANIFEST).write_text(json.dumps(manifest))
+    write_manifest(done, manifest)
     with pytest.raises(StudyError, match=r"version of skyarm = '.*': must be '0\.0\.1'"):
         run_sweep(small_study(), done)
 
@@ -235,14 +241,18 @@ def test_a_manifest_that_is_lost_or_cut_off_is_made_anew(done: Path, text: str |
 def test_rows_of_another_study_are_known_without_a_manifest(done: Path) -> None:
     (done / MANIFEST).unlink()
     before = files_of(done)
-    with pytest.raises(StudyError, match=r"holds rows of another study \(chunk_0000000\.parquet\) without a manifest"):
+    with pytest.raises(
+        StudyError,
+        match=r"holds rows of another study \(chunk_0000000\.paper_ct\.[0-9a-f]{64}\.parquet\) without a manifest",
+    ):
         run_sweep(small_study(seed=4), done)
     assert files_of(done) == before
 
 
 WRONG = [
     ("[]", "must be as 'skyarm sweep' wrote it"),
-    ('{"schema": 3}', "schema = 3: must be 2"),
+    ('{"schema": 4}', "schema = 4: must be 3"),
+    ('{"schema": 3}', "its content does not fit its sha256: it is damaged"),
     ("NaN", "delete it, and it is made anew"),
 ]
 
@@ -258,6 +268,6 @@ def test_what_is_no_manifest_is_refused_in_one_line(done: Path, text: str, words
 def test_the_manifest_says_what_the_rows_are(done: Path) -> None:
     manifest = manifest_of(done)
     assert manifest["study"] == json.loads(json.dumps(dict(small_study().document)))
-    assert (manifest["schema"], manifest["complete"], manifest["rows"]) == (2, True, 100)
+    assert (manifest["schema"], manifest["complete"], manifest["rows"]) == (3, True, 100)
     assert manifest["chunks"] == {"done": 4, "of": 4}
-    assert set(manifest["versions"]) == {"python", "skyarm", "numpy", "llvmlite", "pyarrow"}
+    assert set(manifest["versions"]) == {"skyarm", "numpy", "llvmlite", "code"}

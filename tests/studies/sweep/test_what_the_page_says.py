@@ -9,8 +9,8 @@ import re
 import numpy as np
 import pytest
 
+from skyarm.studies.sweep.manifest import Manifest
 from skyarm.studies.sweep.stats import SHARES, _difference_statistics
-from skyarm.studies.sweep.store import Manifest
 from skyarm.studies.sweep.study_page import Pictures, page
 
 STUDY = {

@@ -11,6 +11,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PERFECT_SENSORS
 from skyarm.studies.compare.perturbed_plants import RESERVE, Spread, arm_length, draw, spread_of, thrust_margin
+from skyarm.studies.flights import Crew
 from skyarm.studies.tune.candidate_flights import CandidateFlights, Flown, scores
 from skyarm.studies.tune.excitation import (
     BLOWN,
@@ -121,8 +122,8 @@ def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
 def test_joints_with_servos_are_charged_no_effort():
     flight = tuning_flight(of_vehicle(load_vehicle("quadrotor_roll_arm2"), "decoupled_pd"))
     flight = dataclasses.replace(flight, duration=1.0)
-    flights = CandidateFlights(flight, (), draw_plants(flight, 2, seed=0))
-    flown = flights.fly(np.zeros((1, 0)))
+    flights = CandidateFlights(flight, (), draw_plants(flight, 2, seed=0), Crew())
+    flown = flights.fly("few", np.zeros((1, 0)))
     assert flown.effort.tolist() == [[0.0, 0.0]]
     assert (flown.jitter > 0.0).all()
 

@@ -14,6 +14,7 @@ from skyarm.records.leaves import parts
 from skyarm.reference import Constant
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
+from skyarm.studies.flights import Crew
 from skyarm.studies.tune import candidate_flights, tuning
 from skyarm.studies.tune.candidate_flights import OWN, CandidateFlights, Flown, of_drawn, shorten, with_own
 from skyarm.studies.tune.excitation import KINDS, draw_plants, of_vehicle, sine_from_rest, tuning_flight
@@ -61,7 +62,7 @@ def test_saturation_is_the_share_of_periods_with_a_rotor_at_its_limit():
     flight = tuning_flight(of_vehicle(dataclasses.replace(vehicle, rotors=weak), "decoupled_pd"))
     flight = dataclasses.replace(flight, duration=1.0, windows=Windows(steady=Window(0.2, 1.0)))
     plants = draw_plants(flight, 3, seed=1)
-    found = CandidateFlights(flight, (), plants, saturation=True).fly(np.zeros((1, 0))).saturated[0]
+    found = CandidateFlights(flight, (), plants, Crew(), saturation=True).fly("few", np.zeros((1, 0))).saturated[0]
     for i, share in enumerate(found):
         log = skyarm.run(with_numbers(flight, {path: column[i] for path, column in plants.values.items()}))
         limited = (log.rotor_commands <= 0.0) | (log.rotor_commands >= (1.0 - 1e-6) * 1.05 * hover)
@@ -85,16 +86,20 @@ def test_plants_fly_the_motion_of_their_kind_in_as_many_flights(short, monkeypat
     knobs = find_knobs(flight.controller, "decoupled_pd")
     drawn = draw_plants(flight, 12, seed=3, mixed=True)
     plants, logs = with_own(drawn), np.array([[0.0] * len(knobs), [0.3] * len(knobs)])
-    flights = CandidateFlights(flight, knobs, plants, own=own, seed=4, gust=True)
-    lanes = []
-    real = CandidateFlights._fly
-    monkeypatch.setattr(CandidateFlights, "_fly", lambda self, *a, **k: lanes.append(f := real(self, *a, **k)) or f)
-    found, first = flights.fly(logs), flights.fly(logs, 7)
+    crew, works = Crew(), []
+    real = crew.rows
+    monkeypatch.setattr(crew, "rows", lambda asked: works.append(asked) or real(asked))
+    flights = CandidateFlights(flight, knobs, plants, crew, own=own, seed=4, gust=True)
+    found, first = flights.fly("all", logs), flights.fly("few", logs, 7)
     # more lanes than there are plants would be more flights
-    assert [each.error.shape for each in lanes] == [(2, 9), (2, 3), (2, 6), (2, 1)]
-    alone = real(flights, logs, drawn.select(np.flatnonzero(plants.kinds != OWN)))
-    mine = candidate_flights._without_motions(drawn.select(np.array([3, 7, 11])))
-    for name, table in parts(real(flights._own, logs, mine)).items():
+    assert [[work.count for work in asked] for asked in works] == [[18, 6], [12, 2]]
+    labels = [work.label for asked in works for work in asked]
+    assert labels == ["all.1", "all.own.1", "few.1", "few.own.1"]
+    still = drawn.select(np.flatnonzero(plants.kinds != OWN))
+    alone = CandidateFlights(flight, knobs, drawn, Crew(), seed=4, gust=True).fly("all", logs, others=still)
+    mine = candidate_flights._without_motions(drawn)
+    own_alone = CandidateFlights(own, knobs, mine, Crew(), seed=4)
+    for name, table in parts(own_alone.fly("own", logs, others=mine.select(np.array([3, 7, 11])))).items():
         np.testing.assert_array_equal(getattr(found, name)[..., [3, 7, 11]], table if name != "kinds" else OWN)
     for name, table in parts(found).items():
         np.testing.assert_array_equal(table[..., plants.kinds != OWN], getattr(alone, name))
@@ -106,7 +111,9 @@ def test_plants_fly_the_motion_of_their_kind_in_as_many_flights(short, monkeypat
     # an own motion of 8 m at 1 Hz that no drawn one comes near
     assert found.base[:, plants.kinds == OWN].min() > 2.0 * found.base[:, plants.kinds != OWN].max()
     # no plant may be left of a kind
-    np.testing.assert_array_equal(flights.fly(logs, others=plants.select(np.arange(3))).error, found.error[:, :3])
+    np.testing.assert_array_equal(
+        flights.fly("none", logs, others=plants.select(np.arange(3))).error, found.error[:, :3]
+    )
 
 
 class NoMargins:
@@ -122,21 +129,18 @@ class NoMargins:
 class Told:
     """In place of flights: errors of 1 mm along drawn motions, 16 mm along the scenario's own."""
 
-    flown: list[tuple[int, int]] = []  # noqa: RUF012  (asked, plants), cleared by the test
+    flown: list[tuple[str, int, int]] = []  # noqa: RUF012  (stage, asked, plants), cleared by the test
 
-    def __init__(self, flight, knobs, plants, *, own, threads, seed, gust):
+    def __init__(self, flight, knobs, plants, crew, *, own, seed, gust):
         self.plants = plants
 
-    def fly(self, logs, plants=None, others=None):
+    def fly(self, stage, logs, plants=None, others=None):
         kinds = (others or self.plants).kinds[:plants]
-        self.flown.append((len(logs), len(kinds)))
+        self.flown.append((stage, len(logs), len(kinds)))
         table = np.ones((len(logs), len(kinds)))
         error = 1e-3 * np.where(kinds == OWN, 16.0, 1.0) * table
         rest = dict.fromkeys(("base", "jitter", "effort", "saturated"), table)
         return Flown(error=error, tip=error, lost=table < 0.0, kinds=kinds, **rest)
-
-    def close(self):
-        pass
 
 
 def test_the_own_motion_counts_as_one_kind_of_four_from_the_first_round_to_the_finalists(short, monkeypatch):
@@ -150,9 +154,10 @@ def test_the_own_motion_counts_as_one_kind_of_four_from_the_first_round_to_the_f
     )
     asked = np.zeros((5 * effort.population, len(knobs)))
 
-    flies = Tuner(plan, draw_plants(flight, 8, seed=0, mixed=True), 1, lambda *_: None)
+    flies = Tuner(plan, draw_plants(flight, 8, seed=0, mixed=True), Crew(), lambda *_: None)
     first = [flies.judge(0, asked, 4), flies.judge(1, asked, 8), *flies.again(asked[:6])]
     # the geometric mean of the kinds' quantiles; the finalists' error in the front is of drawn motions
     assert [each.error[0] for each in first] == pytest.approx([2e-3, 2e-3, 2e-3, 1e-3])
-    assert Told.flown == [(50, 4), (1, 8 * POOL), (50, 8), (6, FURTHER)]
+    stages = [("round_000", 50, 4), ("pool", 1, 8 * POOL), ("round_001", 50, 8), ("again", 6, FURTHER)]
+    assert Told.flown == stages
     assert plan.facts()["motions"] == [*KINDS, "own"]

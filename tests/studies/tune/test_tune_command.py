@@ -87,16 +87,20 @@ def test_the_gains_fly(tuned):
 
 
 @pytest.mark.thorough
-def test_the_result_does_not_depend_on_the_number_of_threads(tuned, tmp_path):
+@pytest.mark.parametrize("place", ["local", "processes"])
+def test_the_result_does_not_depend_on_the_number_of_workers_or_their_place(place, tuned, tmp_path):
     folder, _ = tuned
-    result = tune("--workers", "2", folder=tmp_path)
+    result = tune("--workers", "2", "--on", place, folder=tmp_path)
     assert result.exit_code == 0, result.output
     assert "pick" in result.output
     # a vehicle without joints and tip
     assert "base error" in result.output
     assert not re.search("tip error|joints|effort", result.output)
-    for name in ("tuned.toml", "tune.html"):
-        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes(), name
+    files, others = ({p.relative_to(f): p for p in f.rglob("*") if p.is_file()} for f in (folder, tmp_path))
+    assert set(files) == set(others)
+    assert len(list(folder.glob("rows/round_*.parquet"))) == 3
+    for name, path in files.items():
+        assert others[name].read_bytes() == path.read_bytes(), name
 
 
 def test_the_page_has_a_stop_for_every_file_and_asks_for_nothing(tuned):
@@ -123,6 +127,7 @@ def test_the_page_has_a_stop_for_every_file_and_asks_for_nothing(tuned):
         (("--laws", "none.toml"), "no such file"),
         (("--laws", "nmpc"), "its law cannot be traced, skyarm tune needs a traceable law"),
         (("--workers", "-1"), "--workers = -1: must be from 0"),
+        (("--on", "moon"), "--on = 'moon': must be local, processes, ray or ray:HOST:PORT"),
         (("--seed", "2147483648"), "--seed = 2147483648: must be from 0 to 2147483647"),
     ],
 )

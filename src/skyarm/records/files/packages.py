@@ -12,6 +12,7 @@ from importlib import metadata
 
 FLOORS = {
     "jinja2": "3.1",
+    "cloudpickle": "3.1",
     "llvmlite": "0.45",
     "numpy": "1.26",
     "mujoco-core": "4.0",

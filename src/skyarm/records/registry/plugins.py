@@ -8,12 +8,14 @@ plugins that were loaded, and processes that fly for others load the same ones.
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module, metadata
+from importlib.abc import SourceLoader
+from importlib.machinery import ModuleSpec
+from importlib.util import module_from_spec, spec_from_file_location, spec_from_loader
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
@@ -21,9 +23,9 @@ from typing import Any
 from skyarm.records.files import shown, unreadable
 from skyarm.records.files.user_code import (
     INSTALLED,
+    MISSING,
     file_of,
     identity_of,
-    identity_of_file,
     is_beside,
     number_duplicates,
 )
@@ -67,8 +69,52 @@ class Plugin:
         return [(Path(self.name).name, self.identity), *beside]
 
 
+Sources = dict[str, tuple[str, bytes]]
+"""Name of a module -> path of its file, as it was given, and content."""
+
 _LOADED: dict[str, Plugin] = {}
 _MODULES: dict[str, ModuleType] = {}
+_SOURCES: dict[str, Sources] = {}
+"""What the file of each plugin, and the modules beside it, held when they were loaded."""
+
+_SENT: Sources = {}
+"""The same of another process, from which modules are loaded here: its files need not be here."""
+
+
+class _SentModules(SourceLoader):
+    """Imports the modules that another process sent, under the names and paths that they have there."""
+
+    def find_spec(self, name: str, *_: object) -> ModuleSpec | None:
+        if name in _SENT:
+            return spec_from_loader(name, self)
+        folder = any(each.startswith(f"{name}.") for each in _SENT)
+        return ModuleSpec(name, None, is_package=True) if folder else None
+
+    def get_filename(self, fullname: str) -> str:
+        return _SENT[fullname][0]
+
+    def get_data(self, path: str) -> bytes:
+        content = _content(path)
+        if content is None:
+            raise FileNotFoundError(path)
+        return content
+
+
+_FINDER = _SentModules()
+
+
+def _content(file: str) -> bytes | None:
+    """Content of a file, as another process sent it or as it is now; None if it cannot be read."""
+    sent = next((content for path, content in _SENT.values() if path == file), None)
+    try:
+        return Path(file).read_bytes() if sent is None else sent
+    except OSError:
+        return None
+
+
+def _identity(file: str) -> str:
+    content = _content(file)
+    return MISSING if content is None else identity_of(content)
 
 
 def loaded_plugins() -> tuple[Plugin, ...]:
@@ -115,11 +161,16 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
         RegistryError: one line: it cannot be read, is not the expected one, was made for another version of the
             extension points, fails, or takes a name that is taken. Nothing of it stays registered then.
     """
-    file = Path(path)
-    reason = unreadable(file) if file.suffix == ".py" else "must be a .py file"
-    if reason:
-        raise RegistryError(f"plugin = {shown(str(path))}: {reason}")
-    content, key = file.read_bytes(), str(file.resolve())
+    name = f"{FILE_MODULE}{Path(path).stem}_{expected[7:15]}" if expected else ""
+    if name in _SENT:
+        (given, content), key = _SENT[name], str(path)
+        file = Path(given)
+    else:
+        file = Path(path)
+        reason = unreadable(file) if file.suffix == ".py" else "must be a .py file"
+        if reason:
+            raise RegistryError(f"plugin = {shown(str(path))}: {reason}")
+        content, key = file.read_bytes(), str(file.resolve())
     identity = identity_of(content)
     if expected is not None and identity != expected:
         raise _change_error(str(path))
@@ -127,7 +178,7 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
         if _LOADED[key].identity != identity:
             raise _change_error(str(path))
         for beside, first in _LOADED[key].beside:
-            if identity_of_file(beside) != first:
+            if _identity(beside) != first:
                 raise _change_error(str(path), beside)
         return _MODULES[key]
     name, before = f"{FILE_MODULE}{file.stem}_{identity[7:15]}", set(sys.modules)
@@ -137,8 +188,10 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
         for other in _beside(key, before):
             sys.modules.pop(other)  # mended, it is to be run again
         raise
-    files = sorted({file_of(sys.modules[other]) for other in _beside(key, before)})
-    _LOADED[key] = Plugin(key, identity, tuple((each, identity_of_file(each)) for each in files))
+    files = {other: file_of(sys.modules[other]) for other in _beside(key, before)}
+    sources = {other: (each, held) for other, each in files.items() if (held := _content(each)) is not None}
+    _SOURCES[key] = {name: (str(file), content), **sources}
+    _LOADED[key] = Plugin(key, identity, tuple((each, _identity(each)) for each in sorted({*files.values()})))
     _MODULES[key] = module
     return module
 
@@ -156,10 +209,10 @@ def _change_error(path: str, beside: str = "") -> RegistryError:
 
 
 def _run(name: str, file: Path, content: bytes) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, file)
+    spec = spec_from_file_location(name, file)
     if spec is None:
         raise RegistryError(f"plugin = {shown(str(file))}: must be a .py file")
-    module = importlib.util.module_from_spec(spec)
+    module = module_from_spec(spec)
     sys.modules[name] = module
     try:
         with registering_for(str(file)):
@@ -211,11 +264,6 @@ def _require_right(source: str) -> None:
 
 FROM_FILE = re.compile(r"(?P<file>.+\.py):(?P<maker>[A-Za-z_]\w*)")
 """A law of one's own on the command line: the file, and the function in it that makes the controller."""
-
-
-def laws_of_files() -> tuple[str, ...]:
-    """Control laws given as FILE.py:make in this process, which worker processes must load too."""
-    return tuple(name for name in registrations("law") if is_law_of_file(name))
 
 
 def is_law_of_file(text: object) -> bool:
@@ -283,19 +331,40 @@ def load_installed() -> None:
         _LOADED[f"{name} {entry.name}"] = Plugin(name, f"version {version}")
 
 
-def load_again(plugins: Iterable[Plugin]) -> None:
+def sources_of_plugins() -> Sources:
+    """Modules of the files that were loaded as plugins, and all that came from their folders, for another process."""
+    found = {name: held for key in _LOADED for name, held in _SOURCES.get(key, {}).items()}
+    folders = {Path(key).parent for key in _LOADED if key in _SOURCES}
+    for name, file in ((name, file_of(module)) for name, module in [*sys.modules.items()] if folders):
+        places = [folder.joinpath(*name.split(".")) for folder in folders]
+        # a script may have imported it before the plugin did
+        if name not in found and any(file in (f"{place}.py", str(place / "__init__.py")) for place in places):
+            content = _content(file)
+            found |= {} if content is None else {name: (file, content)}
+    return found
+
+
+def load_again(plugins: Iterable[Plugin], sources: Mapping[str, tuple[str, bytes]] | None = None) -> None:
     """Load the same plugins as another process, before objects of that process are unpickled.
+
+    Args:
+        plugins: of that process.
+        sources: their modules as it loaded them; without, they are read from the same files.
 
     Raises:
         RegistryError: one is missing here or is not the same.
     """
+    _SENT.update(sources or {})
+    if _SENT and _FINDER not in sys.meta_path:
+        sys.meta_path.insert(0, _FINDER)
     here = {plugin.name: plugin.identity for plugin in loaded_plugins()}
     for plugin in plugins:
         if plugin.identity.startswith("sha256:"):
             load_plugin(plugin.name, plugin.identity)
-            here_now = dict(_LOADED[str(Path(plugin.name).resolve())].beside)
+            key = plugin.name if plugin.name in _LOADED else str(Path(plugin.name).resolve())
+            here_now = dict(_LOADED[key].beside)
             for beside, identity in plugin.beside:
-                if here_now.get(beside, identity_of_file(beside)) != identity:
+                if here_now.get(beside, _identity(beside)) != identity:
                     raise _change_error(plugin.name, beside)
         elif here.get(plugin.name) != plugin.identity:
             raise RegistryError(f"plugin {plugin.name}: must be installed here as {plugin.identity}")

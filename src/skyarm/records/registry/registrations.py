@@ -112,6 +112,11 @@ SHIPPED = "skyarm"
 """Source of what ships."""
 
 
+def take_over(row: Registration) -> None:
+    """Register an entry of another process, unless its name is taken here: by the same plugin, or the same script."""
+    _ready()[row.kind].setdefault(row.name, row)
+
+
 def _ready() -> dict[str, dict[str, Registration]]:
     """Registry entries of all kinds, after the library and installed packages have registered theirs."""
     if not _READY:

@@ -15,7 +15,6 @@ from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.mixer import Mixer
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle, undriven_joints
 
@@ -263,6 +262,8 @@ def joint_range(joint: Joint) -> tuple[float, float]:
 
 def _coordinates(count: int, dimension: int, rng: np.random.Generator) -> Array:
     """One coordinate of randomly shifted Sobol points; plain random numbers beyond the table's 21 dimensions."""
+    from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol  # brings the sweeps along
+
     if dimension >= DIMENSIONS:
         return rng.random(count)
     points = sobol(np.arange(count), dimension).astype(float) / 2.0**BITS

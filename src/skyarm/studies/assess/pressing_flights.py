@@ -24,9 +24,10 @@ from skyarm.records.arrays import Array
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.batch import Batch
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, Finding
 from skyarm.studies.assess.push_limits import FORCE, HALF, largest_push, push_on_level_base, yaw_room, yaw_torques
+from skyarm.studies.flights import Work
+from skyarm.studies.flights.fly import fly
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -135,12 +136,22 @@ def fly_shares(scenario: Scenario, force: float) -> tuple[Array, Array, Array]:
     Raises:
         ScenarioError: a force that is no constant, or a plant that no batch flies: one line.
     """
-    batch = Batch(scenario, (VALUE,), metrics=("contact", "rotor_saturation"), effort=0)
-    forces, episodes = np.repeat(np.array(SHARES) * force, NOISES), np.tile(np.arange(NOISES), len(SHARES))
-    flown = batch.fly({VALUE: forces}, seed=scenario.seed, episodes=episodes)
+    rows = fly(
+        Work(
+            label=QUESTION,
+            scenario=scenario,
+            columns={VALUE: np.repeat(np.array(SHARES) * force, NOISES)},
+            episodes=np.tile(np.arange(NOISES), len(SHARES)),
+            metrics=("contact", "rotor_saturation"),
+            seed=scenario.seed,
+            effort=0,
+        )
+    )
     shape = (len(SHARES), NOISES)
-    error, limited = (np.reshape(flown.metrics[name], shape) for name in ("contact_error_mean", "rotor_saturation"))
-    return error, np.reshape(flown.status, shape), limited
+    error, status, limited = (
+        rows[name].reshape(shape) for name in ("contact_error_mean", "status", "rotor_saturation")
+    )
+    return error, status, limited
 
 
 def cause_of(scenario: Scenario, at: Reference) -> tuple[str, str]:

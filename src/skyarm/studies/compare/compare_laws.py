@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from skyarm.records.files import PathLike, require_writable
+from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.workers import Progress
 from skyarm.studies.compare.comparison import SUITE, Comparison
 from skyarm.studies.compare.contact_suite import CONTACT, ContactSuite
 from skyarm.studies.compare.contact_tasks import OWN
@@ -17,6 +16,7 @@ from skyarm.studies.compare.entrants import chosen_entrants, chosen_laws
 from skyarm.studies.compare.envelope import ENVELOPE, Envelope
 from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.compare.run_suite import Document, Suite, fly_suite
+from skyarm.studies.flights.executor import Progress
 from skyarm.view.pages import Report, section
 
 SUITES: dict[str, Any] = {SUITE: Comparison, ENVELOPE: Envelope, CONTACT: ContactSuite}
@@ -44,6 +44,7 @@ def compare(
     out: PathLike = "out/compare",
     *,
     workers: int = 1,
+    on: str | None = None,
     progress: Progress | None = None,
     **options: Any,
 ) -> ComparisonResults:
@@ -53,7 +54,8 @@ def compare(
         what: a scenario, the name or path of one, or "paper-suite", "envelope-suite", "contact-suite".
         laws: names of controllers; the usual ones of the suite if left out.
         out: folder of the results.
-        workers: threads; results do not depend on it.
+        workers: threads or processes that fly; results do not depend on it.
+        on: "local", "processes", "ray" or "ray:HOST:PORT"; for more cells than workers processes, if left out.
         progress: called with (done, all, the last).
         options: seed, plant; of a scenario seeds (noisy flights); of a suite fields of its class, such as quick.
 
@@ -69,5 +71,5 @@ def compare(
             # of an own scenario any controller flies
             options["laws"] = chosen_laws(names, "laws", OWN if what == CONTACT else () if kind else names)
     suite: Suite[Any] = OwnScenario(scenario=what, **options) if kind is None else kind(**options)
-    document = fly_suite(suite, require_writable(out), threads=workers, progress=progress)
+    document = fly_suite(suite, out, workers=workers, on=on, progress=progress)
     return ComparisonResults(folder=Path(out), document=document, report=suite.report(document))

@@ -1,25 +1,26 @@
 """Run a benchmark of several controllers into a folder: simulate, evaluate, write one report.
 
-A suite says what flies and how it is judged; the rest is here. Each cell is a file of its own from the moment it has
+A suite says what flies and how it is judged; the rest is here. Each cell has a file of rows from the moment it has
 flown, so that a suite that was killed continues; ``flights.parquet`` holds every flight of all cells in a row.
 """
 
 from __future__ import annotations
 
-import io
 import json
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from concurrent.futures import as_completed
-from importlib.util import find_spec
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from skyarm.compile.llvm.kernel import require_machine_code
-from skyarm.records.files import require_writable, write_atomically
+from skyarm.records.files import PathLike, needs_extra, require_writable, taken_back, write_atomically
 from skyarm.records.registry.plugins import identities
-from skyarm.simulate.workers import Progress, workers
-from skyarm.studies.compare.cells import Cell, Cells, Flights, fly
+from skyarm.studies.compare.cells import NAMES, Cell, Flights
+from skyarm.studies.flights import Crew, Store
+from skyarm.studies.flights.executor import Progress
+from skyarm.studies.flights.store import ROWS, concatenate, files_by_label, unpack_rows
 from skyarm.view.pages import Report
 
 DPI = 160
@@ -68,79 +69,61 @@ class Suite(ABC, Generic[F]):
         """Build the report of a benchmark from its results."""
 
 
-def fly_suite(suite: Suite[F], folder: Path, *, threads: int = 1, progress: Progress | None = None) -> Document:
+def fly_suite(
+    suite: Suite[F], out: PathLike, *, workers: int = 1, on: str | None = None, progress: Progress | None = None
+) -> Document:
     """Simulate the missing flights of a benchmark, write its files, and return the content of its JSON file.
+
+    Args:
+        suite: that flies.
+        out: folder of its files; cells whose rows it holds do not fly again.
+        workers: threads or processes that fly; no number depends on it.
+        on: "local", "processes", "ray" or "ray:HOST:PORT"; for more cells than workers processes, if left out.
+        progress: called after every cell with (cells done, all, the last).
 
     Raises:
         ValueError: no law flies any trial.
+        TakenError: another comparison writes into the folder.
         NoMachineCodeError: before any flight; most laws fly in batches.
-        OSError: a file cannot be written.
+        OSError: a file cannot be written, or a process ended unexpectedly.
     """
     require_machine_code()
     todo, refused = suite.plan_cells()
     if not todo:
         words = "; ".join(f"--laws: {law}: {why}" for law, why in refused.items())
         raise ValueError(words or "--only: must name trials that the vehicle flies")
-    prepare(folder)
-    cells = fly_all(todo, folder / "cells", threads=threads, progress=progress)
-    found: Document = {"schema": 1, "suite": suite.name, **suite.options}
-    if identities():
-        found["plugins"] = identities()
-    found |= suite.judge(todo, cells, refused)
-    pictures = suite.pictures(found)
-    write_suite(suite, found, pictures, folder)
-    write_flights(todo, cells, folder)
+    folder = Path(out)
+    with taken_back(folder, folder / ROWS):
+        store = open_store(require_writable(out))
+        with store.alone() if store else nullcontext():
+            cells, flown = dict[str, Cell](), dict[str, bytes]()
+            with Crew(on, workers, store) as crew:
+                for work, content in crew.fly(each.work() for each in todo):
+                    cells[work.label] = Cell.of_rows(work, unpack_rows(content))
+                    flown[work.label] = content
+                    if progress is not None:
+                        progress(len(cells), len(todo), work.label.replace("__", " "))
+            found: Document = {"schema": 1, "suite": suite.name, **suite.options}
+            if identities():
+                found["plugins"] = identities()
+            found |= suite.judge(todo, [cells[each.label] for each in todo], refused)
+            write_suite(suite, found, suite.pictures(found), folder)
+            if store:
+                columns = [
+                    (flown[each.label], (*NAMES, "status", "trial", *cells[each.label].metrics)) for each in todo
+                ]
+                write_atomically(folder / "flights.parquet", concatenate(columns))
     return found
 
 
-def prepare(folder: Path) -> None:
-    """Create the output folders of a benchmark.
-
-    Raises:
-        OSError: one of them cannot be written.
-    """
-    require_writable(folder)
-    require_writable(folder / "cells")
-
-
-def fly_all(todo: Sequence[Flights], folder: Path, *, threads: int = 1, progress: Progress | None = None) -> list[Cell]:
-    """Simulate the flights of a benchmark, except for those whose results are already in the folder.
-
-    Args:
-        todo: flights of each cell.
-        folder: of the cells.
-        threads: of a batch, or processes if there are more cells. No number depends on it.
-        progress: called after every cell.
-
-    Raises:
-        OSError: a process ended unexpectedly, or a cell cannot be written.
-    """
-    store, found = Cells(folder), dict[int, Cell]()
-
-    def note(k: int, cell: Cell) -> None:
-        found[k] = cell
-        if progress is not None:
-            progress(len(found), len(todo), todo[k].label.replace("__", " "))
-
-    def keep(k: int, cell: Cell) -> None:
-        store.put(todo[k], cell)
-        note(k, cell)
-
-    left = []
-    for k, cell in enumerate(map(store.get, todo)):
-        if cell is None:
-            left.append(k)
-        else:
-            note(k, cell)
-    if threads == 1 or len(left) <= threads:
-        for k in left:
-            keep(k, fly(todo[k], threads))
-    else:  # of many cells each takes a processor
-        with workers(threads) as submit:
-            flying = {submit(fly, todo[k]): k for k in left}
-            for future in as_completed(flying):
-                keep(flying[future], future.result())
-    return [found[k] for k in range(len(todo))]
+def open_store(folder: Path) -> Store | None:
+    """Store of a benchmark's rows, with warnings of what will be flown again; None without pyarrow."""
+    if not files_by_label(folder / ROWS) and any((folder / "cells").glob("*.cell")):
+        warnings.warn(f"{folder}: cells of skyarm 0.3 do not count: what they hold is flown again", stacklevel=2)
+    store = Store.if_kept(folder)
+    if store is None:
+        warnings.warn(f"pyarrow: is missing: what has flown is not kept; {needs_extra('sweep')}", stacklevel=2)
+    return store
 
 
 def write_suite(suite: Suite[F], found: Record, pictures: dict[str, bytes], folder: Path) -> None:
@@ -149,22 +132,3 @@ def write_suite(suite: Suite[F], found: Record, pictures: dict[str, bytes], fold
     texts = {f"{suite.file}.json": results, "tables.md": report.markdown(), PAGE: report.html()}
     for name, content in (pictures | {name: text.encode() for name, text in texts.items()}).items():
         write_atomically(folder / name, content)
-
-
-def write_flights(todo: Sequence[Flights], cells: Sequence[Cell], folder: Path) -> None:
-    """Write every flight of a benchmark as a row of ``flights.parquet`` if pyarrow is installed."""
-    if find_spec("pyarrow") is None:
-        return
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    tables = []
-    for flights, cell in zip(todo, cells, strict=True):
-        count = len(cell.status)
-        names = dict(zip(("condition", "case", "law"), flights.name, strict=True))
-        fixed = {name: pa.array([word] * count).dictionary_encode() for name, word in names.items()}
-        numbers = {"trial": flights.trials(count), **cell.metrics}
-        tables.append(pa.table({**fixed, "status": pa.array(cell.status), **numbers}))
-    stream = io.BytesIO()
-    pq.write_table(pa.concat_tables(tables, promote_options="default"), stream)
-    write_atomically(folder / "flights.parquet", stream.getvalue())

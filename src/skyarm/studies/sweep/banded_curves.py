@@ -104,7 +104,7 @@ def variable(rows: Rows, text: str, field: str) -> Variable:
     """
     name, equals, after = text.partition("=")
     if text in rows.parameters:
-        kind = next(iter((rows.manifest.study["vary"] or {}).get(text, ())), "")
+        kind = next(iter((rows.manifest.study.get("vary") or {}).get(text, ())), "")
         unit = rows.manifest.units.get(text, "")
         return Variable(words=words_of(text), unit=unit, values=_column(rows, text), logarithmic=kind == "log_uniform")
     if not rows.parameters:

@@ -83,7 +83,7 @@ def robustness_maps(rows: Rows, paths: tuple[str, str] | None = None) -> list[Ro
         raise StudyError(f"--map = {shown(paths[0])}: must be two different numbers")
     first = rows.controllers[0]
     columns = [rows.of(first, path) for path in paths]
-    kinds = [next(iter(rows.manifest.study["vary"].get(path, ("derived",)))) for path in paths]
+    kinds = [next(iter((rows.manifest.study.get("vary") or {}).get(path, ("derived",)))) for path in paths]
     across, upward = (
         axis(path, column, logarithmic=kind == "log_uniform", label=rows.label(path))
         for path, column, kind in zip(paths, columns, kinds, strict=True)

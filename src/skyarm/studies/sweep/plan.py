@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,11 +19,11 @@ from skyarm.scenario.endings import STATUSES
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.numbers import require_apart, unit_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.batch import Batch
 from skyarm.simulate.draws import draws_needed
+from skyarm.studies.flights import Work
 from skyarm.studies.sweep.design import derived_extremes, extremes, values
 from skyarm.studies.sweep.expressions import ExpressionError
-from skyarm.studies.sweep.store import Manifest
+from skyarm.studies.sweep.manifest import Manifest, label_of
 from skyarm.studies.sweep.study import Study, StudyError
 
 PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
@@ -45,21 +45,24 @@ class Plan:
     stiffest: Scenario
     manifest: Manifest
 
-    def batches(self) -> dict[str, Batch]:
-        """Compiled closed-loop simulation of each controller of the sweep."""
+    def works(self, index: int) -> Iterator[Work]:
+        """Flights of one chunk of episodes, with each controller."""
         study = self.study
-        return {
-            label: Batch(
-                scenario,
-                study.paths,
+        episodes = np.arange(study.span(index).start, study.span(index).stop)
+        drawn = values(study, episodes)
+        for label, scenario in study.scenarios.items():
+            yield Work(
+                label=label_of(index, label),
+                scenario=scenario,
+                columns={path: drawn[path] for path in study.paths},
+                episodes=episodes,
+                fixed={"controller": label} | {name: drawn[name] for name in drawn if name not in study.paths},
                 metrics=study.metrics,
                 windows=study.windows,
-                single=study.precision == "single",
-                bit_exact=study.precision == "bit_exact",
+                seed=study.seed,
+                precision=study.precision,
                 stiffest=self.stiffest,
             )
-            for label, scenario in study.scenarios.items()
-        }
 
 
 @immutable(kw_only=False)

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from skyarm.records.files import PathLike, require_writable, shown, taken_back
-from skyarm.records.files.writing import one_writer
+from skyarm.records.files import PathLike, shown, taken_back
 from skyarm.records.immutable import immutable
-from skyarm.simulate.batch import Batch
-from skyarm.studies.sweep.design import values
-from skyarm.studies.sweep.plan import Plan, prepare
+from skyarm.studies.flights import Crew, Store
+from skyarm.studies.flights.executor import LOCAL
+from skyarm.studies.flights.store import ROWS, require_parquet
+from skyarm.studies.sweep.manifest import MANIFEST
+from skyarm.studies.sweep.plan import prepare
+from skyarm.studies.sweep.rows import require_same_study, rows_there
 from skyarm.studies.sweep.stats import Rows
-from skyarm.studies.sweep.store import MANIFEST, ROWS, StudyFolder, arrow
 from skyarm.studies.sweep.study import Study, StudyError
 from skyarm.studies.sweep.study_file import load_study, study_from
 
@@ -42,6 +40,7 @@ def fly_sweep(
     folder: PathLike,
     *,
     workers: int = 1,
+    on: str = LOCAL,
     part: str | None = None,
     progress: Progress | None = None,
 ) -> Rows:
@@ -51,7 +50,8 @@ def fly_sweep(
         study: the tables of a study's file (:mod:`skyarm.studies.sweep.study_file`), the path of one, the name of a
             shipped one, or a study that was loaded before.
         folder: of the rows; one that holds some of this study is completed.
-        workers: threads that fly; rows do not depend on it.
+        workers: threads or processes that fly; rows do not depend on it.
+        on: "local", "processes", "ray" or "ray:HOST:PORT".
         part: "K/N", one of the machines that share the folder.
         progress: called with (episodes there, episodes in all).
 
@@ -66,7 +66,7 @@ def fly_sweep(
         study = study_from(study)
     elif not isinstance(study, Study):
         study = load_study(study)
-    run_sweep(study, folder, threads=workers, part=part, progress=progress)
+    run_sweep(study, folder, workers=workers, on=on, part=part, progress=progress)
     return Rows(folder)
 
 
@@ -74,7 +74,8 @@ def run_sweep(
     study: Study,
     out: PathLike,
     *,
-    threads: int = 1,
+    workers: int = 1,
+    on: str = LOCAL,
     part: str | None = None,
     progress: Progress | None = None,
 ) -> Summary:
@@ -83,40 +84,47 @@ def run_sweep(
     Args:
         study: from :func:`skyarm.studies.sweep.load_study`.
         out: folder of the rows; one that holds some of this study is completed.
-        threads: that fly a chunk; rows do not depend on it.
+        workers: threads or processes that fly; rows do not depend on it.
+        on: "local", "processes", "ray" or "ray:HOST:PORT".
         part: "K/N": of the chunks every N-th from the K-th on; others write into the same folder.
-        progress: called after every chunk.
+        progress: called after every file of rows.
 
     Raises:
         StudyError: a number that cannot be flown, or a folder that holds another study.
         TakenError: another sweep writes into the folder.
         OSError: the folder cannot be written, which is seen before any flight.
     """
-    arrow()
+    require_parquet()
     first, stride = _part(part)
-    plan, begin, flown = prepare(study), time.perf_counter(), 0
-    report = progress or (lambda *_: None)
-    folder = Path(out)
+    plan, begin, report = prepare(study), time.perf_counter(), progress or (lambda *_: None)
+    folder, manifest, controllers = Path(out), plan.manifest, len(study.scenarios)
     with taken_back(folder, folder / MANIFEST, folder / ROWS):
-        alone = one_writer(require_writable(folder)) if part is None else contextlib.nullcontext()
-        with alone:
+        store = Store(folder, study=manifest.digest)
+        with store.alone(f"{first + 1}_of_{stride}" if stride > 1 else ""):
             try:
-                store = StudyFolder(folder, plan.manifest)
+                require_same_study(folder, manifest)
             except StudyError as error:
                 raise StudyError(f"{study.source}: {error}") from None
-            store.write_manifest()
-            found, todo = store.episodes, [i for i in range(first, study.chunks, stride) if i not in store.done]
+            there = rows_there(folder, manifest)
+            found = there.count // controllers
+            manifest.write(folder, there.count, len(there.chunks))
             report(found, study.episodes)
-            batches = plan.batches() if todo else {}
+            works = (work for index in range(first, study.chunks, stride) for work in plan.works(index))
             try:
-                for index in todo:
-                    store.put(index, fly_chunk(plan, batches, index, threads))
-                    flown += len(study.span(index))
-                    report(store.episodes, study.episodes)
+                with Crew(on, workers, store) as crew:
+                    for _ in crew.fly(works):
+                        if crew.flights:
+                            report((there.count + crew.flights) // controllers, study.episodes)
             finally:
-                store.write_manifest()
-    rows = store.episodes * len(study.scenarios)
-    return Summary(folder=folder, rows=rows, flown=flown, found=found, seconds=time.perf_counter() - begin)
+                there = rows_there(folder, manifest, untrusted={*there.ignored} - store.written)
+                manifest.write(folder, there.count, len(there.chunks))
+    return Summary(
+        folder=folder,
+        rows=there.count,
+        flown=crew.flights // controllers,
+        found=found,
+        seconds=time.perf_counter() - begin,
+    )
 
 
 def _part(text: str | None) -> tuple[int, int]:
@@ -125,35 +133,3 @@ def _part(text: str | None) -> tuple[int, int]:
     if not found or not 1 <= int(found[1]) <= int(found[2]):
         raise StudyError(f"--part = {shown(text)}: must be K/N with K from 1 to N, such as 3/16")
     return int(found[1]) - 1, int(found[2])
-
-
-def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int = 1) -> bytes:
-    """Simulate one chunk of episodes with every controller; returns the content of its Parquet file.
-
-    The bytes depend on study and index only: not on threads, nor on what flew before.
-    """
-    pa, study, statuses = arrow(), plan.study, plan.manifest.statuses
-    span = study.span(index)
-    episodes = np.arange(span.start, span.stop)
-    drawn = values(study, episodes)
-    tables = []
-    for position, batch in enumerate(batches.values()):
-        outcome = batch.fly(
-            {path: drawn[path] for path in study.paths}, seed=study.seed, episodes=episodes, threads=threads
-        )
-        numbers = np.argmax([outcome.status == word for word in statuses], axis=0)
-        columns: dict[str, Any] = {
-            "episode": episodes.astype(np.uint32),
-            "controller": _words(pa, np.full(len(episodes), position), list(batches)),
-            **{path: np.asarray(column, dtype=float) for path, column in drawn.items()},
-            **{name: np.asarray(column, dtype=float) for name, column in outcome.metrics.items()},
-            "status": _words(pa, numbers, list(statuses)),
-            "end_time": outcome.end_time,
-        }
-        tables.append(pa.table(columns))
-    return plan.manifest.parquet(pa.concat_tables(tables), index)
-
-
-def _words(pa: Any, indices: Any, words: list[str]) -> Any:
-    """Column of strings for a Parquet file, dictionary-encoded."""
-    return pa.DictionaryArray.from_arrays(pa.array(indices, type=pa.int8()), pa.array(words))

@@ -15,8 +15,10 @@ from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
 from skyarm.records.files import PathLike, did_you_mean, number, shown
 from skyarm.scenario.numbers import axis_label, words_of
+from skyarm.studies.flights.store import read_column, require_parquet
 from skyarm.studies.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
-from skyarm.studies.sweep.store import MANIFEST, arrow, chunk_path, not_counted, read_manifest, whole_chunks
+from skyarm.studies.sweep.manifest import MANIFEST, read_manifest
+from skyarm.studies.sweep.rows import not_counted, rows_there
 from skyarm.studies.sweep.study import StudyError
 
 SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -40,37 +42,32 @@ class Rows:
     """
 
     def __init__(self, folder: PathLike, success: Mapping[str, float] | None = None) -> None:
-        arrow()
-        import pyarrow.dataset as ds
-
+        require_parquet()
         self.folder, manifest = Path(folder), read_manifest(folder)
         at = f"folder = {os.fspath(folder)!r}"
         if manifest is None:
             raise StudyError(f"{at}: must be one that 'skyarm sweep' wrote; it has no whole {MANIFEST}")
-        self.manifest = manifest
-        chunks, self.skipped = whole_chunks(folder, manifest)
-        if not chunks:
+        self.manifest, there = manifest, rows_there(self.folder, manifest)
+        self.skipped, self._chunks, self._files = there.ignored, there.chunks, there.files
+        if not there.chunks:
             others = not_counted(self.skipped)
             why = f" ({'; '.join(others)})" if others else ""
             raise StudyError(f"{at}: must hold rows; 'skyarm sweep' has not finished a chunk{why}")
-        self._data = ds.dataset([str(chunk_path(folder, index)) for index in chunks])
         self.parameters, self.metrics = manifest.parameters, tuple(manifest.study["metrics"])
         self.controllers = tuple(manifest.scenarios)
         self.limits = dict(self.manifest.success if success is None else success)
         for name in self.limits:
             if name not in self.metrics:
-                there = f"{did_you_mean(name, self.metrics)}there are {', '.join(self.metrics)}"
-                raise StudyError(f"success.{name}: is no metric of these rows; {there}")
-        chosen = self._column("controller")
-        self._chosen = {controller: np.asarray(chosen == controller) for controller in self.controllers}
-        self.episodes = sum(len(manifest.span(index)) for index in chunks)
+                listed = f"{did_you_mean(name, self.metrics)}there are {', '.join(self.metrics)}"
+                raise StudyError(f"success.{name}: is no metric of these rows; {listed}")
+        self.episodes = sum(len(manifest.span(index)) for index in there.chunks)
         self.count, self.planned = self.episodes * len(self.controllers), manifest.rows
 
     @property
     def deterministic(self) -> bool:
         """True if the sweep has no random values: a grid of parameters without noise."""
         study = self.manifest.study
-        kinds = [kind for distribution in (study["vary"] or {}).values() for kind in distribution]
+        kinds = [kind for distribution in (study.get("vary") or {}).values() for kind in distribution]
         given = study["design"] == "grid" and all(kind in ("list", "grid") for kind in kinds)
         return given and not self.manifest.noise
 
@@ -83,19 +80,17 @@ class Rows:
         """True if the folder has all rows of the study."""
         return self.count == self.planned
 
-    def _column(self, name: str) -> Array:
-        import pyarrow as pa
-
-        try:
-            column = self._data.to_table(columns=[name]).column(0)
-            return np.asarray(column.to_numpy(zero_copy_only=False))
-        except (pa.ArrowException, OSError) as error:
-            first = " ".join(str(error).split())
-            raise StudyError(f"{self.folder}: column {name!r}: must be readable ({first})") from None
-
     def of(self, controller: str, name: str) -> Array:
-        """Values of one metric or parameter over all flights of one controller."""
-        return np.asarray(self._column(name)[self._chosen[controller]])
+        """Values of one metric or parameter over all flights of one controller.
+
+        Raises:
+            StudyError: the rows have no such column.
+        """
+        files = [self._files[index, controller] for index in self._chunks]
+        try:
+            return read_column(files, name, controller if self.manifest.old else "")
+        except ValueError as error:
+            raise StudyError(f"{self.folder}: column {name!r}: must be readable ({error})") from None
 
     def succeeded(self, controller: str) -> Mask:
         """Success of each flight of a controller: completed, with all metrics within their limits."""

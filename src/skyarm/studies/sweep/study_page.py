@@ -10,8 +10,9 @@ from typing import Any
 from skyarm.log.metrics.metric_catalogue import metric_words
 from skyarm.records.files import file_names, write_inside
 from skyarm.scenario.numbers import axis_label, words_of
+from skyarm.studies.sweep.manifest import Manifest
+from skyarm.studies.sweep.rows import not_counted
 from skyarm.studies.sweep.stats import SHARES
-from skyarm.studies.sweep.store import Manifest, not_counted
 from skyarm.view.pages import image, render_template
 from skyarm.view.pages import page as plain_page
 

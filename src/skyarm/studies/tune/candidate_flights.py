@@ -1,4 +1,4 @@
-"""Batched flights of gain candidates through perturbed plants, and their scores."""
+"""Flights of gain candidates through perturbed plants, and their scores."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from skyarm.log.metrics.windows import Window, Windows
-from skyarm.records.arrays import Array, IntArray, Mask
+from skyarm.records.arrays import AnyArray, Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.batch import Batch
 from skyarm.studies.compare.perturbed_plants import arm_length
+from skyarm.studies.flights import Crew, Rows, Work
 from skyarm.studies.tune.excitation import KINDS, Plants
 from skyarm.studies.tune.law_knobs import Knob
 
@@ -84,16 +84,20 @@ def with_own(plants: Plants) -> Plants:
     return dataclasses.replace(plants, kinds=kinds)
 
 
+LANES = 300
+"""Flights of a work, about: a round is some works, which processes share, and each fills vectors of any width."""
+
+
 class CandidateFlights:
-    """Compiled simulator that flies many gain candidates on perturbed plants.
+    """Flights of many gain candidates on perturbed plants.
 
     Gains that are good on drawn motions alone may be worse on the user's flight. The scenario's own motion is therefore
-    one more kind; its reference may be of any shape, so that the plants that fly it are a batch of their own.
+    one more kind; its reference may be of any shape, so that the plants that fly it are works of their own.
 
     Args:
         scenario: as :func:`skyarm.studies.tune.excitation.tuning_flight` made it. knobs: of its law. plants: to fly.
+        crew: flies them; results do not depend on it.
         own: along the scenario's own motion, as :func:`shorten` made it; the plants are those of :func:`with_own`.
-        threads: results do not depend on it.
         seed: of the noise; each plant has its own, which all candidates share.
         gust: the flight has a window of a gust.
         saturation: measure it.
@@ -104,16 +108,16 @@ class CandidateFlights:
         scenario: Scenario,
         knobs: Sequence[Knob],
         plants: Plants,
+        crew: Crew,
         *,
         own: Scenario | None = None,
-        threads: int = 1,
         seed: int = 0,
         gust: bool = False,
         saturation: bool = False,
     ) -> None:
-        self.knobs, self.plants, self.seed, self.threads = tuple(knobs), plants, seed, threads
+        self.knobs, self.plants, self._crew = tuple(knobs), plants, crew
         still = _without_motions(plants)
-        self._own = None if own is None else CandidateFlights(own, knobs, still, threads=threads, seed=seed)
+        self._own = None if own is None else CandidateFlights(own, knobs, still, crew, seed=seed)
         vehicle = scenario.plant.vehicle
         self._arm, self._has_tip = arm_length(vehicle), bool(vehicle.end_effector)
         self._keeps_tip = scenario.controller.keeps_tip
@@ -125,20 +129,21 @@ class CandidateFlights:
         self._errors = ("position", "joint", "ee") if self._has_tip else ("position", "joint")
         metrics = [_error(window, each) for window in self._windows for each in self._errors]
         metrics += [LIMITED] if saturation else []
-        places = [f"controller.{'.'.join(place)}" for knob in self.knobs for place, _ in knob.numbers]
         damping = {path: float(column.max()) for path, column in plants.values.items() if path.endswith(".damping")}
-        self._batch = Batch(
-            scenario,
-            [*places, *plants.values],
+        self._work = Work(
+            label="",
+            scenario=scenario,
             stiffest=with_numbers(scenario, damping),
             metrics=(*metrics, "rotor_jitter", "tilt_max", *self._efforts),
-            single=True,
+            seed=seed,
+            precision="single",
         )
 
-    def fly(self, logs: Array, plants: int | None = None, others: Plants | None = None) -> Flown:
+    def fly(self, stage: str, logs: Array, plants: int | None = None, others: Plants | None = None) -> Flown:
         """Simulate every gain candidate on the first perturbed plants, up to a given number.
 
         Args:
+            stage: begins the labels of the works.
             logs: (candidates, knobs) logarithms of factors.
             plants: how many; all if left out.
             others: in place of its own plants, with the same numbers.
@@ -146,40 +151,55 @@ class CandidateFlights:
         flown = self.plants if others is None else others
         flown = flown.select(np.arange(flown.count)[:plants])
         if self._own is None:
-            return self._fly(logs, flown)
+            works = self._works(stage, logs, flown)
+            return self._results(len(logs), flown, self._crew.rows(works))
         mine = flown.kinds == OWN
         drawn, own = flown.select(np.flatnonzero(~mine)), flown.select(np.flatnonzero(mine))
-        return _join(mine, self._fly(logs, drawn), self._own.fly(logs, others=_without_motions(own)))
+        works, further = self._works(stage, logs, drawn), self._own._works(f"{stage}.own", logs, _without_motions(own))
+        rows = self._crew.rows([*works, *further])
+        one, other = rows[: len(works)], rows[len(works) :]
+        return _join(mine, self._results(len(logs), drawn, one), self._own._results(len(logs), own, other))
 
-    def _fly(self, logs: Array, plants: Plants) -> Flown:
-        count, each = len(logs), plants.count
-        values: dict[str, Array] = {}
-        for knob, column in zip(self.knobs, np.exp(logs).T, strict=True):
-            factors = np.repeat(column, each)
-            values |= {f"controller.{'.'.join(place)}": factors * number for place, number in knob.numbers}
-        values |= {path: np.tile(numbers, count) for path, numbers in plants.values.items()}
-        episodes = np.tile(np.arange(each), count)
-        found = self._batch.fly(values, seed=self.seed, episodes=episodes, threads=self.threads)
+    def _works(self, stage: str, logs: Array, plants: Plants) -> list[Work]:
+        """Flights of every gain candidate on every plant, in pieces that depend on their numbers alone."""
+        each = plants.count
+        pieces = np.array_split(np.exp(logs), max(1, min(len(logs), round(len(logs) * each / LANES))))
+        works = []
+        for i, piece in enumerate(pieces):
+            values: dict[str, Array] = {}
+            for knob, column in zip(self.knobs, piece.T, strict=True):
+                factors = np.repeat(column, each)
+                values |= {f"controller.{'.'.join(place)}": factors * number for place, number in knob.numbers}
+            values |= {path: np.tile(numbers, len(piece)) for path, numbers in plants.values.items()}
+            episodes = np.tile(np.arange(each), len(piece))
+            label = f"{stage}.{i + 1}"
+            works.append(dataclasses.replace(self._work, label=label, columns=values, episodes=episodes))
+        return works
+
+    def _results(self, count: int, plants: Plants, rows: Sequence[Rows]) -> Flown:
+        """Errors and effort in the rows of the works of some gain candidates."""
+
+        def column(name: str) -> AnyArray:
+            return np.concatenate([each[name] for each in rows]).reshape(count, plants.count)
 
         def table(name: str) -> Array:
             # a flight that ended before the window has NaN there
-            return np.asarray(found.metrics[name], dtype=float).reshape(count, each)
+            return np.asarray(column(name), dtype=float)
 
-        lost = ~found.completed.reshape(count, each) | ~(table("tilt_max") < LARGEST_TILT)
+        lost = (column("status") != "completed") | ~(table("tilt_max") < LARGEST_TILT)
         parts = [{name: table(_error(window, name)) for name in self._errors} for window in self._windows]
-        product = np.ones((count, each))
+        product = np.ones(lost.shape)
         for part in parts:
             product = product * self._tracking_error(part)
         base = parts[0]["position"]
         squares = [table(name) ** 2 for name in self._efforts]
-        known = LIMITED in found.metrics
-        limited = np.nan_to_num(table(LIMITED), nan=1.0) if known else np.full((count, each), np.nan)
+        limited = np.nan_to_num(table(LIMITED), nan=1.0) if LIMITED in rows[0] else np.full(lost.shape, np.nan)
         return Flown(
             error=_penalize(product ** (1.0 / len(parts)), lost),
             tip=_penalize(parts[0].get("ee", base), lost),
             base=_penalize(base, lost),
             jitter=np.nan_to_num(table("rotor_jitter"), nan=LOST, posinf=LOST),
-            effort=np.nan_to_num(np.sqrt(sum(squares)), nan=LOST) if squares else np.zeros((count, each)),
+            effort=np.nan_to_num(np.sqrt(sum(squares)), nan=LOST) if squares else np.zeros(lost.shape),
             lost=lost,
             saturated=limited,
             kinds=plants.kinds,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from skyarm.records.files import PathLike
 from skyarm.scenario.scenario_file import as_scenario, is_scenario
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.workers import Progress
+from skyarm.studies.flights.executor import LOCAL, Progress, require_place
 from skyarm.studies.tune import tuning
 from skyarm.studies.tune.candidate_flights import shorten
 from skyarm.studies.tune.excitation import of_vehicle, tuning_flight
@@ -37,6 +37,8 @@ def tune(
     knobs: Sequence[str] | None = None,
     seed: int = 0,
     workers: int = 1,
+    on: str = LOCAL,
+    folder: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Tuning:
     """Tune a law's gains for a vehicle, as ``skyarm tune`` does; ``controller`` of the result has the selected ones.
@@ -48,12 +50,17 @@ def tune(
         plants: perturbed plants that each of them flies.
         knobs: paths of the constants of the law that may change; all gains if left out.
         seed: of plants, noise and search.
-        workers: threads; results do not depend on it.
+        workers: threads or processes that fly; results do not depend on it.
+        on: "local", "processes", "ray" or "ray:HOST:PORT".
+        folder: keeps the rows of all flights where pyarrow is installed, so that an interrupted search goes on.
         progress: called with (done, all, stage).
 
     Raises:
-        ValueError: one line: what cannot be read or tuned, or a number out of bounds.
+        ValueError: one line: what cannot be read or tuned, a number out of bounds, or a folder that another search
+            writes into.
+        OSError: the folder cannot be written.
     """
+    require_place(on)
     require_size(candidates, plants, seed)
     if isinstance(what, Vehicle) or not (isinstance(what, Scenario) or is_scenario(str(what))):
         moves, scenario = False, of_vehicle(what if isinstance(what, Vehicle) else load_vehicle(what), controller)
@@ -61,7 +68,7 @@ def tune(
         moves, scenario = True, as_scenario(what, controller)
     label = controller or scenario.controller.name
     plan = plan_of(scenario, moves, label, knobs, Effort().scale(candidates, plants), seed)
-    return tuning.tune(plan, threads=workers, progress=progress)
+    return tuning.tune(plan, workers=workers, on=on, folder=folder, progress=progress)
 
 
 def plan_of(

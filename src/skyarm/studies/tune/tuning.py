@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from contextlib import nullcontext
 from functools import cached_property
 from typing import Any
 
@@ -18,10 +19,11 @@ import numpy as np
 
 from skyarm.control.controller import Controller
 from skyarm.records.arrays import Array
-from skyarm.records.files import versions
+from skyarm.records.files import PathLike, versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.workers import Progress
+from skyarm.studies.flights import Crew, Store
+from skyarm.studies.flights.executor import LOCAL, Progress
 from skyarm.studies.tune.candidate_flights import (
     WEIGHTS,
     CandidateFlights,
@@ -145,11 +147,11 @@ class Tuner:
 
     Args:
         plan: of the tuning. plants: of the search.
-        threads: results do not depend on it. progress: called after every round.
+        crew: flies them; results do not depend on it. progress: called after every round.
     """
 
-    def __init__(self, plan: Plan, plants: Plants, threads: int, progress: Progress) -> None:
-        self._plan, self._threads = plan, threads
+    def __init__(self, plan: Plan, plants: Plants, crew: Crew, progress: Progress) -> None:
+        self._plan, self._crew = plan, crew
         self._plants = with_own(plants) if plan.own else plants
         self._progress, self._done = progress, 0
         self._first: tuple[Array, Scores] | None = None
@@ -163,16 +165,17 @@ class Tuner:
         plan = self._plan
         self._progress(self._done, self._total, "making machine code")
         return CandidateFlights(
-            plan.flight, plan.knobs, self._plants, own=plan.own, threads=self._threads, seed=plan.seed, gust=True
+            plan.flight, plan.knobs, self._plants, self._crew, own=plan.own, seed=plan.seed, gust=True
         )
 
     @cached_property
     def _margins(self) -> HoverMargins:
-        return HoverMargins(self._plan.flight, self._plan.knobs, self._threads)
+        return HoverMargins(self._plan.flight, self._plan.knobs, self._crew.workers)
 
     def judge(self, number: int, asked: Array, plants: int) -> Scores:
         """Simulate and score the gain candidates of one search round."""
-        flown = scores(self._flights.fly(asked, plants, others=self._search_plants if number else None))
+        others = self._search_plants if number else None
+        flown = scores(self._flights.fly(f"round_{number:03d}", asked, plants, others))
         found = with_margins(flown, asked, self._candidates_for_margins(number, len(asked)), self._margins.costs)
         if number == 0:
             self._first = (asked, found)
@@ -190,7 +193,7 @@ class Tuner:
         asked, found = self._first
         leaders = list(dict.fromkeys(int(found.cost(weight).argmin()) for weight in WEIGHTS))
         pool = self._drawn(POOL * self._plants.count, self._plan.seed)
-        return with_lost(pool, self._plants.count, self._flights.fly(asked[leaders], others=pool).lost)
+        return with_lost(pool, self._plants.count, self._flights.fly("pool", asked[leaders], others=pool).lost)
 
     def _drawn(self, count: int, seed: int) -> Plants:
         plants = draw_plants(self._plan.flight, count, seed=seed, mixed=True)
@@ -206,7 +209,7 @@ class Tuner:
     def again(self, asked: Array) -> tuple[Scores, Scores]:
         """Scores of the best gain candidates on further plants: over all motions, and over random motions only."""
         self._progress(self._done, self._total, "the best once more")
-        flown = self._flights.fly(asked, others=self._drawn(FURTHER, self._plan.seed + 2))
+        flown = self._flights.fly("again", asked, others=self._drawn(FURTHER, self._plan.seed + 2))
         short = self._margins.costs(asked)
         every, drawn = (dataclasses.replace(scores(each), short=short) for each in (flown, of_drawn(flown)))
         self._done += len(asked) * FURTHER
@@ -216,7 +219,7 @@ class Tuner:
         """Evaluate initial gains and the best candidates on unseen plants, with their stability margins."""
         plan = self._plan
         mixed = plan.check.reference == plan.flight.reference
-        flown = self._flown_once(plan.check, plan.unseen, 1, rows, mixed=mixed, saturation=True)
+        flown = self._flown_once("unseen", plan.check, plan.unseen, 1, rows, mixed=mixed, saturation=True)
         self._progress(self._total, self._total, "margins")
         scored, margins = scores(flown), self._margins.measure(rows)
         return [
@@ -237,7 +240,8 @@ class Tuner:
         """Validate the selected and the initial gains on plants and a reference path not used in tuning."""
         wanted = required_margins(self._plan.flight)
         self._progress(self._total, self._total, "plants and a path kept aside")
-        flown = scores(self._flown_once(self._plan.aside, ASIDE, 3, np.array([each.logs for each in points.values()])))
+        rows = np.array([each.logs for each in points.values()])
+        flown = scores(self._flown_once("aside", self._plan.aside, ASIDE, 3, rows))
         tables = zip(points.items(), flown.tip, flown.jitter, flown.lost, strict=True)
         return {
             name: Aside(tip=float(tip), jitter=float(jitter), lost=float(lost), meets=is_allowed(point, wanted))
@@ -246,6 +250,7 @@ class Tuner:
 
     def _flown_once(
         self,
+        stage: str,
         scenario: Scenario,
         count: int,
         further: int,
@@ -257,20 +262,38 @@ class Tuner:
         """Simulate some gain candidates on another scenario, with plants and noise not used in the search."""
         seed = self._plan.seed + further
         plants = draw_plants(scenario, count, seed=seed, mixed=mixed)
-        flights = CandidateFlights(
-            scenario, self._plan.knobs, plants, threads=self._threads, seed=seed, saturation=saturation
-        )
-        return flights.fly(rows)
+        flights = CandidateFlights(scenario, self._plan.knobs, plants, self._crew, seed=seed, saturation=saturation)
+        return flights.fly(stage, rows)
 
 
-def tune(plan: Plan, *, threads: int = 1, progress: Progress | None = None) -> Tuning:
-    """Tune the gains of a controller.
+def tune(
+    plan: Plan,
+    *,
+    workers: int = 1,
+    on: str = LOCAL,
+    folder: PathLike | None = None,
+    progress: Progress | None = None,
+) -> Tuning:
+    """Tune the gains of a controller; a search that was interrupted takes what its folder holds.
 
     Args:
         plan: of the tuning.
-        threads: results do not depend on it.
+        workers: threads, or processes of ``on``; results do not depend on it.
+        on: "local", "processes", "ray" or "ray:HOST:PORT".
+        folder: keeps the rows of all flights, if pyarrow is there; None keeps none.
         progress: called after every round.
+
+    Raises:
+        TakenError: another search writes into the folder.
+        OSError: the folder cannot be written, or a process ended unexpectedly.
     """
+    store = None if folder is None else Store.if_kept(folder)
+    with store.alone() if store else nullcontext(), Crew(on, workers, store) as crew, one_blas_thread():
+        return _tune(plan, crew, progress or (lambda *_: None))
+
+
+def _tune(plan: Plan, crew: Crew, progress: Progress) -> Tuning:
+    """Tune the gains of a controller with a crew."""
     start = with_catalogue_gains(plan.flight, plan.knobs, plan.label)
     law = start.flight.controller
     plan = dataclasses.replace(
@@ -281,21 +304,20 @@ def tune(plan: Plan, *, threads: int = 1, progress: Progress | None = None) -> T
         own=plan.own.with_words(controller=law) if plan.own else None,
         knobs=start.knobs,
     )
-    with one_blas_thread():
-        plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
-        tuner = Tuner(plan, plants, threads, progress or (lambda *_: None))
-        logs, found = search(plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows)
-        # of the scatter nobody flew all plants; the starts come along
-        best = len(found[0].error) + np.array(finalists(found[1:], SEMIFINALISTS))
-        count = len(start.starts)
-        asked = logs[[*range(count), *best]]
-        again, drawn = tuner.again(asked)
-        last = [*range(count), *(count + k for k in finalists([again.part(slice(count, None))]))]
-        points = tuner.check(asked[last], drawn.part(last))
-        wanted = required_margins(plan.flight)
-        front, picked = front_of(points[:count], points[count:], wanted)
-        known = dict(zip(start.starts, points, strict=False))
-        aside = tuner.fly_aside({**known, PICKED: front[picked]})
+    plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
+    tuner = Tuner(plan, plants, crew, progress)
+    logs, found = search(plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows)
+    # of the scatter nobody flew all plants; the starts come along
+    best = len(found[0].error) + np.array(finalists(found[1:], SEMIFINALISTS))
+    count = len(start.starts)
+    asked = logs[[*range(count), *best]]
+    again, drawn = tuner.again(asked)
+    last = [*range(count), *(count + k for k in finalists([again.part(slice(count, None))]))]
+    points = tuner.check(asked[last], drawn.part(last))
+    wanted = required_margins(plan.flight)
+    front, picked = front_of(points[:count], points[count:], wanted)
+    known = dict(zip(start.starts, points, strict=False))
+    aside = tuner.fly_aside({**known, PICKED: front[picked]})
     return Tuning(
         plan=plan,
         before=points[0],

@@ -10,9 +10,10 @@ import pytest
 
 import skyarm
 from added_components import registry_kept, same_logs
+from in_processes import elsewhere
 from skyarm.records.registry.plugins import load_plugin
+from skyarm.records.travel import pack
 from skyarm.simulate.loop import run
-from skyarm.simulate.workers import pack, workers
 
 MADE_INSIDE = """
 import skyarm
@@ -43,8 +44,7 @@ def test_a_law_made_inside_a_function_flies_in_a_worker_as_it_does_here(tmp_path
         planned = skyarm.load_scenario("case1", controller="mine", duration=0.1)
         with pytest.raises((AttributeError, pickle.PicklingError)):
             pickle.dumps(planned)
-        with workers(1) as submit:
-            theirs = submit(run, planned).result()
+        theirs = elsewhere(run, planned)
         ours = run(planned)
     assert same_logs(theirs, ours)
     assert not same_logs(ours, run(skyarm.load_scenario("case1", controller="paper_pd", duration=0.1)))

@@ -1,0 +1,123 @@
+"""Values as bytes for another process: records, and the functions and classes that it cannot import."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import pickle
+import sys
+from collections.abc import Iterator
+from functools import lru_cache
+from importlib import import_module
+from types import CellType, CodeType, FunctionType
+from typing import Any
+
+from skyarm.records.registry.plugins import load_again, loaded_plugins, sources_of_plugins
+from skyarm.records.registry.registrations import KINDS, SHIPPED, registrations, take_over
+
+
+def pack(value: Any) -> bytes:
+    """Serialise a value for another process; what it can import goes by name, everything else by content.
+
+    A function that was made inside another one works there on the variables of its own module, as those that go by name
+    do. Copies of these variables would be none of what the module's other functions return.
+
+    Raises:
+        ValueError: something in it cannot travel; names it.
+    """
+    stream = io.BytesIO()
+    try:
+        _pickler()(stream, pickle.HIGHEST_PROTOCOL).dump(value)
+        return stream.getvalue()
+    except (pickle.PicklingError, TypeError, AttributeError, ValueError) as error:
+        raise ValueError(f"workers: {error}; what flies in other processes must be able to travel there") from error
+
+
+@lru_cache(maxsize=1)
+def _pickler() -> Any:
+    """Class of the pickler; made when it is needed, since the package behind it takes its time to import."""
+    import cloudpickle
+
+    class Pickler(cloudpickle.Pickler):  # type: ignore[misc]
+        def reducer_override(self, value: Any) -> Any:
+            if type(value) is not FunctionType or not _is_made_in_a_module(value):
+                return super().reducer_override(value)
+            cells = value.__closure__ or ()
+            held = (tuple(map(_cell_content, cells)), {name: getattr(value, name) for name in KEPT})
+            arguments = (value.__code__, value.__globals__["__name__"], len(cells))
+            return _empty_function, arguments, held, None, None, _fill_function
+
+    return Pickler
+
+
+KEPT = ("__defaults__", "__kwdefaults__", "__dict__", "__module__", "__qualname__", "__annotations__")
+"""Of a function, beside its code and what it is closed over."""
+
+
+def _is_made_in_a_module(function: FunctionType) -> bool:
+    """True for a function that has no name in its module, while another process can import that module."""
+    home = sys.modules.get(str(function.__globals__.get("__name__")))
+    if getattr(home, "__spec__", None) is None or home is sys.modules["__main__"]:
+        return False
+    found: Any = sys.modules.get(function.__module__)
+    for name in function.__qualname__.split("."):
+        found = getattr(found, name, None)
+    return found is not function and vars(home) is function.__globals__
+
+
+def _cell_content(cell: CellType) -> tuple[Any, ...]:
+    """Value that a function is closed over, as a tuple; () if it has none yet."""
+    try:
+        return (cell.cell_contents,)
+    except ValueError:
+        return ()
+
+
+def _empty_function(code: CodeType, home: str, cells: int) -> FunctionType:
+    """Function on the variables of a module, closed over nothing yet: it may be closed over itself."""
+    return FunctionType(code, vars(import_module(home)), code.co_name, None, tuple(CellType() for _ in range(cells)))
+
+
+def _fill_function(function: FunctionType, held: tuple[Any, ...]) -> None:
+    contents, attributes = held
+    for name, value in attributes.items():
+        setattr(function, name, value)
+    for cell, content in zip(function.__closure__ or (), contents, strict=True):
+        if content:
+            (cell.cell_contents,) = content
+
+
+def unpack(content: bytes) -> Any:
+    """Value that :func:`pack` made bytes of."""
+    return pickle.loads(content)
+
+
+def luggage() -> bytes:
+    """Plugins of this process by content, and names registered here: what another one needs before it unpacks values.
+
+    The other process may run on another machine, which sees none of the files.
+    """
+    return pack((sources_of_plugins(), loaded_plugins(), [*_own_registrations()]))
+
+
+def _own_registrations() -> Iterator[bytes]:
+    for kind in KINDS:
+        for row in registrations(kind).values():
+            # one that cannot travel is missed only by what uses it, and is named then
+            if row.source != SHIPPED:
+                with contextlib.suppress(ValueError):
+                    yield pack(row)
+
+
+def unload(content: bytes) -> None:
+    """Load what :func:`luggage` packed in another process.
+
+    Raises:
+        RegistryError: a plugin fails here, or an installed one is missing or of another version.
+    """
+    sources, plugins, rows = unpack(content)
+    load_again(plugins, sources)
+    for row in rows:
+        # of a module that is not here: named by what uses it
+        with contextlib.suppress(Exception):
+            take_over(unpack(row))

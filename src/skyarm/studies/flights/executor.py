@@ -1,0 +1,207 @@
+"""Execution of works on threads of this process, in other processes or on a Ray cluster, with rows kept in a folder."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from types import TracebackType
+from typing import Any, Protocol
+
+from skyarm.records.files import shown
+from skyarm.records.files.messages import comma_list
+from skyarm.studies.flights.fly import fly, fly_together
+from skyarm.studies.flights.store import Store, pack_rows, unpack_rows
+from skyarm.studies.flights.work import Rows, Work, identified
+
+LOCAL, PROCESSES, RAY = "local", "processes", "ray"
+
+PLACES = re.compile(rf"{LOCAL}|{PROCESSES}|{RAY}(:[\w.\-\[\]:]+:\d{{1,5}})?")
+
+Progress = Callable[[int, int, str], object]
+"""Called with (pieces of work done, in all, the stage or the last of them)."""
+
+
+def usual_place(works: int, workers: int) -> str:
+    """Default place of works: many of them each on a processor of its own, few on threads."""
+    return PROCESSES if 1 < workers < works else LOCAL
+
+
+def require_place(on: str, field: str = "on") -> str:
+    """Check the name of a place where works fly; an error names the field.
+
+    Raises:
+        ValueError: one line: no such place.
+    """
+    if not isinstance(on, str) or not PLACES.fullmatch(on):
+        raise ValueError(f"{field} = {shown(on)}: must be {LOCAL}, {PROCESSES}, {RAY} or {RAY}:HOST:PORT")
+    return on
+
+
+class Executor(Protocol):
+    """Performs calls somewhere.
+
+    Attributes:
+        slots: calls that may be under way. flying: those that are.
+    """
+
+    @property
+    def slots(self) -> int: ...  # noqa: D102
+
+    @property
+    def flying(self) -> int: ...  # noqa: D102
+
+    def submit(self, token: Any, function: Callable[..., Any], *arguments: Any) -> None:
+        """Begin a call."""
+
+    def collect(self) -> tuple[Any, Any]:
+        """Wait for a call; its token and result."""
+
+    def close(self, *, abandon: bool) -> list[tuple[Any, Any]]:
+        """End; what still flies is waited for, or abandoned. Tokens and results that were not collected."""
+
+
+class Here:
+    """Performs one call at a time, in this process."""
+
+    slots = 1
+
+    def __init__(self) -> None:
+        self._next: list[Any] = []
+
+    @property
+    def flying(self) -> int:
+        """1 while a call waits."""
+        return len(self._next)
+
+    def submit(self, token: Any, function: Callable[..., Any], *arguments: Any) -> None:
+        """Note a call."""
+        self._next.append((token, function, arguments))
+
+    def collect(self) -> tuple[Any, Any]:
+        """Perform the call that was noted."""
+        token, function, arguments = self._next.pop()
+        return token, function(*arguments)
+
+    def close(self, *, abandon: bool) -> list[tuple[Any, Any]]:
+        """Nothing goes on."""
+        return []
+
+
+def _executor(on: str, workers: int) -> Executor:
+    """Make what flies there."""
+    if on == LOCAL:
+        return Here()
+    if on == PROCESSES:
+        from skyarm.studies.flights.processes import Processes
+
+        return Processes(workers)
+    from skyarm.studies.flights.ray_cluster import Ray
+
+    return Ray(on.partition(":")[2], workers)
+
+
+class Crew:
+    """Flies works at a chosen place, and keeps their rows: those that a folder holds do not fly again.
+
+    Args:
+        on: "local", "processes", "ray" (started here) or "ray:HOST:PORT" (joined); None the usual one of what is left.
+        workers: threads of "local", processes of "processes", processors of "ray". No row depends on it.
+        store: folder of the rows; None keeps none.
+
+    Attributes:
+        flights: number of those flown.
+
+    Raises:
+        ValueError: no such place, or its extra is missing.
+    """
+
+    def __init__(self, on: str | None = LOCAL, workers: int = 1, store: Store | None = None) -> None:
+        self.on, self.workers, self.store = None if on is None else require_place(on), workers, store
+        self._executor: Executor | None = None
+        self.flights = 0
+
+    def __enter__(self) -> Crew:
+        identified.clear()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        if self._executor is not None:
+            for work, content in self._executor.close(abandon=kind is not None):
+                if self.store is not None:
+                    with contextlib.suppress(OSError):
+                        self.store.put(work, content)
+        if self.store is not None:
+            self.store.close()
+            if self.store.damaged:
+                names = comma_list(self.store.damaged)
+                warnings.warn(f"{self.store.folder}: damaged, and flown again: {names}", stacklevel=2)
+
+    def fly(self, works: Iterable[Work]) -> Iterator[tuple[Work, bytes]]:
+        """Works with the contents of their files of rows, as they land; those that are kept first.
+
+        A work is taken from ``works`` when there is room for it: of millions only some are in memory. Those that are to
+        fly at the usual place wait until it is known how many.
+
+        Raises:
+            OSError: a process ended unexpectedly, or a file cannot be written.
+        """
+        waiting: list[Work] = []
+        for work in works:
+            there = self.store.get(work) if self.store else None
+            if there is not None:
+                yield work, there
+            elif self.on is None:
+                waiting.append(work)
+            else:
+                yield from self._begin(work, self.on)
+        for work in waiting:
+            yield from self._begin(work, usual_place(len(waiting), self.workers))
+        while self._executor is not None and self._executor.flying:
+            yield self._collect(self._executor)
+
+    def _begin(self, work: Work, on: str) -> Iterator[tuple[Work, bytes]]:
+        """Begin to fly a work as soon as there is room for it; what lands until then."""
+        if self._executor is None:
+            self._executor = _executor(on, self.workers)
+        while self._executor.flying >= self._executor.slots:
+            yield self._collect(self._executor)
+        metadata = self.store.metadata(work) if self.store else {}
+        self._executor.submit(work, rows_file, work, metadata, self.workers if on == LOCAL else 1)
+
+    def _collect(self, executor: Executor) -> tuple[Work, bytes]:
+        work, content = executor.collect()
+        self.flights += work.count
+        if self.store is not None:
+            self.store.put(work, content)
+        return work, content
+
+    def rows(self, works: Iterable[Work]) -> list[Rows]:
+        """Rows of some works, in their order. On threads those of one program fly as one batch: no thread waits."""
+        every = list(works)
+        here = self.on == LOCAL
+        flying = self._together(every) if here else ((work, unpack_rows(content)) for work, content in self.fly(every))
+        found = {id(work): rows for work, rows in flying}
+        return [found[id(work)] for work in every]
+
+    def _together(self, works: Iterable[Work]) -> Iterator[tuple[Work, Rows]]:
+        """Works with their rows, flown here."""
+        groups: dict[Any, list[Work]] = {}
+        for work in works:
+            there = self.store.get(work) if self.store else None
+            if there is None:
+                groups.setdefault(id(work) if work.alone else (work.program, work.seed), []).append(work)
+            else:
+                yield work, unpack_rows(there)
+        for group in groups.values():
+            for work, rows in zip(group, fly_together(group, self.workers), strict=True):
+                self.flights += work.count
+                if self.store is not None:
+                    self.store.put(work, pack_rows(rows, self.store.metadata(work)))
+                yield work, rows
+
+
+def rows_file(work: Work, metadata: dict[bytes, bytes], threads: int) -> bytes:
+    """Content of the file of rows of a work; its bytes depend on the work and the metadata alone."""
+    return pack_rows(fly(work, threads), metadata)

@@ -1,0 +1,111 @@
+"""Simulation of a work: one batch where the law can be traced, else a flight at a time. The rows depend on it alone."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import OrderedDict
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from skyarm.log.flight_log import Log
+from skyarm.log.formats import npz_content
+from skyarm.log.log_columns import names_of
+from skyarm.log.metrics.score import score
+from skyarm.records.arrays import AnyArray as Array
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.paths import LATE
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.loop import run
+from skyarm.studies.flights.work import AUTOPILOT, Rows, Work
+
+MOST_PROGRAMS = 16
+"""Compiled simulations that a process keeps."""
+
+_programs: OrderedDict[str, Batch] = OrderedDict()
+
+
+def fly(work: Work, threads: int = 1) -> Rows:
+    """Simulate a work; returns its rows, whose bits depend neither on threads nor on what flew before."""
+    (rows,) = fly_together([work], threads)
+    return rows
+
+
+def fly_together(works: Sequence[Work], threads: int = 1) -> list[Rows]:
+    """Simulate works of one program and one seed as one batch, or one that flies alone; rows as of each by itself."""
+    first, ends = works[0], np.cumsum([work.count for work in works])[:-1]
+    if first.alone:
+        return [{**_leading_columns(first), **_one_by_one(first)}]
+    columns = {path: np.concatenate([np.asarray(work.columns[path]) for work in works]) for path in first.columns}
+    episodes = np.concatenate([np.asarray(work.episodes) for work in works])
+    found = _batch(first).fly(columns, seed=first.seed, episodes=episodes, threads=threads)
+    metrics = {name: np.asarray(column, dtype=float) for name, column in found.metrics.items()}
+    flown = {**metrics, "status": found.status.astype(str), "end_time": found.end_time}
+    parts = {name: np.split(column, ends) for name, column in flown.items()}
+    return [
+        {**_leading_columns(work), **{name: each[k] for name, each in parts.items()}} for k, work in enumerate(works)
+    ]
+
+
+def _leading_columns(work: Work) -> Rows:
+    """Columns that tell the flights of a work apart."""
+    fixed = {name: np.broadcast_to(np.asarray(column), work.count) for name, column in work.fixed.items()}
+    drawn = {path: np.asarray(column, dtype=float) for path, column in work.columns.items()}
+    return {"episode": np.asarray(work.episodes, dtype=np.uint32), **fixed, **drawn}
+
+
+def _batch(work: Work) -> Batch:
+    """Compiled simulation of a work, shared with others of the same program."""
+    batch = _programs.pop(work.program, None)
+    if batch is None:
+        batch = Batch(
+            work.scenario,
+            tuple(work.columns),
+            metrics=work.metrics,
+            windows=work.windows,
+            single=work.precision == "single",
+            bit_exact=work.precision == "bit_exact",
+            stiffest=work.stiffest,
+            effort=work.effort,
+        )
+    _programs[work.program] = batch
+    while len(_programs) > MOST_PROGRAMS:
+        _programs.popitem(last=False)
+    return batch
+
+
+def _one_by_one(work: Work) -> Rows:
+    """Metrics, status and end of flights that fly one after the other; NaN for a metric that one of them lacks."""
+    rows: list[dict[str, Any]] = []
+    for k in range(work.count):
+        log = run(one_scenario(work, k))
+        found = score(log, _metrics_of(work, log), work.windows) if work.measure is None else work.measure(log)
+        status = f"{AUTOPILOT}: {log.info['cause']}" if log.status == AUTOPILOT else log.status
+        numbers = {name: np.nan if value is None else float(value) for name, value in found.items()}
+        kept = {"log": npz_content(log)} if work.keeps_log else {}
+        rows.append({**numbers, "status": status, "end_time": float(log.info["end_time"]), **kept})
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: _column([row.get(name, np.nan) for row in rows]) for name in names}
+
+
+def _metrics_of(work: Work, log: Log) -> list[str]:
+    """Metrics of a single flight: an effort is none where the log's command of the joint is a setpoint."""
+    setpoints = {f"tau{i + 1}_rms" for i, unit in enumerate(names_of(log).setpoints) if unit is not None}
+    return [name for name in work.metrics if name not in setpoints]
+
+
+def _column(values: list[Any]) -> Array:
+    return np.array(values, dtype=object if isinstance(values[0], bytes) else None)
+
+
+def one_scenario(work: Work, k: int) -> Scenario:
+    """Scenario of a single flight of a work, with its command delay rounded to whole physics steps."""
+    numbers = {path: float(column[k]) for path, column in work.columns.items()}
+    late, rate = numbers.pop(LATE, None), work.scenario.rates.physics
+    found = dataclasses.replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))
+    if late is None:
+        return found
+    command = round(late * rate) / rate
+    return found.with_words(delays=dataclasses.replace(found.delays, command=command, longest_command=None))

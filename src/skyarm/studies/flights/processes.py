@@ -1,0 +1,169 @@
+"""Worker processes that fly works. They ignore Ctrl-C and end with their parent; what a killed one flew flies again."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import socket
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import Any
+
+from skyarm.records.files.user_code import OwnCodeError, own_failure
+from skyarm.records.registry import RegistryError
+from skyarm.records.travel import luggage, pack, unload, unpack
+from skyarm.simulate.other_process import TRIED
+
+MOST_TRIES = 3
+"""Times that a call may begin whose process ends."""
+
+
+class Processes:
+    """Pool of worker processes that performs calls; one that breaks is replaced.
+
+    Args:
+        count: of processes, started as they are needed.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.slots, self._count = 2 * count, count
+        self._flying: dict[Future[Any], tuple[Any, bytes, int]] = {}
+        self._before = set(multiprocessing.active_children())
+        self._pool: ProcessPoolExecutor | None = None
+
+    @property
+    def flying(self) -> int:
+        """Number of calls under way."""
+        return len(self._flying)
+
+    def submit(self, token: Any, function: Callable[..., Any], *arguments: Any) -> None:
+        """Begin a call, whose result :meth:`collect` gives with the token."""
+        self._begin(token, pack((function, arguments)), 1)
+
+    def _begin(self, token: Any, call: bytes, tries: int) -> None:
+        if self._pool is None:
+            # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
+            spawn = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(
+                self._count, mp_context=spawn, initializer=serve, initargs=(luggage(), TRIED)
+            )
+        with _ignore_interrupts(), contextlib.suppress(BrokenProcessPool):
+            self._flying[self._pool.submit(perform, call)] = token, call, tries
+            return
+        broken: Future[Any] = Future()  # told of where it lands
+        broken.set_exception(BrokenProcessPool())
+        self._flying[broken] = token, call, tries
+
+    def collect(self) -> tuple[Any, Any]:
+        """Wait for a call; returns its token and result. What a killed process had begun is begun again.
+
+        Raises:
+            OSError: a process ended unexpectedly in each of some tries.
+        """
+        while True:
+            done = next(iter(wait(self._flying, return_when=FIRST_COMPLETED).done))
+            try:
+                result = done.result()
+            except BrokenProcessPool as error:
+                self._mend(error)
+            else:
+                return self._flying.pop(done)[0], result
+
+    def _mend(self, error: BrokenProcessPool) -> None:
+        """Begin all calls again whose pool has broken, in a new one."""
+        assert self._pool is not None
+        self._pool.shutdown(wait=False)
+        self._pool = None
+        lost = [each for each in self._flying if not each.done() or isinstance(each.exception(), BrokenProcessPool)]
+        for k, (token, call, tries) in enumerate([self._flying.pop(each) for each in lost]):
+            begun = k < self._count  # a pool takes calls in their order, one a process
+            if begun and tries >= MOST_TRIES:
+                raise OSError(
+                    f"workers = {self._count}: a process ended unexpectedly, {MOST_TRIES} times (out of memory?); try 1"
+                ) from error
+            self._begin(token, call, tries + begun)
+
+    def close(self, *, abandon: bool) -> list[tuple[Any, Any]]:
+        """End all processes; what still flies is waited for, or abandoned. What has landed, as by :meth:`collect`.
+
+        A process may be cut off while it sends a result. The pool's thread would wait for the rest for ever, since this
+        process holds the sending end as well: it is closed first.
+        """
+        if abandon and self._pool is not None:
+            results = getattr(self._pool, "_result_queue", None)
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            with contextlib.suppress(AttributeError, OSError):
+                results._writer.close()  # type: ignore[union-attr]
+            for child in set(multiprocessing.active_children()) - self._before:
+                child.terminate()
+        if self._pool is not None:
+            self._pool.shutdown()
+        sound = [each for each in self._flying if each.done() and not each.cancelled() and each.exception() is None]
+        return [(self._flying[each][0], each.result()) for each in sound]
+
+
+_REFUSED: list[RegistryError] = []
+"""Why this process cannot have its parent's plugins, if it cannot."""
+
+
+def perform(work: bytes) -> Any:
+    """Execute one serialised function call in a worker process."""
+    if _REFUSED:
+        raise _REFUSED[0]
+    try:
+        function, arguments = unpack(work)
+    except ModuleNotFoundError as error:
+        raise ValueError(
+            f"{error} on {socket.gethostname()}: install it there, or give its file as a plugin, which travels"
+        ) from None
+    try:
+        return function(*arguments)
+    except (Exception, SystemExit) as error:
+        line = own_failure(error)
+        if not line:
+            raise
+        # the traceback stays here: what it says of someone's own code goes along as a line
+        raise OwnCodeError(line) from error
+
+
+def serve(parents: bytes, tried: Iterable[str] = ()) -> None:
+    """Initialise a worker process: ignore Ctrl-C, load the parent's luggage, end with the parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _REFUSED.extend(equip(parents, tried))
+    threading.Thread(target=_end_with_parent, daemon=True, name="end with parent").start()
+
+
+def equip(parents: bytes, tried: Iterable[str]) -> list[RegistryError]:
+    """Load the luggage of the process that calls; what is wrong with it, an error of every call of that process."""
+    TRIED.update(tried)
+    try:
+        unload(parents)
+    except RegistryError as error:
+        return [error]
+    return []
+
+
+def _end_with_parent() -> None:
+    """Wait for the parent process to end, then exit the worker."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+@contextmanager
+def _ignore_interrupts() -> Iterator[None]:
+    """Context in which new processes ignore Ctrl-C from their start."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    usual = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)

@@ -1,0 +1,265 @@
+"""Calls on a Ray cluster: one that is started here, or one that is joined. Its nodes need nothing of this disk.
+
+Calls and results travel as bytes, plugins by content. A call whose process or node dies begins again elsewhere. A node
+whose versions would fly other rows is refused before its first flight.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from skyarm.records.files import needs_extra, shown, versions
+from skyarm.records.registry import RegistryError
+from skyarm.records.travel import luggage, pack, unpack
+from skyarm.simulate.other_process import TRIED
+from skyarm.studies.flights.processes import MOST_TRIES, equip, perform
+from skyarm.studies.flights.work import kinship
+
+QUIET = {"log_to_driver": False, "logging_level": logging.ERROR}
+"""Nothing of Ray's own is printed."""
+
+SETTINGS = {"RAY_task_oom_retries": str(MOST_TRIES), "RAY_DEDUP_LOGS_SKIP_REGEX": "."}
+"""Variables that Ray reads when it loads. Without the first, what needs more memory than there is is tried for ever;
+without the second, Ray writes of every process that died to standard output, where a report for machines may stand."""
+
+ANSWER_SECONDS, JOIN_SECONDS, LOOK_SECONDS = 5.0, 30.0, 5.0
+"""Until an address counts as silent, until a cluster counts as closed, and between two counts of its processors."""
+
+ENDINGS = [signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__]
+"""Signals that end a command."""
+
+KNOCK = """import sys
+import ray
+try:
+    ray.init(address=sys.argv[1], log_to_driver=False, logging_level="ERROR")
+except Exception as error:
+    sys.exit(" ".join(str(error).split()))
+ray.shutdown()"""
+"""Joins a cluster in a process of its own: Ray ends the whole process where it cannot, or waits for minutes."""
+
+
+class Ray:
+    """Performs calls on the processors of a Ray cluster.
+
+    A cluster that this process has joined already is used, and stays joined.
+
+    Args:
+        address: HOST:PORT of a cluster that this machine is a node of; empty starts one on this machine alone.
+        workers: processors of the one that is started.
+
+    Raises:
+        ValueError: the extra is missing, no cluster answers there, or it cannot be joined or started.
+    """
+
+    def __init__(self, address: str, workers: int) -> None:
+        self._ray: Any = _package()
+        self._flying: dict[Any, Any] = {}
+        self._landed: list[Any] = []
+        self._slots, self._counted = 1, -LOOK_SECONDS
+        outfit = pack((luggage(), TRIED))
+        self._ours = not self._ray.is_initialized()
+        if self._ours:
+            _begin(self._ray, address, workers)
+        try:
+            self._kin, self._outfit = kin(), self._ray.put(outfit)
+            self._perform = self._ray.remote(max_retries=MOST_TRIES)(_travelling())
+        except BaseException:
+            self.close(abandon=True)
+            raise
+
+    @property
+    def slots(self) -> int:
+        """Two calls a processor of the cluster as it is now."""
+        if time.monotonic() > self._counted + LOOK_SECONDS:
+            self._slots = max(1, int(2 * self._ray.cluster_resources().get("CPU", 0)))
+            self._counted = time.monotonic()
+        return self._slots
+
+    @property
+    def flying(self) -> int:
+        """Number of calls under way."""
+        return len(self._flying)
+
+    def submit(self, token: Any, function: Callable[..., Any], *arguments: Any) -> None:
+        """Begin a call, whose result :meth:`collect` gives with the token."""
+        self._flying[self._perform.remote(self._kin, self._outfit, pack((function, arguments)))] = token
+
+    def collect(self) -> tuple[Any, Any]:
+        """Wait for a call; returns its token and result.
+
+        Raises:
+            OSError: its process or node died in each of some tries.
+        """
+        if not self._landed:
+            self._ray.wait([*self._flying], num_returns=1)
+            # all that are there: to look through thousands that fly for each that lands would take the driver's time
+            self._landed, _ = self._ray.wait([*self._flying], num_returns=len(self._flying), timeout=0)
+        done = self._landed.pop()
+        try:
+            return self._flying.pop(done), self._ray.get(done)
+        except self._ray.exceptions.RayTaskError as error:
+            raise error.cause from None
+        except self._ray.exceptions.RayError as error:
+            why = " ".join(str(error).split())[:300]
+            raise OSError(f"on = 'ray': a process or node ended unexpectedly, {MOST_TRIES + 1} times: {why}") from error
+
+    def close(self, *, abandon: bool) -> list[tuple[Any, Any]]:
+        """Leave the cluster, or end the one that was started; what still flies is waited for, or cancelled.
+
+        Returns what has landed, as :meth:`collect` gives it.
+        """
+        flying, sound = self._flying, list[tuple[Any, Any]]()
+        self._flying = {}
+        with contextlib.suppress(*([Exception] if abandon else [])):
+            wait = {"num_returns": len(flying), "timeout": 0 if abandon else None}
+            landed, left = self._ray.wait([*flying], **wait) if flying else ([], [])
+            for each in left:
+                self._ray.cancel(each, force=True)
+            for each in landed:
+                # one that ended with an error, or is lost, flies again
+                with contextlib.suppress(Exception):
+                    sound.append((flying[each], self._ray.get(each, timeout=0)))
+        if self._ours:
+            with _without_warnings():
+                self._ray.shutdown()
+        return sound
+
+
+def _package() -> Any:
+    for name, value in SETTINGS.items():
+        os.environ.setdefault(name, value)
+    try:
+        import ray
+    except ImportError:
+        raise ValueError(f"on = 'ray': {needs_extra('ray')}") from None
+    return ray
+
+
+def _begin(ray: Any, address: str, workers: int) -> None:
+    """Join a cluster, or start one."""
+    on = f"on = {shown(f'ray:{address}' if address else 'ray')}"
+    if address:
+        _knock(address, on)
+    try:
+        with _without_warnings(), _own_address(alone=not address):
+            if address:
+                ray.init(address=address, **QUIET)
+            else:
+                ray.init("local", num_cpus=workers, include_dashboard=False, **QUIET)
+    except BaseException as error:
+        ray.shutdown()
+        if not isinstance(error, Exception):
+            raise
+        raise ValueError(f"{on}: {' '.join(str(error).split())}") from error
+
+
+@contextmanager
+def _without_warnings() -> Iterator[None]:
+    """Context in which Ray warns of nothing and begins, or ends, to the last process: signals arrive afterwards.
+
+    Cut off, it leaves some behind. The handler of SIGTERM, which it replaces, is the former one afterwards.
+    """
+    main, came = threading.current_thread() is threading.main_thread(), list[int]()
+    usual = {each: signal.getsignal(each) for each in ENDINGS} if main else {}
+    for each in usual:
+        signal.signal(each, lambda number, _: came.append(number))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        for each, handler in usual.items():
+            signal.signal(each, handler)
+        for number in came:
+            signal.raise_signal(number)
+
+
+@contextmanager
+def _own_address(*, alone: bool) -> Iterator[None]:
+    """Context in which what is started listens on the loopback address only, as everywhere but on Linux."""
+    from ray._private import ray_constants
+
+    usual = ray_constants.ENABLE_RAY_CLUSTER
+    ray_constants.ENABLE_RAY_CLUSTER = usual and not alone
+    try:
+        yield
+    finally:
+        ray_constants.ENABLE_RAY_CLUSTER = usual
+
+
+def _knock(address: str, on: str) -> None:
+    """Raise an error unless a cluster answers at an address and takes this machine."""
+    host, _, port = address.rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), ANSWER_SECONDS).close()
+    except (OSError, OverflowError) as error:
+        raise ValueError(f"{on}: nobody answers there ({getattr(error, 'strerror', None) or error})") from None
+    try:
+        command = [sys.executable, "-c", KNOCK, address]
+        tried = subprocess.run(command, capture_output=True, text=True, timeout=JOIN_SECONDS, check=False)
+    except subprocess.TimeoutExpired:
+        raise ValueError(f"{on}: what answers there is no head of a Ray cluster") from None
+    if tried.returncode != 0:
+        why = tried.stderr.strip().rpartition("\n")[2] if tried.returncode == 1 else "no node of it runs here"
+        raise ValueError(f"{on}: cannot be joined ({why}); make this machine a node: ray start --address={address}")
+
+
+def kin() -> dict[str, str]:
+    """Versions that must be those of the driver for its works to be read and their rows to be the same bytes."""
+    found = versions("pyarrow", "mujoco-core")
+    python = ".".join(found["python"].split(".")[:2])
+    return {**kinship(), "python": python, **{name: found[name] for name in ("pyarrow", "mujoco-core")}}
+
+
+def _travelling() -> Callable[..., Any]:
+    """Function that a node's processes execute."""
+
+    def perform_there(must_be: dict[str, str], outfit: bytes, call: bytes) -> Any:
+        # pickled by value, since it is local: this module may be missing on a node, or of another version
+        import socket
+
+        try:
+            from skyarm.studies.flights.ray_cluster import perform_on_node
+        except ImportError as error:
+            raise ValueError(
+                f"node {socket.gethostname()} cannot fly works ({error}): must have skyarm {must_be['skyarm']}"
+            ) from None
+        return perform_on_node(must_be, outfit, call)
+
+    return perform_there
+
+
+_arrived: dict[bytes, list[RegistryError]] = {}
+"""Outfits that this process has put on, with what is wrong with them."""
+
+
+def perform_on_node(must_be: dict[str, str], outfit: bytes, call: bytes) -> Any:
+    """Perform a call in a process of a node, whose versions are compared before its first one.
+
+    Raises:
+        ValueError: the node has other versions than the driver.
+    """
+    if outfit not in _arrived:
+        has = kin()
+        wrong = [name for name, version in must_be.items() if has.get(name) != version]
+        if wrong:
+            here, there = (
+                ", ".join(f"{name} {each.get(name, 'none')[:12]}" for name in wrong) for each in (has, must_be)
+            )
+            raise ValueError(f"node {socket.gethostname()} has {here}: must have {there}, as the driver")
+        _arrived[outfit] = equip(*unpack(outfit))
+    for error in _arrived[outfit]:
+        raise error
+    return perform(call)

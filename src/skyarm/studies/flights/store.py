@@ -1,0 +1,355 @@
+"""Rows in a folder: a Parquet file for each work, whose name holds the SHA-256 digest of all its bytes.
+
+A file counts if its bytes fit its name and its metadata names the work that is asked for. Everything else is flown
+again: a flipped bit, half a file, rows of other numbers or of another version. Nothing is unpacked before its size is
+known.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import os
+import pickle
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skyarm.log.metrics.metric_catalogue import metric_names
+from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.files import PathLike, needs_extra, require_no_link, require_writable, sync_folder, write_inside
+from skyarm.records.files.unpacked import LARGEST, require_size
+from skyarm.records.files.writing import LOCK, one_writer
+from skyarm.records.immutable import immutable
+from skyarm.studies.flights.work import AUTOPILOT, Rows, Work
+
+FILE = re.compile(r"(?P<label>.+)\.(?P<digest>[0-9a-f]{64})\.parquet")
+
+KEY, LABEL, STUDY = b"skyarm.key", b"skyarm.label", b"skyarm.study"
+"""Keys of a file's metadata: digest and label of the work; digest of the study that it is of."""
+
+MAGIC = b"PAR1"
+
+LONGEST = 120
+"""Characters of a label that a file's name keeps."""
+
+
+@lru_cache(maxsize=1)
+def _parquet() -> Any:
+    """Package pyarrow.parquet; None if it is not installed: then rows are flown, and not kept."""
+    try:
+        import pyarrow.parquet
+    except ImportError:
+        return None
+    return pyarrow.parquet
+
+
+def require_parquet() -> None:
+    """Raise an error that names the extra if rows cannot be kept.
+
+    Raises:
+        ValueError: pyarrow is not installed.
+    """
+    if _parquet() is None:
+        raise ValueError(f"pyarrow: is missing; {needs_extra('sweep')}")
+
+
+def pack_rows(rows: Rows, metadata: Mapping[bytes, bytes]) -> bytes:
+    """Content of a Parquet file of rows; a pickle, which never leaves these processes, without pyarrow."""
+    if _parquet() is None:
+        return pickle.dumps(rows)
+    import pyarrow as pa
+
+    words = [name for name, column in rows.items() if column.dtype.kind == "U"]
+    columns = {name: _words(pa, each) if name in words else _numbers(pa, each) for name, each in rows.items()}
+    table, sink = pa.table(columns).replace_schema_metadata(metadata), io.BytesIO()
+    _parquet().write_table(table, sink, compression="zstd", use_dictionary=words)
+    return sink.getvalue()
+
+
+def _words(pa: Any, column: Any) -> Any:
+    words, places = np.unique(column, return_inverse=True)
+    texts = [word.encode() for word in words.tolist()]
+    ends = np.cumsum([0, *map(len, texts)]).astype(np.int32)
+    told = pa.StringArray.from_buffers(len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts)))
+    return pa.DictionaryArray.from_arrays(_numbers(pa, places.astype(np.int32)), told)
+
+
+def _numbers(pa: Any, column: Any) -> Any:
+    if column.dtype.kind not in "fiu":
+        return pa.array(column)
+    kind, content = pa.from_numpy_dtype(column.dtype), pa.py_buffer(np.ascontiguousarray(column))
+    return pa.Array.from_buffers(kind, len(column), [None, content])  # array() would import pandas, 0.2 s
+
+
+def unpack_rows(content: bytes) -> Rows:
+    """Columns of a file of rows.
+
+    Raises:
+        ValueError: it is no such file, would unpack to too much, or has columns that rows do not have.
+    """
+    if _parquet() is None:
+        return dict(pickle.loads(content))
+    import pyarrow as pa
+
+    try:
+        table = open_rows(content).read()
+        return {name: _column(table.column(name)) for name in table.column_names}
+    except (pa.ArrowException, OSError, UnicodeError) as error:
+        raise ValueError(f"must be a Parquet file: {error}") from None
+
+
+def _column(column: Any) -> Array:
+    """Column of a table as an array: words share their letters, however many rows have them."""
+    import pyarrow as pa
+
+    if column.null_count:
+        raise ValueError("must have no empty values")
+    if not pa.types.is_dictionary(column.type):
+        return np.asarray(column.to_numpy())
+    whole = column.unify_dictionaries().combine_chunks()
+    whole = whole.chunk(0) if isinstance(whole, pa.ChunkedArray) else whole
+    words = np.array(whole.dictionary.to_pylist(), dtype=object)
+    return np.asarray(words[whole.indices.to_numpy()])
+
+
+def open_rows(content: bytes) -> Any:
+    """Parquet file of rows, after a check of its columns and of the size that it unpacks to.
+
+    Raises:
+        ValueError: it is no such file, would unpack to too much, or has columns that rows do not have.
+    """
+    import pyarrow as pa
+
+    if not content.startswith(MAGIC):
+        raise ValueError("must be a Parquet file")
+    try:
+        file = _parquet().ParquetFile(io.BytesIO(content), page_checksum_verification=True)
+        facts, schema = file.metadata, file.schema_arrow
+        groups = [facts.row_group(k) for k in range(facts.num_row_groups)]
+        columns = [group.column(i) for group in groups for i in range(group.num_columns)]
+        sizes = [each.total_uncompressed_size for each in columns]
+        counts = [each.num_values for each in columns]
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise ValueError(f"must be a Parquet file: {error}") from None
+    if min([0, *sizes, *counts]) < 0:
+        raise ValueError("must have sizes of at least 0")
+    if len({*schema.names}) != len(schema.names) or not all(map(_is_of_rows, schema.types)):
+        raise ValueError("must have columns of numbers, words and logs, each once")
+    logs = {name for name, kind in zip(schema.names, schema.types, strict=True) if pa.types.is_binary(kind)}
+    if any(each.path_in_schema in logs and each.has_dictionary_page for each in columns):
+        raise ValueError("must have each log by itself")  # a small file could repeat one for ever
+    require_size(max(sum(sizes), 8 * sum(counts), 8 * facts.num_rows * facts.num_columns), content)
+    return file
+
+
+def _is_of_rows(kind: Any) -> bool:
+    """True for types of columns that rows have; plain text could be unpacked again for every row."""
+    import pyarrow as pa
+
+    types = pa.types
+    words = types.is_dictionary(kind) and types.is_string(kind.value_type)
+    return bool(words or types.is_floating(kind) or types.is_integer(kind) or types.is_binary(kind))
+
+
+def concatenate(files: Iterable[tuple[bytes, Sequence[str]]]) -> bytes:
+    """Content of one file of some columns of several files of rows, null where one lacks a column of another.
+
+    The status is plain text there, as whoever reads that file has always had it.
+    """
+    import pyarrow as pa
+
+    tables = [open_rows(content).read().select(list(names)) for content, names in files]
+    table, sink = pa.concat_tables(tables, promote_options="default").replace_schema_metadata(), io.BytesIO()
+    place = table.column_names.index("status")
+    _parquet().write_table(table.set_column(place, "status", table["status"].cast("string")), sink)
+    return sink.getvalue()
+
+
+def sound_content(path: Path, *, named: bool = True) -> bytes | None:
+    """Content of a file whose bytes fit the digest in its name, if it is ``named`` by it; None for any other."""
+    match = FILE.fullmatch(path.name)
+    try:
+        with path.open("rb") as file:
+            content = file.read(int(LARGEST) + 1)
+    except OSError:
+        return None
+    if len(content) > LARGEST or (named and match is None):
+        return None
+    return content if not named or hashlib.sha256(content).hexdigest() == match["digest"] else None  # type: ignore
+
+
+@immutable
+class FileFacts:
+    """Metadata and number of rows of a file."""
+
+    metadata: Mapping[bytes, bytes]
+    rows: int
+
+
+def facts_of(content: bytes, *, whole: bool = False) -> FileFacts:
+    """Metadata of a file of rows, empty if it is damaged or too large; ``whole`` reads all of it to see that."""
+    import pyarrow as pa
+
+    try:
+        file = open_rows(content)
+        if whole:
+            file.read()
+    except (ValueError, pa.ArrowException, OSError):
+        return FileFacts(metadata={}, rows=0)
+    return FileFacts(metadata=dict(file.metadata.metadata or {}), rows=file.metadata.num_rows)
+
+
+def files_by_label(folder: PathLike) -> dict[str, list[Path]]:
+    """Files of rows in a folder by the label of their work, in order of their names.
+
+    Raises:
+        OSError: the folder cannot be listed.
+    """
+    found: dict[str, list[Path]] = {}
+    if not Path(folder).is_dir():
+        return found
+    with os.scandir(folder) as entries:
+        names = sorted(entry.name for entry in entries if entry.is_file(follow_symlinks=False))
+    for name in names:
+        if match := FILE.fullmatch(name):
+            found.setdefault(match["label"], []).append(Path(folder) / name)
+    return found
+
+
+WORDS = ("controller", "status")
+"""Columns of words; all others are numbers."""
+
+
+def read_column(files: Sequence[Path], name: str, controller: str = "") -> Array:
+    """One column of all rows of some files, of one controller if it is named.
+
+    Raises:
+        ValueError: one line: no such column, or not of numbers.
+    """
+    import pyarrow as pa
+    import pyarrow.dataset as ds
+
+    chosen = ds.field("controller") == controller if controller else None
+    try:
+        table = ds.dataset([str(path) for path in files]).to_table(columns=[name], filter=chosen)
+        column = _column(table.column(0))
+        return column if name in WORDS else np.asarray(column, dtype=float)
+    except (pa.ArrowException, OSError, ValueError, TypeError) as error:
+        raise ValueError(" ".join(str(error).split())) from None
+
+
+ROWS = "rows"
+"""Name of the folder of the files, in that of a study's results."""
+
+
+class Store:
+    """Rows of a folder of results, opened for writing.
+
+    Args:
+        folder: of the results, made if missing; the rows are in ``rows`` below it.
+        study: digest of the study whose rows it takes.
+
+    Attributes:
+        damaged: names of files whose bytes do not fit them. written: names of those written since.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+
+    def __init__(self, folder: PathLike, *, study: str = "") -> None:
+        self.folder, self.study = require_writable(folder), study
+        self.rows = require_writable(require_no_link(self.folder / ROWS))
+        self.damaged, self.written = list[str](), set[str]()
+
+    @cached_property
+    def _files(self) -> dict[str, list[Path]]:
+        """Files by label, listed at their first use: the folder is this process's own then."""
+        return files_by_label(self.rows)
+
+    @classmethod
+    def if_kept(cls, folder: PathLike) -> Store | None:
+        """Store in a folder; None without pyarrow."""
+        return cls(folder) if _parquet() is not None else None
+
+    def alone(self, part: str = "") -> AbstractContextManager[None]:
+        """Context manager in which no other process writes these rows, or this part of them.
+
+        Raises:
+            TakenError: another process does.
+        """
+        return one_writer(self.folder, name=f"{LOCK}_{part}" if part else LOCK)
+
+    def get(self, work: Work) -> bytes | None:
+        """Content of the file of a work; None if it has to fly."""
+        label = name_of(work.label)
+        for path in self._files.get(label, ()):
+            content = sound_content(path)
+            facts = FileFacts(metadata={}, rows=0) if content is None else facts_of(content)
+            if content is not None and facts.metadata.get(KEY) == work.key.encode() and _fits(content, work):
+                self._keep_only(label, path)
+                return content
+            if (content is None or facts.metadata.get(KEY) in (None, work.key.encode())) and path.exists():
+                self.damaged.append(path.name)
+        return None
+
+    def metadata(self, work: Work) -> dict[bytes, bytes]:
+        """Metadata of the file of a work."""
+        return {KEY: work.key.encode(), LABEL: work.label.encode(), STUDY: self.study.encode()}
+
+    def put(self, work: Work, content: bytes) -> None:
+        """Write the file of a work, and remove those of its label that did not count.
+
+        Nothing is written where an autopilot's program has failed, which may go better another time.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        if work.alone and any(each.startswith(f"{AUTOPILOT}: ") for each in unpack_rows(content)["status"]):
+            return
+        label = name_of(work.label)
+        path = self.rows / f"{label}.{hashlib.sha256(content).hexdigest()}.parquet"
+        write_inside(path, content, entry=False)
+        self._keep_only(label, path)
+        self.written.add(path.name)
+
+    def _keep_only(self, label: str, path: Path) -> None:
+        """Remove the files of a label that do not count: of a study's own folder all but one, else damaged ones."""
+        for other in self._files.get(label, ()):
+            if other != path and (self.study or other.name in self.damaged):
+                with contextlib.suppress(OSError):
+                    other.unlink()
+        self._files[label] = [path]
+
+    def close(self) -> None:
+        """Force the names of the files to disk."""
+        sync_folder(self.rows)
+
+
+def _fits(content: bytes, work: Work) -> bool:
+    """True if a file has the rows of a work: all that was given, status and end, as numbers and words."""
+    try:
+        rows = unpack_rows(content)
+    except ValueError:
+        return False
+    given = ["episode", *work.fixed, *work.columns, "status", "end_time"]
+    if not work.alone:
+        scenario = work.scenario
+        given += metric_names(work.metrics, scenario.plant.vehicle.n, scenario.commands_setpoints)
+    words = {name for name, column in rows.items() if column.dtype == object} - {"log"}
+    wanted = {"status", *(name for name, value in work.fixed.items() if np.asarray(value).dtype.kind == "U")}
+    return {*given} <= {*rows} and words == wanted and all(len(column) == work.count for column in rows.values())
+
+
+def name_of(label: str) -> str:
+    """Beginning of the names of the files of a label."""
+    plain = re.sub(r"[^\w.() -]+", "-", label, flags=re.ASCII)
+    if plain == label and len(label) <= LONGEST:
+        return label
+    return f"{plain[:LONGEST]}-{hashlib.sha256(label.encode()).hexdigest()[:8]}"

@@ -1,0 +1,148 @@
+"""Flights of one scenario that fly together, as data, and the digest of all on which their rows depend."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from dataclasses import field
+from functools import cached_property, lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import skyarm.records.files as skyarm_files
+from skyarm.log.flight_log import Log
+from skyarm.log.metrics.accumulate import added_metric
+from skyarm.log.metrics.windows import Windows
+from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.files import versions
+from skyarm.records.identity import identity, own_files
+from skyarm.records.immutable import immutable
+from skyarm.records.plain import digest, plain
+from skyarm.records.registry import registrations
+from skyarm.scenario.scenario_record import Scenario
+
+Rows = dict[str, Array]
+"""Columns by name, a number or a word of each flight: first those that tell flights apart, then metrics and status."""
+
+AUTOPILOT = "autopilot"
+"""Status of a flight that ended because an autopilot's program failed; in rows its cause follows."""
+
+
+Measure = Callable[[Log], Mapping[str, float | None]]
+"""Metrics of a log that the catalogue has no names for. A function of a module, or a partial of one."""
+
+
+@immutable(slots=False, eq=False)
+class Work:
+    """Flights of one scenario that fly together; any process flies the same rows from it.
+
+    Attributes:
+        label: its name in a folder, unique there.
+        scenario: what all flights have in common.
+        columns: path -> value of each flight (:mod:`skyarm.scenario.numbers`).
+        episodes: key of the noise of each flight.
+        fixed: further columns of the rows, on which no flight depends: a word, or a value of each flight.
+        metrics: names and groups of the catalogue. windows: of them, in place of the scenario's.
+        seed: of the noise. precision: "double", "single" or "bit_exact".
+        stiffest: scenario that fixes the integration steps; the scenario itself if left out.
+        effort: of the compiler (:class:`skyarm.simulate.Batch`).
+        alone: whether each flight flies by itself: laws that cannot be traced, other plants, kept logs.
+        measure: computes the metrics of such a flight from its log, in place of names.
+        keeps_log: whether the rows hold its log.
+    """
+
+    label: str
+    scenario: Scenario
+    columns: Mapping[str, Array] = field(default_factory=dict)
+    episodes: Array = field(default_factory=partial(np.zeros, 1, int))
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+    metrics: tuple[str, ...] = ()
+    windows: Windows | None = None
+    seed: int = 0
+    precision: str = "double"
+    stiffest: Scenario | None = None
+    effort: int = 2
+    alone: bool = False
+    measure: Measure | None = None
+    keeps_log: bool = False
+
+    @property
+    def count(self) -> int:
+        """Number of flights."""
+        return len(self.episodes)
+
+    @cached_property
+    def program(self) -> str:
+        """Digest of what the compiled simulation depends on: works that share it share one."""
+        metrics = [added_metric(name) for name in registrations("metric") if name in self.metrics]
+        return digest(
+            {
+                "scenario": _identity(self.scenario),
+                "stiffest": _identity(self.stiffest) if self.stiffest else "",
+                "paths": list(self.columns),
+                "metrics": list(self.metrics),
+                "added": plain(metrics),
+                "code": own_files(metrics),
+                "windows": dataclasses.asdict(self.windows) if self.windows else "",
+                "precision": self.precision,
+                "effort": self.effort,
+                "alone": self.alone,
+            }
+        )
+
+    @cached_property
+    def key(self) -> str:
+        """SHA-256 digest, in hexadecimal, of all on which the rows depend: numbers, code and versions."""
+        return digest(
+            {
+                "program": self.program,
+                "seed": self.seed,
+                "episodes": _bytes(self.episodes),
+                "columns": {path: _bytes(column) for path, column in self.columns.items()},
+                "fixed": {name: _bytes(np.asarray(column)) for name, column in self.fixed.items()},
+                "measure": {"function": plain(self.measure), "code": own_files(self.measure)},
+                "log": self.keeps_log,
+                "versions": {**kinship(), **(versions("mujoco-core") if self.alone else {})},
+            }
+        )
+
+
+def _bytes(column: Array) -> str:
+    array = np.ascontiguousarray(column)
+    return hashlib.sha256(f"{array.dtype.str} {array.shape} ".encode() + array.tobytes()).hexdigest()
+
+
+identified: OrderedDict[int, tuple[Scenario, str]] = OrderedDict()
+"""Scenarios by address, held so that no other gets it, and their digests: many works share one.
+
+A component of the user may be changed, so that it holds for one crew only."""
+
+
+def _identity(scenario: Scenario) -> str:
+    held = identified.get(id(scenario))
+    if held is None:
+        held = identified[id(scenario)] = (scenario, identity(scenario))
+        if len(identified) > 256:
+            identified.popitem(last=False)
+    return held[1]
+
+
+@lru_cache(maxsize=1)
+def kinship() -> Mapping[str, str]:
+    """Versions on which the bits of rows may depend, and the digest of the library's own code."""
+    found = versions("numpy", "llvmlite")
+    return {**{name: found[name] for name in ("skyarm", "numpy", "llvmlite")}, "code": _source()}
+
+
+@lru_cache(maxsize=1)
+def _source() -> str:
+    """Digest of the library's source, so that changed code flies anew."""
+    package = Path(skyarm_files.__file__).parents[2]
+    found = hashlib.sha256()
+    for path in sorted([*package.rglob("*.py"), *package.rglob("*.toml"), *package.rglob("*.json")]):
+        found.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+    return found.hexdigest()

@@ -1,0 +1,125 @@
+"""Files of rows of a sweep's folder that count. Folders of skyarm 0.3 are read, and not continued."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from skyarm.records.files import shown
+from skyarm.studies.flights.store import LABEL, ROWS, STUDY, facts_of, files_by_label, name_of, sound_content
+from skyarm.studies.sweep.manifest import MANIFEST, Manifest, label_of, read_manifest
+from skyarm.studies.sweep.study import StudyError
+
+OLD_FILE, OLD_MARK = re.compile(r"chunk_(\d{7})\.parquet"), b"skyarm"
+"""Names of files of 0.3, without a digest of their bytes, and the key in their metadata of the study's digest."""
+
+LABEL_OF = re.compile(r"chunk_(?P<index>\d{7})\.(?P<controller>.+)")
+
+Piece = tuple[int, str]
+"""Number of a chunk of episodes, and a controller."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowsThere:
+    """Files of a sweep's folder that count.
+
+    Attributes:
+        files: of each chunk with each controller. chunks: those that are there with all controllers, ascending.
+        ignored: names of files that do not count. count: flights of those that do.
+    """
+
+    files: Mapping[Piece, Path]
+    chunks: tuple[int, ...]
+    ignored: tuple[str, ...]
+    count: int
+
+
+def rows_there(folder: Path, manifest: Manifest, *, untrusted: Collection[str] | None = None) -> RowsThere:
+    """Files of a sweep's folder that count: whole, undamaged and of this study.
+
+    Args:
+        folder: of the sweep.
+        manifest: of it.
+        untrusted: names of files that do not count, where all others have been looked at; None to look now.
+
+    Raises:
+        OSError: the folder cannot be read.
+    """
+    files: dict[Piece, Path] = {}
+    ignored: list[str] = []
+    for piece, path in _candidates(folder, manifest):
+        if piece in files:
+            continue
+        if _counts(path, piece, manifest) if untrusted is None else path.name not in untrusted:
+            files |= {(piece[0], each): path for each in manifest.scenarios} if manifest.old else {piece: path}
+        else:
+            ignored.append(path.name)
+    chunks = [index for index in {index for index, _ in files} if all((index, c) in files for c in manifest.scenarios)]
+    count = sum(len(manifest.span(index)) for index, _ in files)
+    return RowsThere(files=files, chunks=tuple(sorted(chunks)), ignored=tuple(ignored), count=count)
+
+
+def _candidates(folder: Path, manifest: Manifest) -> Iterator[tuple[Piece, Path]]:
+    """Files whose names are those of a chunk of a study with one of its controllers, by name."""
+    if manifest.old:
+        for path in sorted((folder / ROWS).glob("chunk_*.parquet")):
+            match = OLD_FILE.fullmatch(path.name)
+            if match and path.is_file() and int(match[1]) < manifest.chunks:
+                yield (int(match[1]), next(iter(manifest.scenarios))), path
+        return
+    controllers = {name_of(controller): controller for controller in manifest.scenarios}
+    for label, paths in files_by_label(folder / ROWS).items():
+        match = LABEL_OF.fullmatch(label)
+        if match and match["controller"] in controllers and int(match["index"]) < manifest.chunks:
+            yield from (((int(match["index"]), controllers[match["controller"]]), path) for path in paths)
+
+
+def _counts(path: Path, piece: Piece, manifest: Manifest) -> bool:
+    """True if a file is undamaged, of this study and of this chunk."""
+    content = sound_content(path, named=not manifest.old)
+    if content is None:
+        return False
+    facts = facts_of(content, whole=manifest.old)
+    rows = len(manifest.span(piece[0]))
+    if manifest.old:
+        marked = facts.metadata.get(OLD_MARK) == f"{manifest.digest}/{piece[0]}".encode()
+        return marked and facts.rows == rows * len(manifest.scenarios)
+    ours = {STUDY: manifest.digest.encode(), LABEL: label_of(*piece).encode()}
+    return facts.rows == rows and ours.items() <= facts.metadata.items()
+
+
+def require_same_study(folder: Path, manifest: Manifest) -> None:
+    """Raise an error if a folder holds rows of another study, by what differs.
+
+    Raises:
+        StudyError: one line. OSError: the folder cannot be read.
+    """
+    if not any((folder / ROWS).glob("chunk_*.parquet")):
+        return  # a manifest without rows belongs to none
+    held = read_manifest(folder)
+    if held is None:
+        for paths in files_by_label(folder / ROWS).values():
+            for path in paths:
+                content = sound_content(path)
+                if content and facts_of(content).metadata.get(STUDY) != manifest.digest.encode():
+                    raise StudyError(
+                        f"{folder}: holds rows of another study ({path.name}) without a {MANIFEST}; "
+                        "choose another --out"
+                    )
+        return
+    if held.old:
+        raise StudyError(
+            f"{folder}: holds rows of skyarm {held.versions['skyarm']}, which can be summed up and not continued; "
+            "choose another --out"
+        )
+    for name, new, old in manifest.differences(held):
+        raise StudyError(
+            f"{name} = {shown(new)}: must be {shown(old)} as in the rows that {folder} holds; choose another --out"
+        )
+
+
+def not_counted(names: Sequence[str]) -> list[str]:
+    """List of one message that names the ignored files of a sweep; empty if there are none."""
+    return [f"not counted, since they are damaged or of another study: {', '.join(names)}"] if names else []

@@ -1,0 +1,13 @@
+"""Cells of a comparison flown here, in no folder."""
+
+from __future__ import annotations
+
+from skyarm.studies.compare.cells import Cell, Flights
+from skyarm.studies.flights import Work
+from skyarm.studies.flights.fly import fly
+
+
+def cell_of(flown: Flights | Work) -> Cell:
+    """What a comparison judges of some flights."""
+    work = flown.work() if isinstance(flown, Flights) else flown
+    return Cell.of_rows(work, fly(work))
