@@ -17,6 +17,7 @@ import cloudpickle
 import pytest
 from ray_stand import Program, cluster
 
+from skyarm.records.travel import luggage, pack
 from skyarm.studies.flights import ray_cluster
 from skyarm.studies.flights.ray_cluster import Ray
 from skyarm.studies.sweep import run_sweep
@@ -108,6 +109,18 @@ def test_what_a_node_executes_needs_no_skyarm_to_say_that_there_is_none() -> Non
     assert line.count("\n") == 1
 
 
+def test_a_process_of_another_version_refuses_and_one_of_the_same_performs() -> None:
+    must_be, outfit, call = ray_cluster.kin(), pack((luggage(), set())), pack((divmod, (17, 5)))
+    assert must_be["python"] == f"{sys.version_info.major}.{sys.version_info.minor}"
+    other = {**must_be, "pyarrow": "1.0", "code": "f" * 64, "new": "3"}
+    here = f"code {must_be['code'][:12]}, pyarrow {must_be['pyarrow'][:12]}, new none"
+    with pytest.raises(ValueError) as told:  # noqa: PT011
+        ray_cluster.perform_on_node(other, outfit, call)
+    node = f"node {socket.gethostname()} has {here}"
+    assert str(told.value) == f"{node}: must have code ffffffffffff, pyarrow 1.0, new 3, as the driver"
+    assert ray_cluster.perform_on_node(must_be, outfit, call) == (3, 2)
+
+
 class TestWithRay:
     """Needs the package."""
 
@@ -150,7 +163,7 @@ class TestWithRay:
             wait_for_files(rows, 12)
             os.killpg(program.process.pid, signal.SIGINT)  # as Ctrl-C in a terminal
             code, out, err = program.end(60.0)
-            assert (code, out) == (130, "")
+            assert (code, out) == (130, ""), err
             assert err.endswith("interrupted; finished files are whole\n")
             assert program.left() == []
             assert performing(10.0) == []
@@ -186,12 +199,27 @@ class TestWithRay:
         assert not (tmp_path / "rows").exists()
 
     @posix
+    def test_whoever_leaves_a_cluster_leaves_no_call_there(self) -> None:
+        with cluster() as nodes:
+            performs = Ray(nodes.address, 1)
+            for _ in range(4):
+                performs.submit(0, time.sleep, 300.0)
+            end = time.monotonic() + 30.0
+            while not performing(0.0) and time.monotonic() < end:
+                time.sleep(0.1)
+            assert performing(0.0) != []
+            performs.close(abandon=True)
+            assert performing(10.0) == []
+
+    @posix
     def test_a_cluster_that_the_script_has_joined_stays_joined(self) -> None:
         import ray
 
         with cluster() as nodes:
             ray.init(address=nodes.address, log_to_driver=False)
             try:
+                with pytest.raises(ValueError, match=rf"this process has joined {nodes.address}; must be ray, or that"):
+                    Ray("10.0.0.1:6379", 1)
                 performs = Ray("", 1)
                 assert performs.slots == 4
                 nodes.add_node(num_cpus=3)

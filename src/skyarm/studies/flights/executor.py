@@ -114,7 +114,7 @@ class Crew:
         flights: number of those flown.
 
     Raises:
-        ValueError: no such place, or its extra is missing.
+        ValueError: no such place, its extra is missing, or no cluster answers there.
     """
 
     def __init__(self, on: str | None = LOCAL, workers: int = 1, store: Store | None = None) -> None:

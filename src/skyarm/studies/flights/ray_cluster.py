@@ -53,14 +53,15 @@ ray.shutdown()"""
 class Ray:
     """Performs calls on the processors of a Ray cluster.
 
-    A cluster that this process has joined already is used, and stays joined.
+    The cluster that this process has joined already, if any, is used and stays joined.
 
     Args:
         address: HOST:PORT of a cluster that this machine is a node of; empty starts one on this machine alone.
         workers: processors of the one that is started.
 
     Raises:
-        ValueError: the extra is missing, no cluster answers there, or it cannot be joined or started.
+        ValueError: the extra is missing, no cluster answers there, or it cannot be joined or started; another one is
+            joined already.
     """
 
     def __init__(self, address: str, workers: int) -> None:
@@ -72,6 +73,8 @@ class Ray:
         self._ours = not self._ray.is_initialized()
         if self._ours:
             _begin(self._ray, address, workers)
+        elif address not in ("", joined := self._ray.get_runtime_context().gcs_address):
+            raise ValueError(f"on = 'ray:{address}': this process has joined {joined}; must be ray, or that address")
         try:
             self._kin, self._outfit = kin(), self._ray.put(outfit)
             self._perform = self._ray.remote(max_retries=MOST_TRIES)(_travelling())
@@ -125,7 +128,8 @@ class Ray:
         with contextlib.suppress(*([Exception] if abandon else [])):
             wait = {"num_returns": len(flying), "timeout": 0 if abandon else None}
             landed, left = self._ray.wait([*flying], **wait) if flying else ([], [])
-            for each in left:
+            # whoever leaves takes along what flies; Ray aborts now and then where a call lands while it is cancelled
+            for each in [] if self._ours else left:
                 self._ray.cancel(each, force=True)
             for each in landed:
                 # one that ended with an error, or is lost, flies again

@@ -333,18 +333,28 @@ class Store:
 
 
 def _fits(content: bytes, work: Work) -> bool:
-    """True if a file has the rows of a work: all that was given, status and end, as numbers and words."""
+    """True if a file has the rows of a work: all that was given, metrics, status and end, as numbers and words."""
     try:
         rows = unpack_rows(content)
     except ValueError:
         return False
-    given = ["episode", *work.fixed, *work.columns, "status", "end_time"]
-    if not work.alone:
-        scenario = work.scenario
-        given += metric_names(work.metrics, scenario.plant.vehicle.n, scenario.commands_setpoints)
+    scenario = work.scenario
+    # of a joint whose command is a setpoint of its drive a flight by itself has no effort
+    asked = [name for name in work.metrics if not (work.alone and name.startswith("tau"))] if not work.measure else []
+    metrics = metric_names(asked, scenario.plant.vehicle.n, scenario.commands_setpoints)
+    given = ["episode", *work.fixed, *work.columns, *metrics, "status", "end_time"]
+    if work.alone:
+        given = [name for name in given if not name.startswith("tau")]
     words = {name for name, column in rows.items() if column.dtype == object} - {"log"}
     wanted = {"status", *(name for name, value in work.fixed.items() if np.asarray(value).dtype.kind == "U")}
-    return {*given} <= {*rows} and words == wanted and all(len(column) == work.count for column in rows.values())
+    known = {"episode": np.dtype(np.uint32)} | {name: np.asarray(value).dtype for name, value in work.fixed.items()}
+    numbers = {name: column.dtype for name, column in rows.items() if name not in (*words, "log")}
+    return (
+        {*given} <= {*rows}
+        and words == wanted
+        and all(kind == known.get(name, np.dtype(float)) for name, kind in numbers.items())
+        and all(len(column) == work.count for column in rows.values())
+    )
 
 
 def name_of(label: str) -> str:
