@@ -200,6 +200,14 @@ def test_a_sweep_of_0_3_is_summed_up_as_before_and_not_continued(tmp_path: Path)
         run_sweep(study, folder)
 
 
+def test_rows_of_0_3_without_a_manifest_are_not_mixed_with_others(tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(OLD, tmp_path / "old"))
+    (folder / MANIFEST).unlink()
+    with pytest.raises(StudyError, match=r"holds rows of skyarm 0\.3 without a manifest\.json; choose another --out"):
+        run_sweep(small_study(**TINY), folder)
+    assert len([*(folder / "rows").iterdir()]) == 2
+
+
 def test_a_damaged_file_of_0_3_does_not_count(tmp_path: Path) -> None:
     folder = Path(shutil.copytree(OLD, tmp_path / "old"))
     path = folder / "rows" / "chunk_0000001.parquet"

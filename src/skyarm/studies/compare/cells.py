@@ -1,4 +1,4 @@
-"""Flights of a controller comparison: what flies of one controller in one case and condition, and what is judged of it.
+"""Flights of a controller comparison: the work of one controller in one case and condition, and its cell of results.
 
 A law that can be traced flies all episodes of a cell as one batch; others, and every law on MuJoCo's plant, fly one
 episode after the other, about a thousand times slower.
@@ -117,7 +117,7 @@ class Flights:
         return "__".join(self.name) + plant
 
     def work(self) -> Work:
-        """These flights as they fly, wherever that is."""
+        """Work of these flights: their scenario, perturbed numbers, keys of noise and metrics."""
         scenario = self.scenario()
         values, count = self.values(scenario), self.episodes(scenario)
         names = dict(zip(NAMES, self.name, strict=True))

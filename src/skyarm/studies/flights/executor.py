@@ -90,7 +90,7 @@ class Here:
 
 
 def _executor(on: str, workers: int) -> Executor:
-    """Make what flies there."""
+    """Make the executor of a place where works fly."""
     if on == LOCAL:
         return Here()
     if on == PROCESSES:

@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.records.files import PathLike, shown, write_inside
-from skyarm.scenario.endings import STATUSES
 from skyarm.studies.flights.store import name_of
 from skyarm.studies.flights.work import kinship
 from skyarm.studies.sweep.study import DESIGNS, LARGEST_CHUNK, MOST_EPISODES, StudyError
 
-MANIFEST, ROWS = "manifest.json", "rows"
+MANIFEST = "manifest.json"
 
 SCHEMA, OLD = 3, 2
 """Of the manifest; and of those of skyarm 0.3, whose rows are read and not continued."""
@@ -113,11 +112,6 @@ class Manifest:
     def parameters(self) -> tuple[str, ...]:
         """Paths and names of the sweep's varied parameters, derived ones last."""
         return (*(self.study.get("vary") or {}), *(self.study.get("derived") or {}))
-
-    @property
-    def statuses(self) -> tuple[str, ...]:
-        """Names of the termination statuses."""
-        return tuple(dict.fromkeys((*STATUSES, *(self.study.get("endings") or ()))))
 
     def span(self, index: int) -> range:
         """Range of episode numbers of one chunk of the sweep."""

@@ -100,6 +100,8 @@ def require_same_study(folder: Path, manifest: Manifest) -> None:
         return  # a manifest without rows belongs to none
     held = read_manifest(folder)
     if held is None:
+        if any(OLD_FILE.fullmatch(path.name) for path in (folder / ROWS).iterdir()):
+            raise StudyError(f"{folder}: holds rows of skyarm 0.3 without a {MANIFEST}; choose another --out")
         for paths in files_by_label(folder / ROWS).values():
             for path in paths:
                 content = sound_content(path)
