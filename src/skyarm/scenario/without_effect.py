@@ -77,14 +77,15 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
     changing = " ".join(each.path for each in scenario.changes)
     settled = not ("environment.forces" in changing or "plant." in changing)  # else it may feel air later
     parts = (NO_WIND, *placed.values())
-    blind, tilted = (_blind_axes(scenario, parts, attitude) for attitude in (LEVEL, TILTED))
+    blind = _blind_axes(scenario, parts, LEVEL)
     cure = "rotors.drag_coefficient or drag.area" if "x" in blind else "drag.area[2]"
     for where, component in placed.items():
         with suppress(Exception):
             moved, acts = _effect(scenario, component, blind)
             if settled and (idle := moved & blind):
                 axes = ", ".join(sorted(idle))
-                lacks = "no drag: no" if idle <= tilted else "drag by its tilt alone: hardly any"
+                undragged = idle <= _blind_axes(scenario, parts, TILTED)
+                lacks = "no drag: no" if undragged else "drag by its tilt alone: hardly any"
                 lacks = f"where {scenario.plant.vehicle.name!r} has {lacks} effect of that"
                 yield f"{where}: moves the air along {axes}, {lacks}; {cure} of it?"
             elif not (acts or moved or "environment." in changing):
@@ -107,8 +108,9 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component, ...], attitude: Quat
 
     with suppress(Exception):
         for part in parts:
+            calm = forces(part, ZERO3)
             for axes, air in AIRS.items():
-                if not np.abs(forces(part, air) - forces(part, 0.0 * air)).max() < NOTHING:
+                if not np.abs(forces(part, air) - calm).max() < NOTHING:
                     blind -= {*axes}
         return blind
     return set()

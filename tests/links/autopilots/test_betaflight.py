@@ -291,7 +291,7 @@ FAILURES = {
 
 
 def test_a_start_that_is_silent_is_tried_again(tmp_path, ports, soon):
-    log = flown(scenario_with(stand_in(tmp_path, "drowsy"), patience=1.0).with_words(duration=0.2))
+    log = flown(scenario_with(stand_in(tmp_path, "drowsy"), patience=0.5).with_words(duration=0.2))
     assert (log.status, log.info["cause"]) == ("completed", "")
 
 

@@ -165,7 +165,7 @@ def test_a_file_that_unpacks_to_gigabytes_is_refused_before_it_does(done: Path) 
     import pyarrow as pa
 
     path = rows_file(done, 0)
-    zeros = pa.table({"episode": pa.array(np.zeros(250_000_000, np.uint8))})
+    zeros = pa.table({"episode": pa.array(np.zeros(130_000_000, np.uint8))})
     named = rewritten(path, zeros, use_dictionary=False)
     assert named.stat().st_size < 1_000_000
     assert Rows(done).skipped == (named.name,)
