@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import platform
+
 import numpy as np
 import pytest
 from programs_random import bits, oscillator
 
 from skyarm.algebra.scalars.elementary import COMPOSED
+from skyarm.compile.llvm.llvm_loop import assembly
+from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.lower import lower
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.compile.tracing.tracer import FOLD, Graph
@@ -65,3 +69,21 @@ def test_angles_shared_by_sine_and_cosine_are_reduced_once():
     sine, cosine = graph.call("sin", x), graph.call("cos", x)
     both, one = lower([x], graph.nodes, [sine, cosine]), lower([x], graph.nodes, [sine])
     assert len(both.nodes) - len(one.nodes) < 12
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="reads instructions of x86")
+def test_vectors_that_lie_on_the_stack_lie_on_whole_lines_of_the_cache():
+    import llvmlite.binding as llvm
+
+    def many(carry, parameters, row, uniforms):
+        held = [carry[k] * carry[(k + 1) % 64] for k in range(64)]
+        return tuple(sum(held[k:] + held[: k + 1]) for k in range(64)), ()
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    text = assembly(trace_loop(many, (0.5,) * 64, (), ()), Lanes(8), logging=False)
+    machine = llvm.Target.from_triple("x86_64-unknown-linux-gnu").create_target_machine(cpu="skylake-avx512", opt=2)
+    lines = machine.emit_assembly(llvm.parse_assembly(text)).splitlines()
+    on_stack = [line.split()[0] for line in lines if "zmm" in line and "(%rsp)" in line and line.strip()[:4] == "vmov"]
+    assert len(on_stack) > 64
+    assert set(on_stack) <= {"vmovaps", "vmovapd"}

@@ -75,8 +75,7 @@ def contenders(scenario: Scenario, flights: int, chunk: int) -> list[Contender]:
 def own_share(scenario: Scenario, flights: int, chunk: int) -> float:
     """Processor time that the engine with a folder takes itself, as a share of that inside ``Batch.fly``.
 
-    Where arrays come to lie changes the time of the same machine code by up to a fifth, whoever calls it: this number
-    is without that.
+    Without what else differs between two runs of the same machine code.
     """
     inside, fly = [0.0], Batch.fly
 

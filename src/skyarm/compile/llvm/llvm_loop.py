@@ -115,6 +115,10 @@ ARGUMENTS = (
     *(f"i64 %{name}" for name in ("first", "last", "begin", "end", "start", "lanes", "every")),
 )
 
+ALIGNED = 64
+"""Bytes to which the stack is aligned, a line of the cache. Most numbers of a step lie there: as a caller leaves it, it
+splits every vector of 64 bytes over two lines three times in four, and flights take a fifth longer."""
+
 FLUSH = 0x8040
 """Bits of an x86 processor's control word that make numbers below the normal range zero."""
 
@@ -128,7 +132,7 @@ def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
     rows, draws = inputs[marks[1] : marks[2]], inputs[marks[2] :]
     invariant, varying = _split(loop.program.nodes, parameters)
     writer.do(f"""
-define internal void @{BODY}({", ".join(ARGUMENTS)}) noinline {{
+define internal void @{BODY}({", ".join(ARGUMENTS)}) noinline alignstack({ALIGNED}) {{
 entry:
   br label %blocks
 blocks:
