@@ -19,6 +19,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.joints import effort_limits
 from skyarm.studies.assess.push_limits import HALF, WARNS, pushing_efforts, yaw_room, yaw_torques
 from skyarm.studies.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, Task
+from skyarm.studies.compare.perturbed_plants import on_sphere
 
 CHANNEL = 30
 """Channel of the generator, apart from those of flights and of wrong plants."""
@@ -41,11 +42,6 @@ class Worlds:
     values: Mapping[str, Array]
     drawn: int
 
-    @property
-    def discard_share(self) -> float:
-        """Share of the drawn perturbed scenarios that were discarded as infeasible."""
-        return 1.0 - len(next(iter(self.values.values()))) / self.drawn
-
     def plain(self) -> dict[str, int]:
         """Counts of drawn, used and discarded perturbed scenarios."""
         count = len(next(iter(self.values.values())))
@@ -65,7 +61,7 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
         ValueError: more than 30 % of the worlds are discarded: the task asks for more than the vehicle can do.
     """
     drawn = count + 16 + 2 * math.ceil(count * MOST_DISCARDED)
-    share = uniforms(seed, np.arange(drawn), CHANNEL, np.zeros(1, dtype=int), NUMBERS).reshape(drawn, NUMBERS)
+    share = uniforms(seed, np.arange(drawn), CHANNEL, 0, NUMBERS)
     every = {"stiffness": _log(STIFFNESS, share[:, 0]), "friction": _uniform(task.friction, share[:, 1]),
              "wind": task.wind * share[:, 2], "mass": _log(MASS, share[:, 3])}  # fmt: skip
     found = np.flatnonzero(kept(task, scenario, every))[:count]
@@ -122,9 +118,7 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
         path = f"plant.vehicle.rotors.{i}.thrust_coefficient"
         found[path] = number_at(scenario, path) * thrust
     found["delays.command"] = DELAY * share[:, 5]
-    height, azimuth = 2.0 * share[:, 6] - 1.0, 2.0 * math.pi * share[:, 7]
-    across = np.sqrt(1.0 - height * height)
-    for axis, part in zip("xyz", (across * np.cos(azimuth), across * np.sin(azimuth), height), strict=True):
+    for axis, part in zip("xyz", on_sphere(2.0 * share[:, 6] - 1.0, 2.0 * math.pi * share[:, 7]), strict=True):
         found[f"environment.wind.force_W.{axis}"] = drawn["wind"] * part
     if task.wrong_normal:
         for i, part in enumerate(_tilt(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])):

@@ -57,7 +57,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
     bodies = ["base", *(f"links.{i}.body" for i in range(truth.n))]
 
     def draw_signed(channel: int, numbers: int) -> Array:
-        return 2.0 * uniforms(seed, np.arange(count), channel, np.zeros(1, dtype=int), numbers).reshape(count, -1) - 1.0
+        return 2.0 * uniforms(seed, np.arange(count), channel, 0, numbers) - 1.0
 
     mass, com = draw_signed(CHANNEL_MASS, len(bodies)), draw_signed(CHANNEL_COM, 3 * len(bodies))
     inertia, world = draw_signed(CHANNEL_INERTIA, len(bodies)), draw_signed(CHANNEL_WORLD, 4)
@@ -83,19 +83,19 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
     if spread.delay:
         found["delays.command"] = 0.5 * spread.delay * (1.0 + world[:, 2])
     force = 0.5 * spread.wind * (1.0 + world[:, 3])
-    for axis, part in zip("xyz", _directions(draw_signed(CHANNEL_WIND, 2)).T, strict=True):
+    height, turn = draw_signed(CHANNEL_WIND, 2).T
+    for axis, part in zip("xyz", on_sphere(height, math.pi * turn), strict=True):
         found[f"environment.wind.force_W.{axis}"] = force * part
     return found
 
 
-def _directions(square: Array) -> Array:
-    """Map points of the square [-1, 1]^2 to the unit sphere, uniform by area.
+def on_sphere(height: Array, azimuth: Array) -> tuple[Array, Array, Array]:
+    """Coordinates of points of the unit sphere, uniform by area where height and azimuth (rad) are.
 
     Source: Archimedes: height and azimuth of a uniform point are uniform and independent.
     """
-    height, azimuth = square[:, 0], math.pi * square[:, 1]
     across = np.sqrt(1.0 - height * height)
-    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), height], axis=1)
+    return across * np.cos(azimuth), across * np.sin(azimuth), height
 
 
 MASS, ARM = 0.806, 0.3

@@ -99,7 +99,7 @@ def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, 
         seed: key.
     """
     kinds = np.arange(count) % len(KINDS)
-    share = uniforms(seed, np.arange(count), CHANNEL, np.zeros(1, dtype=int), 8 + 3 * vehicle.n).reshape(count, -1)
+    share = uniforms(seed, np.arange(count), CHANNEL, 0, 8 + 3 * vehicle.n)
 
     def of_kind(*choices: Array | float) -> Array:
         found: Array = np.choose(kinds, [np.broadcast_to(each, count) for each in choices])
