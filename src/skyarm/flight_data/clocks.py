@@ -21,8 +21,8 @@ import numpy as np
 
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.raw_tables import turn_vectors
-from skyarm.flight_data.series import attitude_at, columns_at, integral_of
+from skyarm.flight_data.raw_tables import to_base
+from skyarm.flight_data.series import attitude_at, columns_at, integral_of, middle, thin_samples
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import immutable
@@ -98,8 +98,7 @@ class ClockOffset:
 
     def times(self, time: Array) -> Array:
         """Times of the reference's clock from times of the stream's."""
-        found: Array = time + self.offset + self.drift * (time - self.middle)
-        return found
+        return time + self.offset + self.drift * (time - self.middle)
 
 
 def clock_offset(flight: FlightData, stream: str = "", *, other: FlightData | None = None) -> ClockOffset:
@@ -187,27 +186,23 @@ class _Means:
 def _means(flight: FlightData, name: str) -> tuple[_Means, Array]:
     """Means of the reference's signal from a stream, with the times of its rows."""
     channel = flight[name]
-    every = max(1, round(STEP * channel.rate))
-    rows = np.arange(0, channel.time.size, every)
-    time, values = channel.time[rows], channel.values[rows]
+    time, values = thin_samples(channel, STEP)
     if time.size < 10:
         raise ValueError(f"{flight.name}: {name}: {channel.time.size} rows: must be of a longer flight")
-    width = float(np.median(np.diff(time)))
-    if name == "quaternion":
-        steps, order = rotation_steps(values), 1
-        at, even = 0.5 * (time[1:] + time[:-1]), np.abs(np.diff(time) - width) < 0.2 * width
-        return _Means(at[even], (steps / np.diff(time)[:, None])[even], width, order), time
-    gravity = np.array([0.0, 0.0, GRAVITY])
-    if name == "velocity":
-        at, order = 0.5 * (time[1:] + time[:-1]), 1
-        force = np.diff(values, axis=0) / np.diff(time)[:, None] + gravity
-        even = np.abs(np.diff(time) - width) < 0.2 * width
-    else:
+    steps = np.diff(time)
+    width = float(np.median(steps))
+    off = np.abs(steps - width)
+    if name == "position":
         at, order = time[1:-1], 2
-        force = (values[2:] - 2.0 * values[1:-1] + values[:-2]) / width**2 + gravity
-        even = (np.abs(np.diff(time)[1:] - width) < 0.01 * width) & (np.abs(np.diff(time)[:-1] - width) < 0.01 * width)
-    back = attitude_at(flight["quaternion"], at) * [1.0, -1.0, -1.0, -1.0]
-    return _Means(at[even], turn_vectors(back, force)[even], width, order), time
+        slopes = (values[2:] - 2.0 * values[1:-1] + values[:-2]) / width**2
+        even = (off[1:] < 0.01 * width) & (off[:-1] < 0.01 * width)
+    else:
+        at, order = middle(time), 1
+        slopes = (rotation_steps(values) if name == "quaternion" else np.diff(values, axis=0)) / steps[:, None]
+        even = off < 0.2 * width
+    if name != "quaternion":
+        slopes = to_base(attitude_at(flight["quaternion"], at), slopes + np.array([0.0, 0.0, GRAVITY]))
+    return _Means(at[even], slopes[even], width, order), time
 
 
 def rotation_steps(quaternions: Array) -> Array:
@@ -285,8 +280,7 @@ def _offset(reference: Channel, first: str, name: str, means: _Means, time: Arra
 def _scale(values: Array) -> Array:
     """Robust standard deviation of each column, from the median distance from its median."""
     distance = np.median(np.abs(values - np.median(values, axis=0)), axis=0)
-    found: Array = 1.4826 * distance + 1e-12
-    return found
+    return 1.4826 * distance + 1e-12
 
 
 def _is_usual(values: Array) -> Mask:
@@ -299,8 +293,7 @@ def _is_usual(values: Array) -> Mask:
 def _clip(values: Array) -> Array:
     """Signal without its medians, cut off at some robust standard deviations."""
     limit = CLIPPED * _scale(values)
-    found: Array = np.clip(values - np.median(values, axis=0), -limit, limit)
-    return found
+    return np.clip(values - np.median(values, axis=0), -limit, limit)
 
 
 def _inside(reference: Channel, means: _Means, when: Array) -> Mask:
@@ -393,7 +386,7 @@ def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
     for _ in range(4):
         root = np.sqrt(weights)
         change, *_ = np.linalg.lstsq(flat * root.reshape(-1, 1), (given * root).ravel(), rcond=None)
-        residual = given - np.asarray(flat @ change, dtype=float).reshape(count, axes)
+        residual = given - (flat @ change).reshape(count, axes)
         weights = np.minimum(1.0, HUBER * _scale(residual) / (np.abs(residual) + 1e-12))
     return np.asarray(change, dtype=float), residual, weights
 
@@ -405,5 +398,4 @@ def _covariance(jacobian: Array, moments: Array, memory: int) -> Array:
     for lag in range(1, min(memory, len(moments) - 1) + 1):
         shifted = moments[lag:].T @ moments[:-lag]
         spread = spread + (1.0 - lag / (memory + 1.0)) * (shifted + shifted.T)
-    found: Array = inverse @ spread @ inverse
-    return found
+    return inverse @ spread @ inverse

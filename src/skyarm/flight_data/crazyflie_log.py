@@ -38,8 +38,8 @@ CHECK = 4
 """Bytes of the check sum."""
 
 
-def _signals(unit: str, *columns: str, low: float = 0.0, high: float = 1.0) -> tuple[Signal, ...]:
-    return (Signal(columns=columns, unit=unit, frame="", low=low, high=high),)
+def _signals(unit: str, *columns: str, high: float = 1.0) -> tuple[Signal, ...]:
+    return (Signal(columns=columns, unit=unit, high=high),)
 
 
 def _xyz(group: str, begin: str = "") -> list[str]:
@@ -52,7 +52,7 @@ USUAL: Mapping[str, tuple[Signal, ...]] = {
     "position": (
         *_signals("m", *_xyz("locSrv")),
         *_signals("m", *_xyz("stateEstimate")),
-        *_signals("m", *_xyz("kalman", "state").copy()),
+        *_signals("m", *_xyz("kalman", "state")),
     ),
     "velocity": _signals("m/s", *_xyz("stateEstimate", "v")),
     "quaternion": _signals("", *(f"stateEstimate.q{axis}" for axis in "wxyz")),
@@ -115,9 +115,9 @@ def _head(data: bytes) -> tuple[int, dict[int, _Event], int]:
     events: dict[int, _Event] = {}
     place = 5
     for _ in range(count):
-        (number,), place = _numbers(data, place)
+        number, place = _number(data, place)
         name, place = _text(data, place)
-        (variables,), place = _numbers(data, place)
+        variables, place = _number(data, place)
         names, types = list[str](), list[str]()
         for _ in range(variables):
             text, place = _text(data, place)
@@ -134,11 +134,11 @@ def _head(data: bytes) -> tuple[int, dict[int, _Event], int]:
     return version, events, place
 
 
-def _numbers(data: bytes, place: int) -> tuple[tuple[int], int]:
+def _number(data: bytes, place: int) -> tuple[int, int]:
     """Number of two bytes, and the place after it."""
     if place + 2 > len(data):
         raise ValueError("head: is cut off")
-    return struct.unpack_from("<H", data, place), place + 2
+    return int.from_bytes(data[place : place + 2], "little"), place + 2
 
 
 def _text(data: bytes, place: int) -> tuple[str, int]:

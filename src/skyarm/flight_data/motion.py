@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.flight_data.flight_data import FlightData
-from skyarm.flight_data.series import columns_at, continuous
+from skyarm.flight_data.series import attitude_at, continuous, unit_rows, values_at
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import field_names
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -43,10 +44,11 @@ class Motion:
             mixed[outside] = np.nan
             return np.asarray(mixed)
 
-        turned = interpolate(continuous(self.quaternion))
-        turned /= np.linalg.norm(turned, axis=1, keepdims=True)
         return Motion(
-            time=time, position=interpolate(self.position), quaternion=turned, joints=interpolate(self.joints)
+            time=time,
+            position=interpolate(self.position),
+            quaternion=unit_rows(interpolate(continuous(self.quaternion))),
+            joints=interpolate(self.joints),
         )
 
 
@@ -69,10 +71,7 @@ def join_motions(motions: Sequence[Motion]) -> Motion:
     """One motion of several that follow each other, with no known pose between them."""
     pieces = [each for motion in motions for each in (motion, _unknown_from(motion))]
     return Motion(
-        time=np.concatenate([each.time for each in pieces]),
-        position=np.concatenate([each.position for each in pieces]),
-        quaternion=np.concatenate([each.quaternion for each in pieces]),
-        joints=np.concatenate([each.joints for each in pieces]),
+        **{name: np.concatenate([getattr(each, name) for each in pieces]) for name in field_names(Motion) or ()}
     )
 
 
@@ -113,7 +112,6 @@ def measured_motion(flight: FlightData, vehicle: Vehicle) -> Motion:
     time = place.time[(place.time >= first) & (place.time <= last)]
     if len(time) < 2:
         raise ValueError(f"{flight.name}: position and quaternion: must be measured at the same time")
-    turned = columns_at(time, attitude.time, continuous(attitude.values))
     joints = np.zeros((len(time), 0))
     if vehicle.n:
         angles = flight["joint_positions"]
@@ -122,17 +120,18 @@ def measured_motion(flight: FlightData, vehicle: Vehicle) -> Motion:
                 f"{flight.name}: joint_positions: {angles.values.shape[1]} columns, vehicle '{vehicle.name}' has "
                 f"{vehicle.n} joints"
             )
-        joints = columns_at(time, angles.time, angles.values)
+        joints = values_at(angles, time)
     return Motion(
         time=time,
-        position=columns_at(time, place.time, place.values),
-        quaternion=turned / np.linalg.norm(turned, axis=1, keepdims=True),
+        position=values_at(place, time),
+        quaternion=attitude_at(attitude, time),
         joints=joints,
     )
 
 
 def _unknown_from(motion: Motion) -> Motion:
     """One row of NaN at the end of a motion."""
-    nothing = (np.full((1, values.shape[1]), np.nan) for values in (motion.position, motion.quaternion, motion.joints))
-    position, quaternion, joints = nothing
+    position, quaternion, joints = (
+        np.full((1, values.shape[1]), np.nan) for values in (motion.position, motion.quaternion, motion.joints)
+    )
     return Motion(time=motion.time[-1:], position=position, quaternion=quaternion, joints=joints)

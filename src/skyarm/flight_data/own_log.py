@@ -29,15 +29,8 @@ FIELDS: Mapping[str, str] = {
 }
 """Field of a reading -> quantity."""
 
-TRUE: Mapping[str, str] = {
-    "gyro": "rate",
-    "position": "position",
-    "velocity": "velocity",
-    "quaternion": "quaternion",
-    "joint_positions": "joints",
-    "joint_rates": "joint_rates",
-}
-"""Quantity -> array of the log that holds its true value."""
+TRUE: Mapping[str, str] = {quantity: field for field, quantity in FIELDS.items() if quantity != "accelerometer"}
+"""Quantity -> array of the log that holds its true value, of those that the state has."""
 
 COMMANDED: Mapping[str, str] = {"rotor_speed_commands": "rotor_commands", "rotor_speeds": "rotor_speeds"}
 """Quantity -> array of the log that is no reading of a sensor."""

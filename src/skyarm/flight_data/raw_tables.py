@@ -13,7 +13,7 @@ import numpy.typing as npt
 from skyarm.flight_data.columns_file import ANGLES, TIMES, Columns, Signal
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import ATTITUDE, BODY, QUANTITIES
-from skyarm.flight_data.series import attitude_at, continuous
+from skyarm.flight_data.series import attitude_at, continuous, unit_rows
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
@@ -78,15 +78,11 @@ def flight_of(
     """
     own = {} if columns is None else columns.signals
     chosen = {name: signal for name, every in usual.items() if name not in own for signal in _fastest(tables, every)}
+    signals = {**chosen, **own}
     found: dict[str, Channel] = {}
     said = list(notes)
-    for name in QUANTITIES:
-        if name in own:
-            channel = _channel(name, own[name], tables, columns, said)
-        elif name in chosen:
-            channel = _channel(name, chosen[name], tables, None, said)
-        else:
-            continue
+    for name in (each for each in QUANTITIES if each in signals):
+        channel = _channel(name, signals[name], tables, columns if name in own else None, said)
         if channel.time.size:
             found[name] = channel
         else:
@@ -96,7 +92,6 @@ def flight_of(
             ", ".join(tables) if len(tables) > 1 else ", ".join(next(iter(tables.values())).columns) if tables else ""
         )
         raise ValueError(f"channels = none: must hold a quantity or more; there is {there or 'no number'}")
-    signals = {**chosen, **own}
     if "velocity" in found and signals["velocity"].frame:
         found["velocity"] = _into_world(found, said)
         if not found["velocity"].time.size:
@@ -188,7 +183,7 @@ def _channel(
         notes.append(f"{name}: {time.size - kept.size} of {time.size} rows are left out, as their times do not rise.")
         time, values = time[kept], values[kept]
     if name == "quaternion":
-        values = continuous(values / np.linalg.norm(values, axis=1)[:, None])
+        values = continuous(unit_rows(values))
         if len(values) and values[0, 0] < 0.0:
             values = -values
     return Channel(time=time, values=values, source=signal.source, names=signal.names)
@@ -272,8 +267,12 @@ def turn_vectors(quaternions: Array, vectors: Array) -> Array:
     """Vectors (N, 3) turned by quaternions (N, 4), w first."""
     w, v = quaternions[:, :1], quaternions[:, 1:]
     twice = 2.0 * np.cross(v, vectors)
-    found: Array = vectors + w * twice + np.cross(v, twice)
-    return found
+    return vectors + w * twice + np.cross(v, twice)
+
+
+def to_base(quaternions: Array, vectors: Array) -> Array:
+    """Vectors (N, 3) in base axes from those in world axes; quaternions (N, 4), w first, base to world."""
+    return turn_vectors(quaternions * [1.0, -1.0, -1.0, -1.0], vectors)
 
 
 def _into_world(found: Mapping[str, Channel], notes: list[str]) -> Channel:

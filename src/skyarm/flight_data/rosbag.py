@@ -122,12 +122,12 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     except ImportError:
         raise ValueError(f"rosbags: is missing; a bag of ROS {needs_extra('flights')}") from None
     notes: list[str] = []
-    every = columns is not None and any(not signal.topic for signal in columns.signals.values())
-    topics = set() if columns is None else {signal.topic for signal in columns.signals.values()}
+    own = {} if columns is None else columns.signals
+    topics = {signal.topic for signal in own.values()}
     rows: dict[str, _Rows] = {}
     with _one_line(), AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
         kinds = {each.topic: str(each.msgtype) for each in reader.connections}
-        chosen = [each for each in reader.connections if _is_read(each, topics, every)]
+        chosen = [each for each in reader.connections if _is_read(each, topics)]
         if chosen:
             _read(reader, chosen, rows, notes)
     if not rows:
@@ -136,7 +136,6 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     origin = min(min(each.received) for each in rows.values())
     tables = {topic: _table(each, origin) for topic, each in rows.items()}
     usual = _usual(tables, kinds)
-    own = set() if columns is None else set(columns.signals)
     for name, signals in usual.items():
         if len(signals) > 1 and name not in own:
             listed = ", ".join(each.topic for each in signals)
@@ -156,10 +155,10 @@ def _one_line() -> Iterator[None]:
         raise ValueError(f"bag: must be a whole bag of ROS ({type(error).__name__}: {error})") from None
 
 
-def _is_read(connection: Connection, topics: Collection[str], every: bool) -> bool:
-    """True if the messages of a topic are decoded."""
+def _is_read(connection: Connection, topics: Collection[str]) -> bool:
+    """True if the messages of a topic are decoded: one that is named, or known; any if a quantity names no topic."""
     kind = connection.msgtype
-    return connection.topic in topics or kind in TYPES or kind in LISTS or (every and LARGE.search(kind) is None)
+    return connection.topic in topics or kind in TYPES or kind in LISTS or ("" in topics and LARGE.search(kind) is None)
 
 
 def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Rows], notes: list[str]) -> None:

@@ -27,23 +27,46 @@ def columns_at(time: npt.ArrayLike, known: npt.ArrayLike, values: Array) -> Arra
     return np.stack([np.interp(asked, given, column) for column in values.T], axis=1)
 
 
+def values_at(channel: Channel, time: Array) -> Array:
+    """Values (N, k) of a channel at given times (N,), s, linear between its samples."""
+    return columns_at(time, channel.time, channel.values)
+
+
+def thin_samples(channel: Channel, step: float) -> tuple[Array, Array]:
+    """Times and values of a channel about a step apart, s."""
+    every = max(1, round(step * channel.rate))
+    return channel.time[::every], channel.values[::every]
+
+
+def common_span(*channels: Channel) -> tuple[float, float]:
+    """First and last time, s, at which all channels have samples around."""
+    return max(float(each.time[0]) for each in channels), min(float(each.time[-1]) for each in channels)
+
+
+def middle(rows: Array) -> Array:
+    """Means of consecutive rows: (N + 1, ...) to (N, ...)."""
+    return 0.5 * (rows[1:] + rows[:-1])
+
+
+def unit_rows(rows: Array) -> Array:
+    """Rows (N, k) over their lengths."""
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+
+
 def continuous(quaternions: Array) -> Array:
     """Quaternions (N, 4) with signs in which neighbours are close: halfway between q and -q there is no rotation."""
     turns = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
-    found: Array = quaternions * np.cumprod(np.concatenate([np.ones(min(1, len(quaternions))), turns]))[:, None]
-    return found
+    return quaternions * np.cumprod(np.concatenate([np.ones(min(1, len(quaternions))), turns]))[:, None]
 
 
 def attitude_at(attitude: Channel, time: Array) -> Array:
     """Measured attitude (N, 4), w x y z, of unit length at given times (N,), s, linear between its samples."""
-    found = columns_at(time, attitude.time, continuous(attitude.values))
-    unit: Array = found / np.linalg.norm(found, axis=1, keepdims=True)
-    return unit
+    return unit_rows(columns_at(time, attitude.time, continuous(attitude.values)))
 
 
 def integral_of(time: Array, values: Array) -> Array:
     """Integral (M, k) of a series (M, k) from the first time on, by trapezes."""
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None]
+    steps = middle(values) * np.diff(time)[:, None]
     return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
 
 
@@ -58,8 +81,7 @@ def means_of(time: Array, values: Array) -> Callable[[Array, Array], Array]:
         rows = np.clip(np.searchsorted(time, when, "right") - 1, 0, time.size - 2)
         past, step = when - time[rows], time[rows + 1] - time[rows]
         slope = (values[rows + 1] - values[rows]) / step[:, None]
-        found: Array = table[rows] + values[rows] * past[:, None] + 0.5 * slope * past[:, None] ** 2
-        return found
+        return table[rows] + values[rows] * past[:, None] + 0.5 * slope * past[:, None] ** 2
 
     def mean(begins: Array, ends: Array) -> Array:
         first, last = np.maximum(begins, time[0]), np.minimum(ends, time[-1])
@@ -77,7 +99,7 @@ def measured_at(channel: Channel, time: Array, period: float) -> Array:
     if channel.rate > FASTER / period:
         inside = np.clip(time, channel.time[0], channel.time[-1])
         return means_of(channel.time, channel.values)(inside - 0.5 * period, inside + 0.5 * period)
-    return columns_at(time, channel.time, channel.values)
+    return values_at(channel, time)
 
 
 def rates_note(flight: FlightData, period: float) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,16 +47,8 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
         raise ValueError("rows = 0: must be one or more")
     read = {name: rows[:, k] for k, name in enumerate(wanted)}
     table = Table(columns=read, time=read[columns.time] if columns.time else np.full(len(rows), np.nan))
-    flight = flight_of(path, {"": table}, {}, columns, notes=notes)
     others = tuple(name for name in names if name and name not in wanted)
-    return FlightData(
-        name=flight.name,
-        file=flight.file,
-        channels=flight.channels,
-        notes=flight.notes,
-        facts=flight.facts,
-        unused=others,
-    )
+    return replace(flight_of(path, {"": table}, {}, columns, notes=notes), unused=others)
 
 
 def _mapped_columns(columns: Columns, names: Sequence[str]) -> list[str]:

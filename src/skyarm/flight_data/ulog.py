@@ -88,7 +88,7 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
         raise ValueError("file: holds no topic with numbers")
     parameters, notes = log.parameters, _losses(log)
     usual: dict[str, Sequence[Signal]] = dict(USUAL)
-    own = set() if columns is None else set(columns.signals)
+    own = {} if columns is None else columns.signals
     count = _number_of_rotors(parameters)
     if "rotor_commands" not in own:
         usual["rotor_commands"] = _rotor_commands(tables, parameters, count, notes)
@@ -200,7 +200,7 @@ def _shares(
             return None
         share = np.maximum(0.0, (given - low) / (high - low))
         if table is not first:
-            share = np.asarray(share[np.clip(np.searchsorted(table.time, first.time, "right") - 1, 0, None)])
+            share = share[np.clip(np.searchsorted(table.time, first.time, "right") - 1, 0, None)]
         columns[f"output {bank} {channel + 1}"] = share
     if assumed:
         notes.append(f"rotor_commands: limits of {LEAST:g} and {LARGEST:g} us are assumed; no parameter states them.")

@@ -119,8 +119,7 @@ class Log:
 
     def __getitem__(self, array: str) -> Array:
         """Array of the log by its name."""
-        found: Array = self.received[array] if array in self.received else getattr(self, array)
-        return found
+        return self.received[array] if array in self.received else getattr(self, array)
 
     def component(self, name: str) -> Array:
         """Array logged by a wind, force or contact model of the flight; (N, 0) if the flight has no such array."""

@@ -38,8 +38,8 @@ def log_table(log: Log) -> Any:
         raise ValueError(f"pyarrow: is missing; a log as a table {needs_extra('sweep')}") from None
     every = columns(log)
     arrays = [pa.array(each.of(log)) for each in every]
-    told = [{"unit": each.unit, "meaning": each.meaning} for each in every]
     fields = [
-        pa.field(each.name, array.type, metadata=words) for each, array, words in zip(every, arrays, told, strict=True)
+        pa.field(each.name, array.type, metadata={"unit": each.unit, "meaning": each.meaning})
+        for each, array in zip(every, arrays, strict=True)
     ]
     return pa.table(arrays, schema=pa.schema(fields))

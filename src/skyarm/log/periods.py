@@ -60,7 +60,7 @@ def contact_periods(log: Log) -> tuple[ContactPeriod, ...]:
     """List all periods of contact in a log, ordered by start."""
     found: list[ContactPeriod] = []
     for (surface, point), force in zip(contact_pairs(log), log.component("contact_force").T, strict=False):
-        for begin, end in _runs(force > 0.0):
+        for begin, end in runs_of(force > 0.0):
             inside = force[begin:end]
             peak, mean = float(inside.max()), float(inside.mean())
             start, stop = float(log.time[begin]), _time(log, end)
@@ -91,7 +91,7 @@ def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:
     for gripper, *columns in zip(grippers, *arrays, strict=False):
         taken, lost, force = columns
         for number in np.unique(taken[taken > 0.0]):
-            for begin, end in _runs(taken == number):
+            for begin, end in runs_of(taken == number):
                 found.append(
                     GraspPeriod(
                         gripper=gripper,
@@ -123,7 +123,7 @@ def timed_out(log: Log) -> frozenset[int]:
     return frozenset(found)
 
 
-def _runs(true: Any) -> list[tuple[int, int]]:
+def runs_of(true: Any) -> list[tuple[int, int]]:
     """Start index, and end index (exclusive), of each run of true values in a mask."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(int)))
     return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]

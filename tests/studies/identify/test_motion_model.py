@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.flight_data.raw_tables import to_base
 from skyarm.scenario.scenario_record import Delays, NamedSensor, Rates
 from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor_kinds import Imu
-from skyarm.studies.identify.lagged_inputs import to_base
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, predict, prediction_errors
 from skyarm.studies.identify.sampled_series import position_differences
 from skyarm.studies.tune.excitation import of_vehicle, unseen_motion

@@ -8,6 +8,8 @@ reference asks for a force above 0: for losses from 0.3 s after the first touch 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import reduce
+from operator import add
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,7 +74,7 @@ class PushTotals(Metric):
         if not now.push or not forces:
             return memory
         wanted, normal = now.push[0], now.push[2:5]
-        force = _sum(forces)
+        force = reduce(add, forces)
         asked, touches = wanted > 0.0, force > 0.0
         begins = logical_and(logical_and(asked, touches), memory.first >= NOT_YET)
         first = where(begins, now.time, memory.first)
@@ -96,13 +98,6 @@ class PushTotals(Metric):
             farthest=maximum(memory.farthest, where(near, apart, 0.0)),
             near=memory.near + where(near, 1.0, 0.0),
         )
-
-
-def _sum(forces: tuple[Scalar, ...]) -> Scalar:
-    total = forces[0]
-    for force in forces[1:]:
-        total = total + force
-    return total
 
 
 def _tangential_error(now: Instant, normal: tuple[Scalar, ...]) -> Scalar:
@@ -207,7 +202,7 @@ def _of_part(name: str, index: int) -> Callable[[Instant, Any], Any]:
 
 
 QUANTITIES: Mapping[str, Callable[[Instant, Any], Any]] = {
-    "contact": lambda now, _: _sum(now.part("contact_force")) if now.part("contact_force") else None,
+    "contact": lambda now, _: reduce(add, now.part("contact_force")) if now.part("contact_force") else None,
     **{f"object_{axis}": _of_part("object_position", i) for i, axis in enumerate("xyz")},
     "mechanism": _of_part("mechanism_position", 0),
     "tip_height": lambda now, _: now.tool.z,

@@ -19,7 +19,7 @@ from skyarm.log.metrics.interaction import BAND
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import wanted_push
 from skyarm.log.metrics.windows import Windows, windows_of
-from skyarm.log.periods import contact_pairs, points_at_tip
+from skyarm.log.periods import contact_pairs, points_at_tip, runs_of
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import immutable
 
@@ -193,8 +193,7 @@ def _wanted_force(log: Log) -> tuple[Array, Array]:
 def _missed_forces(log: Log, wanted: Array) -> Iterator[Unreached]:
     """Yield the commanded contacts whose force stayed too small."""
     force = _force_at_tip(log)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], wanted > 0.0, [0]])))
-    for first, after in edges.reshape(-1, 2):
+    for first, after in runs_of(wanted > 0.0):
         most, aim = float(force[first:after].max()), float(wanted[first:after].max())
         if most < (1.0 - BAND) * aim:
             start, stop = float(log.time[first]), float(log.time[after - 1])
@@ -207,7 +206,7 @@ def _force_at_tip(log: Log) -> Array:
     at_tip = points_at_tip(log)
     chosen = [k for k, (_, point) in enumerate(contact_pairs(log)) if point in at_tip]
     force = log.component("contact_force")[:, chosen] if chosen else log.component("contact_force")
-    return np.asarray(force.sum(axis=1)) if force.size else np.zeros(log.time.size)
+    return force.sum(axis=1) if force.size else np.zeros(log.time.size)
 
 
 def _missed_phases(log: Log) -> Iterator[Unreached]:

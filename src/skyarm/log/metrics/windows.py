@@ -53,7 +53,7 @@ class Window:
 
     def of(self, log: Log) -> Mask:
         """Boolean mask (N,) of a log's instants within the window."""
-        return (log.time >= self.start) & (log.time < self.stop)
+        return _within(log.time, [self])
 
     def __str__(self) -> str:
         return f"[{self.start:.4g}, {self.stop:.4g}) s"

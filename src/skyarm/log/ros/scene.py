@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.ros.messages import NANO
 from skyarm.records.arrays import Array, IntArray
@@ -15,7 +15,7 @@ from skyarm.records.files.names import distinct
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.scene.shapes import turn_onto
-from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
+from skyarm.world.scene.vehicle_shapes import matrices, quaternions_of, vehicle_shapes
 
 
 class Instants(Protocol):
@@ -92,14 +92,16 @@ class Frames:
         for i, link in enumerate(self._vehicle.moving):
             pose = joint_placement(link.joint, values[i])
             parent = self.of_body(link.parent)
-            found.append(transform(stamps, parent, self.links[i], pose.p, quaternions_of(_turns(pose.R, len(joints)))))
+            found.append(
+                transform(stamps, parent, self.links[i], pose.p, quaternions_of(matrices(pose.R, len(joints))))
+            )
         return found
 
     def fixed_transforms(self) -> list[dict[str, Any]]:
         """Fields of the constant transforms of named frames and rotor hubs."""
         found = []
         for name, frame in zip(self.named, self._vehicle.frames, strict=True):
-            turn = quaternions_of(_turns(frame.rotation, 1))[0]
+            turn = quaternions_of(matrices(frame.rotation, 1))[0]
             found.append(transform(0, self.of_body(frame.link), name, frame.position, turn))
         for name, rotor in zip(self.rotors, self._vehicle.rotors, strict=True):
             found.append(transform(0, BASE_LINK, name, rotor.position, quaternions_of(_upright(rotor.axis))[0]))
@@ -124,13 +126,6 @@ def xyz(vector: Any) -> dict[str, Any]:
 def quaternion(wxyz: Array) -> dict[str, Any]:
     """Message fields x, y, z, w of a quaternion wxyz, (4,) or (N, 4)."""
     return dict(zip("wxyz", wxyz.T, strict=True))
-
-
-def _turns(R: Mat3, count: int) -> Array:
-    """Convert a rotation whose entries are numbers or arrays to matrices (N, 3, 3)."""
-    return np.array([[np.broadcast_to(np.asarray(c, dtype=float), (count,)) for c in row] for row in R.rows]).transpose(
-        2, 0, 1
-    )
 
 
 def _upright(axis: Vec3) -> Array:

@@ -14,9 +14,9 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.arm_poses import Allocation, ArmPoses
+from skyarm.studies.assess.arm_poses import Allocation, ArmPoses, lanes
 from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding
-from skyarm.studies.assess.flight_loads import FlightPart, flight_parts, lanes, reference_at
+from skyarm.studies.assess.flight_loads import FlightPart, flight_parts, reference_at
 from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos
 from skyarm.studies.assess.thrust import thrust_margin
 
@@ -105,7 +105,7 @@ def _effort_shares(part: FlightPart, demand: Demand) -> Array:
         )
         most = np.where(demand.efforts[i] < 0.0, -low, high)
         limits[i] = np.minimum(limits[i], np.maximum(most, LEFT * limits[i]))
-    return np.asarray(np.abs(demand.efforts) / limits)
+    return np.abs(demand.efforts) / limits
 
 
 def _sample_times(part: FlightPart, end: float) -> list[Array]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,12 @@ WRENCH = 4
 """Rows of a wrench that the mixer reads: torque x, y, z (N m, about the base origin) and force along z (N)."""
 
 
+def lanes(values: Iterable[Any], count: int) -> Array:
+    """Stack scalars and arrays into one array (values, K), each broadcast to length K."""
+    rows = [np.broadcast_to(np.asarray(v, dtype=float), count) for v in values]
+    return np.stack(rows) if rows else np.zeros((0, count))
+
+
 def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
     """Generalized forces (4 + n, poses) of a static level hover: base torque and thrust, then joint efforts.
 
@@ -33,8 +40,7 @@ def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
     still = (0.0,) * vehicle.n
     level = Motion(ZERO3, E_Z * gravity)
     force, efforts = dynamics.inverse_dynamics(vehicle, tuple(joints.T), ZERO3, still, level, still)
-    rows = (*force.torque, force.force.z, *efforts)
-    return np.stack([np.broadcast_to(np.asarray(row, dtype=float), len(joints)) for row in rows])
+    return lanes((*force.torque, force.force.z, *efforts), len(joints))
 
 
 @immutable(kw_only=False)
@@ -55,17 +61,25 @@ class Allocation:
 
     def squared_speeds(self, efforts: Array) -> Array:
         """Squared rotor speeds (rotors, poses) for torque and thrust, first four rows of ``efforts``; not limited."""
-        return np.asarray(self.inverse @ efforts[:WRENCH], dtype=float)
+        return self.inverse @ efforts[:WRENCH]
+
+    def headroom(self, squared: Array, change: Array) -> Array:
+        """Multiples (rotors, poses) of a change of squared speeds that bring each rotor to a limit; inf without one.
+
+        Args:
+            squared: (rotors, poses) squared speeds, (rad/s)^2.
+            change: (rotors, poses or 1) of them.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            up, down = (self.highest[:, None] - squared) / change, -squared / change
+        return np.where(change > 0.0, up, np.where(change < 0.0, down, np.inf))
 
     def room(self, squared: Array, direction: Array) -> Array:
         """Largest multiple (poses,) of a wrench (4,) that can be added to a hover within the rotor speed limits.
 
         Negative where a rotor is outside its limits already and the direction takes it further out.
         """
-        change = (self.inverse @ direction)[:, None]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            up, down = (self.highest[:, None] - squared) / change, -squared / change
-        far = np.where(change > 0.0, up, np.where(change < 0.0, down, np.inf))
+        far = self.headroom(squared, (self.inverse @ direction)[:, None])
         return np.asarray(np.min(far, axis=0), dtype=float)
 
 

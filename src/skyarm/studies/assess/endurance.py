@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.immutable import immutable
@@ -80,8 +78,8 @@ class HoverTime:
     voltage: float
 
 
-def hover_time(vehicle: Vehicle, gravity: float = 9.81, joints: Sequence[float] = ()) -> HoverTime:
-    """Endurance of a vehicle in level, motionless hover on its battery, arm at ``joints`` (default zero).
+def hover_time(vehicle: Vehicle, gravity: float = 9.81) -> HoverTime:
+    """Endurance of a vehicle in level, motionless hover on its battery, arm at zero.
 
     The load is constant power P, so that the charge q falls by dq/dt = -P / (V(q) capacity); it is summed over the
     charge by the midpoint rule, until the battery is empty, cannot give P (V_0^2 < 4 R P), or its voltage lets a rotor
@@ -93,7 +91,7 @@ def hover_time(vehicle: Vehicle, gravity: float = 9.81, joints: Sequence[float] 
     battery = vehicle.battery
     if battery is None:
         raise VehicleError(f"vehicle '{vehicle.name}': battery = (missing): must be a table for a time aloft")
-    trim = hover_trim(vehicle, tuple(joints) or (0.0,) * vehicle.n, gravity)
+    trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
     power = float(battery.power(vehicle.rotors, trim.speeds))
     share = max(float(w) / float(r.max_speed) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
     least = share * float(battery.reference_voltage)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from skyarm.reference.path_time import governed_reference
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.studies.assess.arm_poses import lanes
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -130,9 +130,3 @@ def _along(scenario: Scenario, frame: str, time: Array) -> Array:
     )
     motion = PointMotion(vehicle, state)
     return lanes(motion.position(*motion.frame(frame or None)), len(time))
-
-
-def lanes(values: Iterable[Any], count: int) -> Array:
-    """Stack scalars and arrays into one array (values, K), each broadcast to length K."""
-    rows = [np.broadcast_to(np.asarray(v, dtype=float), count) for v in values]
-    return np.stack(rows) if rows else np.zeros((0, count))

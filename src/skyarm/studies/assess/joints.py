@@ -10,7 +10,7 @@ from skyarm.dynamics.actuators.servo import Servo
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses
+from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, lanes
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -113,4 +113,4 @@ def tip_places(vehicle: Vehicle, joints: Array) -> Array:
     """Tip positions (poses, 3) in base axes, m."""
     frame = vehicle.frame()
     place = link_poses(vehicle, tuple(joints.T))[frame.link] @ Pose(frame.rotation, frame.position)
-    return np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(joints)) for c in place.p], axis=1)
+    return lanes(place.p, len(joints)).T

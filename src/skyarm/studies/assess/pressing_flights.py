@@ -115,7 +115,7 @@ def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
     Stoermer-Verlet steps h are stable up to h sqrt(k / m) = 2; Hairer, Lubich, Wanner 2003.
     """
     (contact,), vehicle, period = scenario.worlds, scenario.plant.vehicle, 1.0 / scenario.rates.control
-    joints, push = tuple(float(q) for q in at.joints), push_on_level_base(at)
+    joints, push = tuple(map(float, at.joints)), push_on_level_base(at)
     mass, step = tip_mass(vehicle, joints, push / np.linalg.norm(push)), float(contact.largest_verlet_step or 0.0)
     hardest = max((float(each.material.stiffness) for each in contact.surfaces), default=0.0)
     phase = period / divisions(period, step) * math.sqrt(hardest / mass) if step else 0.0
@@ -156,7 +156,7 @@ def fly_shares(scenario: Scenario, force: float) -> tuple[Array, Array, Array]:
 
 def cause_of(scenario: Scenario, at: Reference) -> tuple[str, str]:
     """Likeliest cause of a force that is not held, and a remedy: yaw torque, reach of the arm, inertia of the tip."""
-    vehicle, joints = scenario.plant.vehicle, tuple(float(q) for q in at.joints)
+    vehicle, joints = scenario.plant.vehicle, tuple(map(float, at.joints))
     push, force = push_on_level_base(at), float(at.push[0])
     room, (turning, _) = yaw_room(scenario, joints), yaw_torques(scenario, joints, push)
     if turning > HALF * room:

@@ -87,8 +87,7 @@ def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array)
     vehicle = scenario.plant.vehicle
     still = hover_efforts(vehicle, float(scenario.plant.gravity), np.array([joints]))[WRENCH:, 0]
     columns = np.array([[float(c) for c in each.linear] for each in jacobian_columns(vehicle, vehicle.frame(), joints)])
-    found: Array = still - columns @ force
-    return found
+    return still - columns @ force
 
 
 def yaw_room(scenario: Scenario, joints: tuple[float, ...]) -> float:
@@ -111,7 +110,7 @@ def yaw_torques(scenario: Scenario, joints: tuple[float, ...], push: Array) -> t
 
 
 def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
-    vehicle, joints = scenario.plant.vehicle, tuple(float(q) for q in at.joints)
+    vehicle, joints = scenario.plant.vehicle, tuple(map(float, at.joints))
     efforts, limits = pushing_efforts(scenario, joints, push_on_level_base(at)), effort_limits(vehicle)
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
@@ -125,7 +124,7 @@ def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
 
 def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
     frictions = [float(s.material.friction) for world in scenario.worlds for s in world.surfaces]
-    joints = tuple(float(q) for q in at.joints)
+    joints = tuple(map(float, at.joints))
     if not frictions:
         return []
     room, (pushing, sliding) = yaw_room(scenario, joints), yaw_torques(scenario, joints, push_on_level_base(at))
@@ -170,8 +169,7 @@ def _error(scenario: Scenario, at: Reference) -> list[Finding]:
     if part.tolerances is not None:
         text = f"standard error {deviation:.2g} of {float(at.push[0]):.3g} N by the tolerances, before any is learned"
     remedy = "controller.tolerances lets the law learn the scale; a force sensor needs none"
-    joints = tuple(float(q) for q in at.joints)
-    return [Finding("force without a sensor", NOTE, text, FORCE, remedy, deviation, math.nan, "N", joints)]
+    return [Finding("force without a sensor", NOTE, text, FORCE, remedy, deviation, math.nan, "N", at.joints)]
 
 
 def push_errors(scenario: Scenario, at: Reference, by: Tolerances) -> tuple[float, float]:
@@ -182,7 +180,7 @@ def push_errors(scenario: Scenario, at: Reference, by: Tolerances) -> tuple[floa
         at: reference while it pushes; the base is taken as level.
         by: standard deviations of scales, independent from joint to joint, and of weights.
     """
-    vehicle, joints, push = scenario.plant.vehicle, tuple(float(q) for q in at.joints), push_on_level_base(at)
+    vehicle, joints, push = scenario.plant.vehicle, tuple(map(float, at.joints)), push_on_level_base(at)
     errors = part_of(scenario.controller.par, "interaction").errors
     place = levers(vehicle, Mat3.identity(), joints)
     shares = np.array(effort_shares(errors, place, Vec3(*(push / np.linalg.norm(push)))), dtype=float)

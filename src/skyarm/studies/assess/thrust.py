@@ -103,8 +103,8 @@ def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
     if hanging:
         free = [0, 1, 2, *(6 + i for i in hanging)]
         turned = M[:, free, 3:6]
-        return np.asarray(M[:, 3:6, 3:6] - turned.swapaxes(1, 2) @ np.linalg.solve(M[:, free][:, :, free], turned))
-    return np.asarray(M[:, 3:6, 3:6] - M[:, 3:6, :3] @ M[:, :3, 3:6] / M[:, :1, :1], dtype=float)
+        return M[:, 3:6, 3:6] - turned.swapaxes(1, 2) @ np.linalg.solve(M[:, free][:, :, free], turned)
+    return M[:, 3:6, 3:6] - M[:, 3:6, :3] @ M[:, :3, 3:6] / M[:, :1, :1]
 
 
 NOTHING = 1e-9
@@ -145,14 +145,12 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
 
 def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
     """Largest payload, kg, that each rotor and joint (rows) can carry in each pose; negative if already overloaded."""
-    allocation, bare = poses.allocation, poses.efforts(joints)
+    allocation, bare = replace(poses.allocation, highest=poses.allocation.highest / ENOUGH), poses.efforts(joints)
     per_kilogram = loaded.efforts(joints) - bare
-    squared, more = allocation.squared_speeds(bare), allocation.inverse @ per_kilogram[:WRENCH]
+    rotors = allocation.headroom(allocation.squared_speeds(bare), allocation.squared_speeds(per_kilogram))
+    limits = effort_limits(poses.vehicle)[:, None]
+    effort, step = bare[WRENCH:], per_kilogram[WRENCH:]
     with np.errstate(divide="ignore", invalid="ignore"):
-        top = allocation.highest[:, None] / ENOUGH
-        rotors = np.where(more > 0.0, (top - squared) / more, np.where(more < 0.0, -squared / more, np.inf))
-        limits = effort_limits(poses.vehicle)[:, None]
-        effort, step = bare[WRENCH:], per_kilogram[WRENCH:]
         efforts = np.where(np.abs(step) > 1e-12, (limits - np.sign(step) * effort) / np.abs(step), np.inf)
     return np.vstack([rotors, efforts])
 

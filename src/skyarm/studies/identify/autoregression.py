@@ -34,16 +34,22 @@ def ar_coefficients(
         weight = np.ones(rows) if weights is None else weights[at : at + rows]
         at += rows
         # a constant error, or one that grows steadily, must not look like noise that hardly changes
-        lines = np.stack([np.ones(len(each)), np.linspace(-1.0, 1.0, len(each))], axis=1)
-        weighted = lines[order:] * weight[:, None]
-        height = np.linalg.lstsq(weighted, each[order:] * weight, rcond=None)[0]
-        left = each - lines @ height
+        left = without_line(each, weight)
         past = np.stack(list(_past_values(left, order, windows)), axis=1) * weight[:, None]
         square += past.T @ past + rows * rounding**2 * np.eye(size)
         right += past.T @ (left[order:] * weight)
     square = square + (1e-10 * np.trace(square) + 1e-300) * np.eye(size)
-    found: Array = np.linalg.solve(square, right)
-    return found
+    return np.linalg.solve(square, right)
+
+
+def without_line(row: Array, weight: Array) -> Array:
+    """Series (N,) without its straight line, by least squares over its last rows (K,) with the roots of their weights.
+
+    A constant alone makes a line of its sums.
+    """
+    lines, first = np.stack([np.ones(len(row)), np.linspace(-1.0, 1.0, len(row))], axis=1), len(row) - len(weight)
+    weighted = lines[first:] * weight[:, None]
+    return np.asarray(row - lines @ np.linalg.lstsq(weighted, row[first:] * weight, rcond=None)[0])
 
 
 def innovations(series: Sequence[Array], filters: Array, windows: int = 0) -> Array:

@@ -15,9 +15,9 @@ import numpy as np
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import ONE_G
 from skyarm.flight_data.raw_tables import turn_vectors
-from skyarm.flight_data.series import columns_at, means_of
+from skyarm.flight_data.series import common_span, means_of, middle, thin_samples, unit_rows, values_at
 from skyarm.records.arrays import Array
-from skyarm.studies.identify.data_compatibility import Law, slope_law
+from skyarm.studies.identify.data_compatibility import Law, slope_law, slopes_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
 REFUSED, WARNED = "refused", "warned"
@@ -123,12 +123,9 @@ def _wrong_scales(flight: FlightData) -> Iterator[Found]:
         positions, rates = flight[place], flight[rate]
         if positions.values.shape[1] != rates.values.shape[1] or positions.time.size < 100:
             continue
-        every = max(1, round(0.1 * positions.rate))
-        time, rows = positions.time[::every], positions.values[::every]
-        slope = np.diff(rows, axis=0) / np.diff(time)[:, None]
-        middle = 0.5 * (time[1:] + time[:-1])
-        given = columns_at(middle, rates.time, rates.values)
-        sizes = [float(np.median(np.abs(each - np.median(each, axis=0)))) for each in (given, slope)]
+        time, rows = thin_samples(positions, 0.1)
+        pair = values_at(rates, middle(time)), slopes_of(time, rows)
+        sizes = [float(np.median(np.abs(each - np.median(each, axis=0)))) for each in pair]
         if min(sizes) <= 0.0:
             continue
         factor = sizes[0] / sizes[1]
@@ -160,12 +157,10 @@ PIECE, TURN_STEP = 8.0, 0.01
 
 def firm_gain(law: Law) -> float:
     """Gain of the measured signal of a law over its inputs; 1 where none is firm, or where 1 is within its bounds."""
-    given = (law.nominal @ law.inputs * law.nominal).sum(axis=1)
-    ratio = np.sqrt(law.own / np.maximum(given, 1e-300))
     firm = law.visible & (law.explained >= FIRM)
     if not firm.any():
         return 1.0
-    low, high = (float(np.median(each[firm])) for each in (ratio * law.explained, ratio / law.explained))
+    low, high = (float(np.median(each[firm])) for each in (law.gains, law.ratios / law.explained))
     return low if low > 1.0 else high if high < 1.0 else 1.0
 
 
@@ -219,7 +214,7 @@ def scale_of_forces(flight: FlightData) -> Iterator[Found]:
 
 def _mean_of_pieces(gyro: Channel, accelerometer: Channel) -> float:
     """Size of the mean specific force of pieces of a flight, each in the axes of its begin, by the sum of its rates."""
-    begin, end = max(gyro.time[0], accelerometer.time[0]), min(gyro.time[-1], accelerometer.time[-1])
+    begin, end = common_span(gyro, accelerometer)
     edges = np.arange(begin, end, TURN_STEP)
     pieces = max(1, int((end - begin) / PIECE))
     size = (len(edges) - 1) // pieces
@@ -232,6 +227,6 @@ def _mean_of_pieces(gyro: Channel, accelerometer: Channel) -> float:
         total += turn_vectors(turned, force)
         half = 0.5 * TURN_STEP * rate
         w, v = turned[:, :1], turned[:, 1:]
-        turned = np.concatenate([w - (v * half).sum(axis=1, keepdims=True), v + w * half + np.cross(v, half)], axis=1)
-        turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+        moved = [w - (v * half).sum(axis=1, keepdims=True), v + w * half + np.cross(v, half)]
+        turned = unit_rows(np.concatenate(moved, axis=1))
     return float(np.linalg.norm(total / size, axis=1).mean())

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.flight_data.flight_data import Channel
-from skyarm.flight_data.series import columns_at
+from skyarm.flight_data.series import values_at
 from skyarm.records.arrays import Array
 
 SLOWEST = 0.025
@@ -54,5 +54,4 @@ def sampling_period(commands: Channel) -> float:
 
 def straight_lines(commands: Channel, time: Array) -> Array:
     """Commands (N, rotors) at given times (s), on straight lines between the samples."""
-    samples = command_samples(commands)
-    return columns_at(time, samples.time, samples.values)
+    return values_at(command_samples(commands), time)

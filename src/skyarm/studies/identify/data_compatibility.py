@@ -17,11 +17,11 @@ from skyarm.dynamics.array_front import mass_matrix
 from skyarm.flight_data.clocks import rotation_steps
 from skyarm.flight_data.flight_data import Channel
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.raw_tables import turn_vectors
-from skyarm.flight_data.series import attitude_at, integral_of, means_of
+from skyarm.flight_data.raw_tables import to_base, turn_vectors
+from skyarm.flight_data.series import attitude_at, common_span, integral_of, means_of, middle, thin_samples
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
+from skyarm.studies.identify.lagged_inputs import highest_speeds, time_constants, wrench_of_pushes
 from skyarm.studies.identify.motion_model import Stretch, Surroundings, predict
 from skyarm.studies.identify.rotor_lag import lag_response
 from skyarm.studies.identify.sampled_series import moving_mean
@@ -100,10 +100,15 @@ class Law:
         return float(self.shares(mapping, axes)[seen].mean()) if seen.any() else 1.0
 
     @property
+    def ratios(self) -> Array:
+        """Size (k,) of the measured signal, with its noise, over that of the nominal map."""
+        given = (self.nominal @ self.inputs * self.nominal).sum(axis=1)
+        return np.asarray(np.sqrt(self.own / np.maximum(given, 1e-300)))
+
+    @property
     def gains(self) -> Array:
         """Size (k,) of the measured signal over that of the nominal map, of what explains it."""
-        given = (self.nominal @ self.inputs * self.nominal).sum(axis=1)
-        return np.asarray(np.sqrt(self.own / np.maximum(given, 1e-300)) * self.explained)
+        return self.ratios * self.explained
 
 
 def signed_permutations(size: int = 3) -> Iterator[Array]:
@@ -116,7 +121,7 @@ def signed_permutations(size: int = 3) -> Iterator[Array]:
 
 def rate_law(gyro: Channel, attitude: Channel) -> Law | None:
     """Rates of the attitude (measured) against those of the gyro (inputs), rad/s; None of a short flight."""
-    time, turned = _thin(attitude, ATTITUDE_STEP)
+    time, turned = thin_samples(attitude, ATTITUDE_STEP)
     if len(time) < ROWS or gyro.time.size < ROWS:
         return None
     steps = np.diff(time)
@@ -125,17 +130,17 @@ def rate_law(gyro: Channel, attitude: Channel) -> Law | None:
     return _best(_step_means(gyro.time, gyro.values, time, rates, even), np.eye(3))
 
 
-def tilt_law(attitude: Channel, velocity: Channel, gravity: float = GRAVITY) -> Law | None:
+def tilt_law(attitude: Channel, velocity: Channel) -> Law | None:
     """Slopes of the flown specific force over the ground (measured) against the tilt of the thrust axis (inputs).
 
     A multirotor is accelerated along its z axis: x and y of dv/dt + g over z are those of the attitude's z axis.
     None of a flight that is too short.
     """
-    time, speeds = _thin(velocity, VELOCITY_STEP)
+    time, speeds = thin_samples(velocity, VELOCITY_STEP)
     if len(time) < ROWS or attitude.time.size < ROWS:
         return None
-    force = _slopes(time, speeds) + np.array([0.0, 0.0, gravity])
-    slopes = force[:, :2] / np.maximum(force[:, 2:], 0.3 * gravity)
+    force = slopes_of(time, speeds) + np.array([0.0, 0.0, GRAVITY])
+    slopes = force[:, :2] / np.maximum(force[:, 2:], 0.3 * GRAVITY)
     axes = turn_vectors(attitude.values, np.tile([0.0, 0.0, 1.0], (attitude.time.size, 1)))
     means = _step_means(attitude.time, axes, time, slopes)
 
@@ -146,15 +151,14 @@ def tilt_law(attitude: Channel, velocity: Channel, gravity: float = GRAVITY) -> 
     return _best(at, np.eye(2))
 
 
-def force_law(accelerometer: Channel, attitude: Channel, velocity: Channel, gravity: float = GRAVITY) -> Law | None:
+def force_law(accelerometer: Channel, attitude: Channel, velocity: Channel) -> Law | None:
     """Specific force by velocity and attitude, base axes (measured), against the accelerometer (inputs), m/s^2."""
-    time, speeds = _thin(velocity, VELOCITY_STEP)
+    time, speeds = thin_samples(velocity, VELOCITY_STEP)
     if len(time) < ROWS or accelerometer.time.size < ROWS:
         return None
-    force = _slopes(time, speeds) + np.array([0.0, 0.0, gravity])
-    middle = 0.5 * (time[1:] + time[:-1])
-    inside_base = turn_vectors(attitude_at(attitude, middle) * [1.0, -1.0, -1.0, -1.0], force)
-    return _best(_step_means(accelerometer.time, accelerometer.values, time, inside_base), np.eye(3))
+    force = slopes_of(time, speeds) + np.array([0.0, 0.0, GRAVITY])
+    felt = to_base(attitude_at(attitude, middle(time)), force)
+    return _best(_step_means(accelerometer.time, accelerometer.values, time, felt), np.eye(3))
 
 
 def rotor_law(gyro: Channel, speeds: Channel, vehicle: Vehicle, joints: Channel | None = None) -> Law | None:
@@ -169,7 +173,7 @@ def rotor_law(gyro: Channel, speeds: Channel, vehicle: Vehicle, joints: Channel 
     Returns:
         The law, or None of a flight that is too short or never in the air.
     """
-    begin, end = max(gyro.time[0], speeds.time[0]), min(gyro.time[-1], speeds.time[-1])
+    begin, end = common_span(gyro, speeds)
     time = np.arange(begin, end, COMMAND_STEP)
     if len(time) * COMMAND_STEP < SETTLED:
         return None
@@ -193,11 +197,10 @@ def rotor_law(gyro: Channel, speeds: Channel, vehicle: Vehicle, joints: Channel 
 
 def rotor_pushes(speeds: Channel, vehicle: Vehicle, time: Array) -> Array:
     """Squared speeds of the rotors (N, rotors), (rad/s)^2, at even instants (N,) s, after the vehicle's lag."""
-    limits = np.array([float(each.max_speed) for each in vehicle.rotors])
     held = speeds.values[np.maximum(np.searchsorted(speeds.time, time + 1e-6, side="right") - 1, 0)]
-    lags = [max(1e-3, float(getattr(vehicle.rotors[0], f"time_constant_{way}"))) for way in ("up", "down")]
-    _, squares, _ = lag_response(np.clip(held, 0.0, limits), COMMAND_STEP, 0.0, *lags)
-    return np.stack([np.asarray(push(r, np.sqrt(x))) for r, x in zip(vehicle.rotors, squares.T, strict=True)], axis=1)
+    lags = np.maximum(1e-3, time_constants(vehicle.rotors)[0]).tolist()
+    _, squares, _ = lag_response(np.clip(held, 0.0, highest_speeds(vehicle.rotors)), COMMAND_STEP, 0.0, *lags)
+    return np.stack([push(r, np.sqrt(x)) for r, x in zip(vehicle.rotors, squares.T, strict=True)], axis=1)
 
 
 def turning_of(vehicle: Vehicle, joints: Array) -> Array:
@@ -208,7 +211,7 @@ def turning_of(vehicle: Vehicle, joints: Array) -> Array:
 
 def joint_law(commands: Channel, positions: Channel) -> Law | None:
     """Rates of the joints' positions (measured) against those of the commanded ones (inputs)."""
-    begin, end = max(commands.time[0], positions.time[0]), min(commands.time[-1], positions.time[-1])
+    begin, end = common_span(commands, positions)
     edges = np.arange(begin + LATEST, end - LATEST, VELOCITY_STEP)
     if len(edges) < ROWS:
         return None
@@ -223,10 +226,10 @@ def joint_law(commands: Channel, positions: Channel) -> Law | None:
 
 def slope_law(rates: Channel, positions: Channel) -> Law | None:
     """Slopes of positions (measured) against the rates that should be their derivatives (inputs)."""
-    time, rows = _thin(positions, VELOCITY_STEP)
+    time, rows = thin_samples(positions, VELOCITY_STEP)
     if len(time) < ROWS or rates.time.size < ROWS or rates.values.shape[1] != rows.shape[1]:
         return None
-    means = _step_means(rates.time, rates.values, time, _slopes(time, rows))
+    means = _step_means(rates.time, rates.values, time, slopes_of(time, rows))
     return _best(means, np.eye(rows.shape[1]), PLAIN)
 
 
@@ -246,15 +249,9 @@ def effort_law(stretch: Stretch, vehicle: Vehicle) -> Law | None:
     return _best(at, np.eye(vehicle.n)) if rows >= ROWS * every else None
 
 
-def _thin(channel: Channel, step: float) -> tuple[Array, Array]:
-    """Return times and values of a channel about a step apart, s."""
-    every = max(1, round(step * channel.rate))
-    return channel.time[::every], channel.values[::every]
-
-
-def _slopes(time: Array, values: Array) -> Array:
+def slopes_of(time: Array, values: Array) -> Array:
     """Differences of successive values over those of their times."""
-    return np.asarray(np.diff(values, axis=0) / np.diff(time)[:, None])
+    return np.diff(values, axis=0) / np.diff(time)[:, None]
 
 
 def _changes(mean: Callable[[Array, Array], Array], edges: Array) -> Array:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.own_log import SIMULATED
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
+from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.files.messages import one_line
 from skyarm.records.immutable import immutable
@@ -74,12 +75,15 @@ def find_faults(flight: FlightData, start: Vehicle) -> tuple[Fault, ...]:
         flight: measured.
         start: vehicle that its numbers will be identified for: rotors, joints and data sheet.
     """
-    found = list(_all_faults(flight, start))
-    faults = [
-        Fault(severity=severity, file=flight.file, channel=channel, finding=finding, remedy=remedy)
+    return tuple(sorted(faults_of(_all_faults(flight, start), flight.file), key=lambda each: each.severity != REFUSED))
+
+
+def faults_of(found: Iterable[Found], file: str) -> list[Fault]:
+    """Faults of a flight's file, each once."""
+    return [
+        Fault(severity=severity, file=file, channel=channel, finding=finding, remedy=remedy)
         for severity, channel, finding, remedy in dict.fromkeys(found)
     ]
-    return tuple(sorted(faults, key=lambda each: each.severity != REFUSED))
 
 
 def require_no_refusal(faults: Sequence[Fault]) -> None:
@@ -161,16 +165,13 @@ def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
             yield REFUSED, name, "is not in this flight", NAME_IMU if simulated else "log it, or map its columns"
     if not told:
         yield REFUSED, "rotor_commands", "are not in this flight", "log them, or map their columns"
-    rotors, joints = len(start.rotors), start.n
-    for name in told[:1]:
-        held = flight[name].values.shape[1]
-        if held != rotors:
-            yield REFUSED, name, f"{held} rotors, vehicle '{start.name}' has {rotors}", "take the vehicle that flew"
-    for name in ("joint_positions", "joint_commands", "joint_efforts", "joint_rates"):
-        if name in flight and flight[name].values.shape[1] != joints:
-            held = flight[name].values.shape[1]
-            yield REFUSED, name, f"{held} joints, vehicle '{start.name}' has {joints}", "take the vehicle that flew"
-    if joints and "joint_positions" not in flight:
+    of_joints = ("joint_positions", "joint_commands", "joint_efforts", "joint_rates")
+    wanted = dict.fromkeys(told[:1], (len(start.rotors), "rotors")) | dict.fromkeys(of_joints, (start.n, "joints"))
+    for name, (count, parts) in wanted.items():
+        held = flight[name].values.shape[1] if name in flight else count
+        if held != count:
+            yield REFUSED, name, f"{held} {parts}, vehicle '{start.name}' has {count}", "take the vehicle that flew"
+    if start.n and "joint_positions" not in flight:
         yield REFUSED, "joint_positions", "are not in this flight", "log them: they move its mass"
 
 
@@ -192,7 +193,7 @@ def _thrust_faults(flight: FlightData, start: Vehicle, spans: Sequence[tuple[flo
 
     def thrusts(rows: Array) -> Array:
         pairs = zip(start.rotors, rows.T, strict=True)
-        return np.asarray(sum(float(r.thrust_coefficient) * np.asarray(push(r, np.abs(w))) for r, w in pairs))
+        return np.asarray(sum(float(r.thrust_coefficient) * push(r, np.abs(w)) for r, w in pairs))
 
     moving = float(np.median(np.std(_pieces(gyro), axis=1).max(axis=1))) if gyro.time.size else 0.0
     turning = speeds.values[np.median(np.abs(speeds.values), axis=1) > 0.0]
@@ -259,7 +260,7 @@ def _pieces(channel: Channel) -> Array:
     size = max(2, round(0.5 * channel.rate))
     count = max(1, channel.time.size // size)
     rows = channel.values[: count * size]
-    return np.asarray(rows.reshape(count, -1, rows.shape[1]))
+    return rows.reshape(count, -1, rows.shape[1])
 
 
 GAP, HELD_GAP = 0.1, 0.5
@@ -409,9 +410,5 @@ def _saturation(name: str, channel: Channel, repeated: Mask) -> Iterator[Found]:
 
 def _longest_run(rows: Mask, time: Array) -> tuple[float, float]:
     """Longest time (s) over which rows (N - 1,) of steps between times (N,) are all true, and its begin."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int))).reshape(-1, 2)
-    if not len(edges):
-        return 0.0, 0.0
-    spans = time[edges[:, 1]] - time[edges[:, 0]]
-    best = int(np.argmax(spans))
-    return float(spans[best]), float(time[edges[best, 0]])
+    spans = [(float(time[end] - time[begin]), float(time[begin])) for begin, end in runs_of(rows)]
+    return max(spans, key=lambda each: each[0], default=(0.0, 0.0))

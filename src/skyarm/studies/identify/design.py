@@ -20,6 +20,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.studies.identify.autoregression import innovations
 from skyarm.studies.identify.identify_vehicle import RATES, search_of
+from skyarm.studies.identify.lagged_inputs import highest_speeds
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, draw_segment, mutate_segment
 from skyarm.studies.identify.prediction_error import WINDOWS, Whitening, error_slopes, expected_fit
@@ -82,7 +83,7 @@ An arm that swings needs more of the torques about x and y than a base that tilt
 
 def _overloading(vehicle: Vehicle, flight: RequiredFlight) -> list[int]:
     """Components of the wrench (force along z, torques about x, y, z) that drive rotors out of their range."""
-    highest = np.array([float(each.max_speed) for each in vehicle.rotors])
+    highest = highest_speeds(vehicle.rotors)
     rest = flight.speeds[:1]
     above, below = flight.speeds > FASTEST * highest, flight.speeds < SLOWEST * rest
     if not (above.any() or below.any()):
@@ -138,7 +139,7 @@ def information_of(vehicle: Vehicle, stretch: Stretch, measured: Measured) -> Ar
     noise = measured.noise
     white = [(innovations(each, noise.filters, WINDOWS) / noise.scales).ravel() for each in slopes]
     slope = np.stack(white, axis=1)
-    return np.asarray(slope.T @ slope)
+    return slope.T @ slope
 
 
 def fitted_segment(

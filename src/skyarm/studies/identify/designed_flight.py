@@ -27,6 +27,7 @@ from skyarm.simulate import run
 from skyarm.studies.compare.suite import DELAY, NOISE
 from skyarm.studies.identify.design import SHRUNK, DesignLimits, design_segments, measured_noise
 from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
+from skyarm.studies.identify.lagged_inputs import highest_speeds
 from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, axes_of, reference_table
 from skyarm.studies.identify.required_flight import arm_clearance
 from skyarm.studies.identify.stretches import stretches_of
@@ -198,13 +199,12 @@ def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) ->
 def _tilt(log: Log) -> Array:
     """Angle (N,) of the base's upright axis against the vertical, rad."""
     x, y = log.quaternion[:, 1], log.quaternion[:, 2]
-    return np.asarray(np.arccos(np.clip(1.0 - 2.0 * (x**2 + y**2), -1.0, 1.0)))
+    return np.arccos(np.clip(1.0 - 2.0 * (x**2 + y**2), -1.0, 1.0))
 
 
 def _saturated_share(log: Log, vehicle: Vehicle) -> float:
     """Share of commands at a rotor's upper limit."""
-    highest = np.array([float(each.max_speed) for each in vehicle.rotors])
-    return float((log.rotor_commands >= highest).mean())
+    return float((log.rotor_commands >= highest_speeds(vehicle.rotors)).mean())
 
 
 def scenario_text(document: Mapping[str, Any]) -> str:

@@ -16,12 +16,13 @@ import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.series import continuous
+from skyarm.flight_data.raw_tables import to_base
+from skyarm.flight_data.series import continuous, middle, unit_rows
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.lagged_inputs import to_base
+from skyarm.studies.identify.autoregression import without_line
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
-from skyarm.studies.identify.sampled_series import middle
+from skyarm.studies.identify.sampled_series import vectors_of
 from skyarm.studies.identify.whitened_fit import scipy_parts
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -88,7 +89,7 @@ class DisturbanceModel:
             Errors of the measured velocities (N + 1, axes) and the disturbances (N + 1, axes, 2): process, constant.
         """
         parts = [each.matrices(h) for each in self.axes]
-        step, noise, measured = (np.stack([np.asarray(row[i]) for row in parts]) for i in range(3))
+        step, noise, measured = (np.stack([row[i] for row in parts]) for i in range(3))
         state = np.zeros((len(parts), 3))
         loose = np.stack([np.diag([0.0, a.process**2, (UNKNOWN * max(a.process, 1e-9)) ** 2]) for a in self.axes])
         loose[:, 0, 0] = 4.0 * measured
@@ -116,13 +117,12 @@ class DisturbanceModel:
 
 def unexplained_sums(vehicle: Vehicle, about: Surroundings, stretch: Stretch, poses: Poses, gravity: float) -> Array:
     """Sums (N + 1, 6) of measured less predicted accelerations of the base, linear and angular, base axes."""
-    q, h = middle(continuous(poses.quaternion)), stretch.period
-    q = q / np.linalg.norm(q, axis=1, keepdims=True)
+    q, h = unit_rows(middle(continuous(poses.quaternion))), stretch.period
     speed = to_base(q, middle(poses.known_velocity))
     place = np.arange(stretch.size)
     rate = Vec3(*middle(stretch.rate).T)
     linear, angular = base_acceleration(vehicle, about, stretch, place, rate, Vec3(*speed.T), Memo())
-    foretold = np.stack([each + np.zeros(stretch.size) for each in (*linear, *angular)], axis=1)
+    foretold = vectors_of((*linear, *angular), stretch.size)
     change = np.diff(poses.known_velocity, axis=0) + np.array([0.0, 0.0, gravity * h])
     steps = np.concatenate([to_base(q, change), np.diff(stretch.rate, axis=0)], axis=1) - foretold * h
     return np.concatenate([np.zeros((1, 6)), np.cumsum(steps, axis=0)])
@@ -153,7 +153,7 @@ def _largest_likelihood(series: Sequence[Array], h: float) -> AxisNoise:
     from scipy.optimize import minimize
     from scipy.signal import lfilter
 
-    straight = [_without_line(each) for each in series]
+    straight = [without_line(each, np.ones(len(each))) for each in series]
     burnt = max(1, round(SETTLED / h))
     straight = [each for each in straight if len(each) > 2 * burnt] or straight
     burnt = min(burnt, min(len(each) for each in straight) // 2)
@@ -206,18 +206,11 @@ def steady_spread(step: Array, noise: Array, measured: float) -> Array:
     return h
 
 
-def _without_line(row: Array) -> Array:
-    """Series (N,) without its straight line, which a constant makes."""
-    lines = np.stack([np.ones(len(row)), np.linspace(-1.0, 1.0, len(row))], axis=1)
-    found: Array = row - lines @ np.linalg.lstsq(lines, row, rcond=None)[0]
-    return found
-
-
 def begin_at(
     model: DisturbanceModel, sums: Array, stretch: Stretch, poses: Poses, rows: IntArray
 ) -> tuple[Array, Array, Array]:
     """World velocity (K, 3), base rate (K, 3) and disturbances (K, 6, 2) at instants, from measurements until then."""
     errors, disturbance = model.estimate(sums, stretch.used, stretch.period)
     R = Quaternion(*poses.quaternion[rows].T).rotation()
-    off = np.stack([each + np.zeros(len(rows)) for each in R.apply(Vec3(*errors[rows, :3].T))], axis=1)
+    off = vectors_of(R.apply(Vec3(*errors[rows, :3].T)), len(rows))
     return poses.known_velocity[rows] - off, stretch.rate[rows] - errors[rows, 3:], disturbance[rows]

@@ -76,10 +76,9 @@ def _incompatible_motion(flight: FlightData, start: Vehicle) -> Iterator[Incompa
     turning = rotor_law(gyro, speeds, start, joints)
     rates = rate_law(gyro, flight["quaternion"]) if "quaternion" in flight else None
     upside = _upside(flight["accelerometer"])
-    rotors_hold = turning is None or _holds(turning)
     if rates is not None and not _holds(rates):
         yield from _rates_and_attitude(flight, rates, turning, upside)
-    elif turning is not None and not rotors_hold:
+    elif turning is not None and not _holds(turning):
         yield from _rotors_and_rates(turning, rates, start, upside)
     elif upside:
         yield "accelerometer", upside, MAP, True
@@ -151,20 +150,19 @@ def _best_axes(law: Law, *others: Law) -> tuple[Array, float]:
 def _rates_and_attitude(flight: FlightData, rates: Law, turning: Law | None, upside: str) -> Iterator[Incompatible]:
     """Yield the culprit of a gyro and an attitude that do not fit."""
     axes, score = _best_axes(rates)
-    seen = turning is not None and bool(turning.visible.any())
-    gyro_fits = turning is not None and seen and _holds(turning)
-    repaired = turning is not None and seen and turning.score(turning.nominal, axes) >= HOLDS
+    judge = turning if turning is not None and turning.visible.any() else None
+    gyro_fits = judge is not None and _holds(judge)
+    repaired = judge is not None and judge.score(judge.nominal, axes) >= HOLDS
     reading = _best_reading(flight, rates)
     if reading and (gyro_fits or not repaired):
         yield "quaternion", reading, "state order or inverse in columns.toml", True
     elif score >= HOLDS and not gyro_fits:
         beside = f", and the accelerometer {upside}" if upside else ""
         yield "gyro", _axes_words(axes) + " against the quaternion" + beside, MAP, True
-    elif score >= HOLDS:
-        finding = f"does not fit to the gyro: {_axes_words(axes)} against it"
-        yield "quaternion", finding, "state frame, order and world in columns.toml", True
     else:
-        finding = f"does not fit to the gyro: correlation {float(rates.shares(rates.nominal).mean()):.2f}"
+        correlation = float(rates.shares(rates.nominal).mean())
+        why = f"{_axes_words(axes)} against it" if score >= HOLDS else f"correlation {correlation:.2f}"
+        finding = f"does not fit to the gyro: {why}"
         yield "quaternion", finding, "state frame, order and world in columns.toml", True
 
 

@@ -10,12 +10,13 @@ import numpy as np
 
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.series import attitude_at, columns_at
+from skyarm.flight_data.series import attitude_at, middle, values_at
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.disturbances import SETTLED, fit_disturbances
 from skyarm.studies.identify.identified_parts import surroundings_with
 from skyarm.studies.identify.identify_vehicle import Identified
+from skyarm.studies.identify.lagged_inputs import time_constants
 from skyarm.studies.identify.motion_model import Stretch, Surroundings, predict
 from skyarm.studies.identify.open_loop import (
     FORGOTTEN,
@@ -170,7 +171,7 @@ def _learnt(seen: Sequence[tuple[FlightData, Sequence[Stretch]]]) -> list[tuple[
 
 def _without_run_in(stretch: Stretch, start: Vehicle) -> Stretch:
     """Stretch whose first periods, in which the rotors' speeds are unknown, do not count."""
-    lag = max(float(lag) for each in start.rotors for lag in (each.time_constant_up, each.time_constant_down))
+    lag = float(time_constants(start.rotors).max())
     used = stretch.used & (np.arange(stretch.size) * stretch.period > FORGOTTEN * lag)
     return dataclasses.replace(stretch, used=used)
 
@@ -211,12 +212,12 @@ def poses_of(flight: FlightData, stretch: Stretch) -> Poses:
     """
     time: Array = stretch.start + stretch.period * np.arange(stretch.size + 1, dtype=float)
     given = "velocity" in flight
-    velocity = _interpolate(flight["velocity"] if given else _slope(flight["position"]), time)
-    known = velocity if given else _interpolate(_slope(flight["position"], past=True), time)
+    velocity = values_at(flight["velocity"] if given else _slope(flight["position"]), time)
+    known = velocity if given else values_at(_slope(flight["position"], past=True), time)
     if "position" in flight:
-        position = _interpolate(flight["position"], time)
+        position = values_at(flight["position"], time)
     else:
-        steps = 0.5 * (velocity[1:] + velocity[:-1]) * stretch.period
+        steps = middle(velocity) * stretch.period
         position = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
     return Poses(
         position=position, quaternion=attitude_at(flight["quaternion"], time), velocity=velocity, known_velocity=known
@@ -230,15 +231,11 @@ def level_poses(stretch: Stretch) -> Poses:
     return Poses(position=zero, quaternion=level, velocity=zero, known_velocity=zero)
 
 
-def _interpolate(channel: Channel, time: Array) -> Array:
-    return columns_at(time, channel.time, channel.values)
-
-
 def _slope(position: Channel, *, past: bool = False) -> Channel:
     """Velocity of a measured position: slopes of parabolas through the samples around each one, or until it."""
     step = float(np.median(np.diff(position.time)))
     time = np.arange(position.time[0], position.time[-1] + 0.5 * step, step)
-    rows = _interpolate(position, time)
+    rows = values_at(position, time)
     half = max(FEWEST, math.ceil(WINDOW / step)) // 2
     if len(rows) <= 2 * half:
         raise ValueError(f"{position.source}: {len(rows)} samples: must be at least {2 * half + 1}")
@@ -275,14 +272,7 @@ def _root_mean_square(pieces: Sequence[Array]) -> OneStep:
 
 
 def _rate_only(errors: HorizonErrors) -> HorizonErrors:
-    return HorizonErrors(
-        horizon=errors.horizon,
-        begins=errors.begins,
-        position=math.nan,
-        velocity=math.nan,
-        attitude=math.nan,
-        rate=errors.rate,
-    )
+    return dataclasses.replace(errors, position=math.nan, velocity=math.nan, attitude=math.nan)
 
 
 def table_horizons(held_out: HeldOut) -> list[int]:

@@ -229,7 +229,7 @@ def _sampling(scale: Scale, spread: Array, period: float, sample: float) -> Arra
     least = np.where(scale.positive, SHARE, np.where(times, INSTANT * period, SPREAD * spread))
     least[[each.name == ACCELEROMETER for each in scale.reported]] = 0.5 * sample
     late = INSTANT * period / np.where(times & scale.positive, scale.values, np.inf)
-    return np.asarray(np.hypot(least, late))
+    return np.hypot(least, late)
 
 
 @immutable(kw_only=False, eq=False)

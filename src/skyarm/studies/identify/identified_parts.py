@@ -154,19 +154,11 @@ def _inertia(base: Body, numbers: Mapping[str, float]) -> Sym3:
 
 
 def surroundings_with(numbers: Mapping[str, float]) -> Surroundings:
-    """Surroundings of the vehicle from identified numbers."""
-
-    def three(name: str) -> tuple[float, float, float]:
-        return (numbers.get(f"{name}.x", 0.0), numbers.get(f"{name}.y", 0.0), numbers.get(f"{name}.z", 0.0))
-
-    return Surroundings(
-        delay=numbers.get("delay", 0.0),
-        joint_delay=numbers.get("joint_delay", 0.0),
-        accelerometer_delay=numbers.get("accelerometer_delay", 0.0),
-        place=three("place"),
-        offset=three("offset"),
-        torque=three("torque"),
-        sag=numbers.get("sag", 0.0),
-        drift=numbers.get("drift", 0.0),
-        setpoint_hold=numbers.get("setpoint_hold", 0.5),
-    )
+    """Surroundings of the vehicle from identified numbers; the usual ones where a number is missing."""
+    found: dict[str, Any] = {}
+    for each in fields(Surroundings):
+        if isinstance(each.default, tuple):
+            found[each.name] = tuple(numbers.get(f"{each.name}.{axis}", 0.0) for axis in "xyz")
+        else:
+            found[each.name] = numbers.get(each.name, each.default)
+    return Surroundings(**found)

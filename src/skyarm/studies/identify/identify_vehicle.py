@@ -100,10 +100,7 @@ def identify_vehicle(
     start: Vehicle,
     *,
     curve: bool = False,
-    driven: Sequence[bool] | None = None,
     velocity: bool | None = None,
-    voltage: bool | None = None,
-    servoed: Sequence[bool] | None = None,
     known: Mapping[str, float] | None = None,
     drag_height: bool = False,
     progress: Callable[[str], None] | None = None,
@@ -114,11 +111,7 @@ def identify_vehicle(
         stretches: of the flights; those below 160 periods do not count.
         start: vehicle with what is known before: data sheet, drawing.
         curve: find a thrust curve of its own in place of the start's times a factor.
-        driven: of each joint, whether its torque is commanded; by default, if the stretches hold any torque of it.
         velocity: whether the stretches hold it; by default, if it is not 0.
-        voltage: whether the stretches hold it; by default, if it varies.
-        servoed: of each joint, whether a position servo moves it; by default, if the stretches hold any setpoint of
-            it and no torque. A joint without a drive gets a servo of moderate gains to begin with.
         known: numbers that are not searched, by name.
         drag_height: the rotors' hub drag acts at a height of its own, which is then identified beside the centre of
             mass; needs the velocity.
@@ -128,17 +121,7 @@ def identify_vehicle(
         ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
     """
     stretches = long_stretches(stretches)
-    search = search_of(
-        stretches,
-        start,
-        curve=curve,
-        driven=driven,
-        velocity=velocity,
-        voltage=voltage,
-        servoed=servoed,
-        known=known,
-        drag_height=drag_height,
-    )
+    search = search_of(stretches, start, curve=curve, velocity=velocity, known=known, drag_height=drag_height)
     search = _from_accelerometer_lag(search, stretches)
     found = fit_prediction(
         search.errors, search.begin, search.prior, search.steps, search.block, search.used, progress, RATES
@@ -245,11 +228,23 @@ def search_of(
     driven: Sequence[bool] | None = None,
     velocity: bool | None = None,
     voltage: bool | None = None,
-    servoed: Sequence[bool] | None = None,
     known: Mapping[str, float] | None = None,
     drag_height: bool = False,
 ) -> Search:
-    """Search for the numbers of a vehicle in measured flights; the arguments are those of :func:`identify_vehicle`.
+    """Search for the numbers of a vehicle in measured flights.
+
+    A position servo moves each joint of which the stretches hold any setpoint and no torque; a joint without a drive
+    gets one of moderate gains to begin with.
+
+    Args:
+        stretches: of the flights.
+        start: vehicle with what is known before.
+        curve: find a thrust curve of its own.
+        driven: of each joint, whether its torque is commanded; by default, if the stretches hold any torque of it.
+        velocity: whether the stretches hold it; by default, if it is not 0.
+        voltage: whether the stretches hold it; by default, if it varies.
+        known: numbers that are not searched, by name.
+        drag_height: the rotors' hub drag acts at a height of its own.
 
     Raises:
         ValueError: one line: flights that do not fit the vehicle, or nothing to identify.
@@ -258,9 +253,8 @@ def search_of(
     _check(stretches, start)
     moved = [any(bool(np.any(each.efforts[:, i])) for each in stretches) for i in range(start.n)]
     driven = moved if driven is None else driven
-    if servoed is None:
-        setpoints = [any(bool(np.any(each.setpoints[:, i])) for each in stretches) for i in range(start.n)]
-        servoed = [given and not torque for given, torque in zip(setpoints, driven, strict=True)]
+    setpoints = [any(bool(np.any(each.setpoints[:, i])) for each in stretches) for i in range(start.n)]
+    servoed = [given and not torque for given, torque in zip(setpoints, driven, strict=True)]
     start = with_servos(start, servoed)
     if velocity is None:
         velocity = any(bool(np.any(each.velocity)) for each in stretches)

@@ -94,11 +94,7 @@ def expected_numbers(
     stretches: Sequence[Stretch],
     start: Vehicle,
     *,
-    curve: bool = False,
-    driven: Sequence[bool] | None = None,
     velocity: bool | None = None,
-    voltage: bool | None = None,
-    known: Mapping[str, float] | None = None,
 ) -> tuple[ExpectedNumber, ...]:
     """Accuracy that flights allow for each number of a vehicle, without the search for the numbers.
 
@@ -108,7 +104,7 @@ def expected_numbers(
     Raises:
         ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
     """
-    search = search_of(stretches, start, curve=curve, driven=driven, velocity=velocity, voltage=voltage, known=known)
+    search = search_of(stretches, start, velocity=velocity)
     fit = expected_fit(search.errors, search.begin, search.prior, search.steps, search.block, search.used, RATES)
     logarithmic = {each.name for each in search.unknowns if each.positive}
     positive = {each.name for each in search.reported if logarithmic.intersection(each.parts)}

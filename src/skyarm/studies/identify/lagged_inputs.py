@@ -12,6 +12,8 @@ import numpy as np
 from skyarm.algebra import ZERO3
 from skyarm.dynamics.actuators.rotor import push, rotor_forces
 from skyarm.dynamics.array_front import inverse_dynamics
+from skyarm.flight_data.raw_tables import to_base
+from skyarm.flight_data.series import middle
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
@@ -55,6 +57,13 @@ def control_period(log: Log) -> float:
     return period
 
 
+def require_finite(log: Log, *names: str) -> None:
+    """Raise an error in one line if an array of a log holds what is no finite number."""
+    for name in names:
+        if not np.isfinite(log[name]).all():
+            raise ValueError(f"{name}: must be finite throughout the flight")
+
+
 def model_forces(vehicle: Vehicle, log: Log, gravity: float) -> Needed:
     """Wrench and joint efforts by inverse dynamics, from finite differences of the logged velocities.
 
@@ -69,10 +78,8 @@ def model_forces(vehicle: Vehicle, log: Log, gravity: float) -> Needed:
     if log.joints.shape[1] != vehicle.n:
         raise ValueError(f"joints: the log has {log.joints.shape[1]}, vehicle '{vehicle.name}' {vehicle.n}")
     period = control_period(log)
-    for name in ("position", "quaternion", "velocity", "rate", "joints", "joint_rates"):
-        if not np.isfinite(getattr(log, name)).all():
-            raise ValueError(f"{name}: must be finite throughout the flight")
-    quaternion = _middle(log.quaternion)
+    require_finite(log, "position", "quaternion", "velocity", "rate", "joints", "joint_rates")
+    quaternion = middle(log.quaternion)
     length = np.linalg.norm(quaternion, axis=1, keepdims=True)
     if length.min() < 0.5:
         raise ValueError("quaternion: must be of unit length and without jumps")
@@ -80,29 +87,16 @@ def model_forces(vehicle: Vehicle, log: Log, gravity: float) -> Needed:
     quaternion = quaternion / length
     found = inverse_dynamics(
         vehicle,
-        _middle(log.position),
+        middle(log.position),
         quaternion,
-        _middle(log.joints),
-        _middle(rates),
+        middle(log.joints),
+        middle(rates),
         np.diff(rates, axis=0) / period,
         gravity=gravity,
     )
     force = to_base(quaternion, found[:, :3])
     wrench = np.concatenate([force, found[:, 3:6]], axis=1)
-    return Needed(period, wrench, found[:, 6:], _middle(log.joint_rates))
-
-
-def _middle(rows: Array) -> Array:
-    """Means of consecutive rows of a time series: (N, ...) to (N - 1, ...)."""
-    return 0.5 * (rows[1:] + rows[:-1])
-
-
-def to_base(quaternion: Array, vectors: Array) -> Array:
-    """Rotate vectors (N, 3) from world axes to base axes; quaternion (N, 4) wxyz, base to world."""
-    w, axis = quaternion[:, :1], -quaternion[:, 1:]
-    turned = 2.0 * np.cross(axis, vectors)
-    found: Array = vectors + w * turned + np.cross(axis, turned)
-    return found
+    return Needed(period, wrench, found[:, 6:], middle(log.joint_rates))
 
 
 USUAL = 0.02
@@ -111,9 +105,20 @@ USUAL = 0.02
 
 def believed_lags(rotors: Sequence[Rotor]) -> tuple[Array, Array]:
     """Nominal time constants of each rotor, rising and falling, s; defaults for rotors modelled without lag."""
-    pairs = np.array([[float(r.time_constant_up), float(r.time_constant_down)] for r in rotors])
+    pairs = time_constants(rotors)
     pairs = np.where(pairs > 0.0, pairs, USUAL)
     return pairs[:, 0], pairs[:, 1]
+
+
+def time_constants(rotors: Sequence[Rotor]) -> Array:
+    """Time constants (rotors, 2) of rotors, up and down, s."""
+    pairs = [[float(each.time_constant_up), float(each.time_constant_down)] for each in rotors]
+    return np.array(pairs).reshape(-1, 2)
+
+
+def highest_speeds(rotors: Sequence[Rotor]) -> Array:
+    """Highest speeds (rotors,), rad/s."""
+    return np.array([float(each.max_speed) for each in rotors])
 
 
 def pushes_of(rotors: Sequence[Rotor], squares: Array) -> Array:

@@ -27,8 +27,11 @@ from skyarm.records.immutable import immutable
 from skyarm.studies.identify.lagged_inputs import (
     Needed,
     believed_lags,
+    highest_speeds,
     model_forces,
     pushes_of,
+    require_finite,
+    time_constants,
     wrench_of_pushes,
 )
 from skyarm.studies.identify.rotor_lag import lag_response
@@ -184,9 +187,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     if log.rotor_commands.shape[1] != rotors:
         count = log.rotor_commands.shape[1]
         raise ValueError(f"rotor_commands: the log has {count}, vehicle '{vehicle.name}' {rotors} rotors")
-    for name in ("rotor_commands", "efforts"):
-        if not np.isfinite(getattr(log, name)).all():
-            raise ValueError(f"{name}: must be finite throughout the flight")
+    require_finite(log, "rotor_commands", "efforts")
     motion = model_forces(vehicle, log, gravity)
     setpoints = setpoints_of(log.info)
     names = [link.joint.name for link in vehicle.links]
@@ -205,8 +206,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
 def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
     """Identify the delay of the rotor commands and the rotors' time constants."""
     up, down = believed_lags(vehicle.rotors)
-    limits = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
-    commands = np.clip(log.rotor_commands, 0.0, limits)
+    commands = np.clip(log.rotor_commands, 0.0, highest_speeds(vehicle.rotors))
     if not _vary_enough(commands):
         return _unknown_lag("rotors", "the commands hardly change")
     matrix = wrench_of_pushes(vehicle.rotors)
@@ -216,7 +216,7 @@ def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
         factors = np.exp(numbers[:, 1:3])
         lags = factors[:, :1] * up, factors[:, 1:2] * down
         _, squares, _ = lag_response(commands[:-1], motion.period, numbers[:, 0], *lags)
-        return np.asarray(pushes_of(vehicle.rotors, squares) @ matrix[rows].T)
+        return pushes_of(vehicle.rotors, squares) @ matrix[rows].T
 
     found = _fit(
         predict,
@@ -227,11 +227,9 @@ def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
         constants=2,
     )
     lag = _lag("rotors", found, motion.period, np.array([up.mean(), down.mean()]))
-    has = [float(getattr(vehicle.rotors[0], f"time_constant_{way}")) > 0.0 for way in ("up", "down")]
-    factors = [
-        float(factor) if known else math.nan for factor, known in zip(np.exp(found.values[1:3]), has, strict=True)
-    ]
-    return dataclasses.replace(lag, factor=(factors[0], factors[1]))
+    known = time_constants(vehicle.rotors)[0] > 0.0
+    up_factor, down_factor = np.where(known, np.exp(found.values[1:3]), math.nan).tolist()
+    return dataclasses.replace(lag, factor=(up_factor, down_factor))
 
 
 def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
@@ -316,7 +314,7 @@ def _fit(
         force = predicted(dynamic)[place.ravel()] * np.exp(candidates[:, None, own : own + rows])
         if friction is not None:
             force = force - candidates[:, None, own + rows :] * friction
-        return np.asarray(aim - np.cumsum(force, axis=1) * period)
+        return aim - np.cumsum(force, axis=1) * period
 
     # a constant force explains a straight line: what is left of it is what commands could explain
     time = np.linspace(-1.0, 1.0, len(aim))[:, None]

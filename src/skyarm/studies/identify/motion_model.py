@@ -18,12 +18,19 @@ import numpy as np
 from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3
 from skyarm.dynamics import forward_dynamics, inverse_dynamics, mass_matrix
 from skyarm.dynamics.actuators.rotor import push, rotor_forces
-from skyarm.flight_data.series import columns_at
+from skyarm.flight_data.series import columns_at, middle
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.dry_friction import mean_bend
+from skyarm.studies.identify.lagged_inputs import highest_speeds, time_constants
 from skyarm.studies.identify.rotor_lag import commands_at_ends, delay_commands, integral_bends, lag_response
-from skyarm.studies.identify.sampled_series import delay_series, middle, moving_mean, position_differences, smooth_rows
+from skyarm.studies.identify.sampled_series import (
+    delay_series,
+    moving_mean,
+    position_differences,
+    smooth_rows,
+    vectors_of,
+)
 from skyarm.studies.identify.servo_positions import ServoMemo
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -153,8 +160,7 @@ class Stretch:
         inside = np.where((index > 0) & (index < self.size - 1), bend, 0.0).reshape(-1, *[1] * (rows.ndim - 1))
         near = rows[index] + rows[index + 1]
         far = rows[np.maximum(index - 1, 0)] + rows[np.minimum(index + 2, self.size)]
-        found: Array = 0.5 * near + inside * (near - far)
-        return found
+        return 0.5 * near + inside * (near - far)
 
     @property
     def size(self) -> int:
@@ -259,8 +265,6 @@ class Memo:
         return self.efforts[delay]
 
 
-WAYS = ("up", "down")
-
 MEMORY = 6
 """Series that a memo keeps."""
 
@@ -302,8 +306,7 @@ def predict(
     (_, angular, _), (linear, turned, _), (_, _, rows) = ([_row(each, i) for each in every] for i in range(3))
     place = Vec3(*about.place)
     felt = linear + turned.cross(place) + w.cross(w.cross(place)) + Vec3(*about.offset)
-    zero = np.zeros(stretch.size)
-    found: Array = np.stack([zero + each for each in (*felt, *angular, *rows)], axis=1)
+    found = vectors_of((*felt, *angular, *rows), stretch.size)
     if about.accelerometer_delay:
         found[:, :3] = delay_series(found[:, :3], about.accelerometer_delay / stretch.period)
     return found
@@ -420,11 +423,9 @@ def prediction_errors(
 
 def _speeds(vehicle: Vehicle, delay: float, stretch: Stretch) -> tuple[Array, Array, Array]:
     """Rotor speeds (N * fine, rotors): means and mean squares over each fine period and values at its end."""
-    fine = stretch.period / stretch.fine
-    limits = np.array([float(rotor.max_speed) for rotor in vehicle.rotors])
-    held = np.minimum(stretch.commands, limits)
-    up, down = (np.array([float(getattr(each, f"time_constant_{way}")) for each in vehicle.rotors]) for way in WAYS)
-    return lag_response(held, fine, delay, up, down)
+    held = np.minimum(stretch.commands, highest_speeds(vehicle.rotors))
+    up, down = time_constants(vehicle.rotors).T
+    return lag_response(held, stretch.period / stretch.fine, delay, up, down)
 
 
 def _series(vehicle: Vehicle, means: Array, squares: Array, ends: Array, stretch: Stretch) -> RotorSeries:
@@ -437,10 +438,10 @@ def _series(vehicle: Vehicle, means: Array, squares: Array, ends: Array, stretch
         least = np.maximum(push(rotor, mean), 1e-12)
         found.speeds.append(mean)
         found.changes.append(np.diff(last, prepend=last[:1]) / stretch.period)
-        thrusts = np.asarray(push(rotor, np.sqrt(np.maximum(squares[:, i], 0.0))))
+        thrusts = push(rotor, np.sqrt(np.maximum(squares[:, i], 0.0)))
         found.gains.append(stretch.means(thrusts) / least)
         found.joint_gains.append(stretch.means_for_joints(thrusts) / least)
-        found.sampled_gains.append(stretch.means_between_samples(np.asarray(push(rotor, sampled))) / least)
+        found.sampled_gains.append(stretch.means_between_samples(push(rotor, sampled)) / least)
     return found
 
 
@@ -479,9 +480,9 @@ def _bodies(
         still = [np.where(moves, 0.0, 1.0) * column for moves, column in zip(driven, given.T, strict=True)]
         bias, holding = inverse_dynamics(vehicle, joints, rate, joint_rates, Motion(ZERO3, ZERO3), still)
         free = [*range(6), *(6 + i for i, moves in enumerate(driven) if moves)]
-        M, zero = mass_matrix(vehicle, Mat3.identity(), joints), np.zeros(len(given))
-        left = np.stack([np.stack([zero + M[i][j] for j in free], axis=-1) for i in free], axis=-2)
-        held[key] = bias, holding, np.linalg.inv(left)
+        M = mass_matrix(vehicle, Mat3.identity(), joints)
+        left = np.stack([vectors_of([M[i][j] for j in free], len(given)) for i in free], axis=-2)
+        held[key] = bias, holding, np.asarray(np.linalg.inv(left))
     return held[key]
 
 

@@ -20,7 +20,9 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.disturbances import SETTLED, DisturbanceModel, begin_at, unexplained_sums
+from skyarm.studies.identify.lagged_inputs import time_constants
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
+from skyarm.studies.identify.sampled_series import vectors_of
 from skyarm.studies.identify.whitened_fit import scipy_parts
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -156,9 +158,9 @@ def _next(
         speed = R.apply_T(Vec3(*at.velocity.T))
         linear, angular = base_acceleration(vehicle, about, stretch, place, Vec3(*at.rate.T), speed, memo)
         force = R.apply(linear + Vec3(*beside[:, :3].T))
-        world = np.stack([each + np.zeros(len(place)) for each in force], axis=1)
+        world = vectors_of(force, len(place))
         world[:, 2] -= gravity
-        return world, np.stack([each + np.zeros(len(place)) for each in angular], axis=1) + beside[:, 3:]
+        return world, vectors_of(angular, len(place)) + beside[:, 3:]
 
     middle = _advance(now, *slopes(now), 0.5 * stretch.period)
     return _advance(now, *slopes(middle), stretch.period, middle)
@@ -173,7 +175,7 @@ def _advance(
     turned = Quaternion(*now.quaternion.T) * turn
     return BaseStates(
         now.position + velocity * seconds,
-        np.stack([each + np.zeros(len(rate)) for each in turned.normalized()], axis=1),
+        vectors_of(turned.normalized(), len(rate)),
         now.velocity + acceleration * seconds,
         now.rate + turning * seconds,
     )
@@ -207,8 +209,8 @@ FORGOTTEN = 8.0
 
 def begins_of(stretch: Stretch, periods: int, vehicle: Vehicle, about: Surroundings, after: float = 0.0) -> list[int]:
     """Instants that predictions over some periods begin at: rotor speeds are known there, and every period counts."""
-    lags = [float(lag) for each in vehicle.rotors for lag in (each.time_constant_up, each.time_constant_down)]
-    first = math.ceil(max(after, about.delay + FORGOTTEN * max(lags, default=0.0)) / stretch.period)
+    lag = float(time_constants(vehicle.rotors).max(initial=0.0))
+    first = math.ceil(max(after, about.delay + FORGOTTEN * lag) / stretch.period)
     step = max(1, round(APART / stretch.period))
     return [k for k in range(first, stretch.size - periods + 1, step) if stretch.used[k : k + periods].all()]
 
@@ -265,13 +267,10 @@ def predict_flights(
 def rotations(first: Array, second: Array) -> Array:
     """Rotation vectors (K, 3), base axes, from attitudes to others, the shorter way."""
     turn = Quaternion(*(first * [1.0, -1.0, -1.0, -1.0]).T) * Quaternion(*second.T)
-    rows = np.stack([each + np.zeros(len(first)) for each in turn], axis=1)
+    rows = vectors_of(turn, len(first))
     rows = rows * np.where(rows[:, :1] < 0.0, -1.0, 1.0)
     size = np.linalg.norm(rows[:, 1:], axis=1, keepdims=True)
-    found: Array = rows[:, 1:] * np.where(
-        size > 1e-9, 2.0 * np.arctan2(size, rows[:, :1]) / np.maximum(size, 1e-300), 2.0
-    )
-    return found
+    return rows[:, 1:] * np.where(size > 1e-9, 2.0 * np.arctan2(size, rows[:, :1]) / np.maximum(size, 1e-300), 2.0)
 
 
 @immutable(kw_only=False, eq=False)
@@ -295,7 +294,7 @@ class Weights:
         turned = Quaternion(*held.quaternion.T) * turn
         return BaseStates(
             held.position + self.position * (model.position - held.position),
-            np.stack([each + np.zeros(len(held.rate)) for each in turned.normalized()], axis=1),
+            vectors_of(turned.normalized(), len(held.rate)),
             held.velocity + self.velocity * (model.velocity - held.velocity),
             held.rate + self.rate[0] * (model.rate - held.rate) - self.rate[1] * held.rate,
         )
@@ -346,8 +345,7 @@ def _shares(rows: Sequence[tuple[Array, Array]]) -> Array:
     # over a few samples all parts are within the noise: beyond 0 to 1 they would only fit that
     sizes = np.linalg.norm(parts, axis=1) + 1e-300
     solved = [lsq_linear(parts[:, :, i].T / sizes[:, i], wanted[:, i], (0.0, sizes[:, i])) for i in range(3)]
-    found: Array = np.stack([each.x / sizes[:, i] for i, each in enumerate(solved)], axis=1)
-    return found
+    return np.stack([each.x / sizes[:, i] for i, each in enumerate(solved)], axis=1)
 
 
 @immutable(kw_only=False, eq=False)

@@ -109,8 +109,7 @@ class OpenLoopFlight:
 
 def _instants(stretch: Stretch, rows: Sequence[int]) -> Array:
     """Times of the instants of a stretch, s, on the flight's clock."""
-    found: Array = stretch.start + stretch.period * np.asarray(rows, dtype=float)
-    return found
+    return stretch.start + stretch.period * np.asarray(rows, dtype=float)
 
 
 def _require_channels(flight: FlightData, vehicle: Vehicle) -> None:

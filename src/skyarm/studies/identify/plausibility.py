@@ -8,8 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from skyarm.studies.identify.channel_scales import REFUSED, WARNED, Found
-from skyarm.studies.identify.data_faults import Fault
+from skyarm.studies.identify.data_faults import Fault, faults_of
 from skyarm.studies.identify.identify_vehicle import Identified
+from skyarm.studies.identify.lagged_inputs import time_constants
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.stretches import SHORTEST
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -68,14 +69,14 @@ def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix:
     moments = [float(getattr(base.inertia, axis)) for axis in ("xx", "yy", "zz")]
     places = [base.com, *(each.position for each in start.rotors)]
     size = max(math.sqrt(max(moments) / mass), *(math.hypot(*map(float, each)) for each in places))
-    lags = [float(lag) for each in start.rotors for lag in (each.time_constant_up, each.time_constant_down)]
+    longest = float(time_constants(start.rotors).max(initial=SHORTEST))
     for name, value in known.items():
         if name.startswith("base.inertia."):
             most, unit, why = FAR * mass * size**2, "kg m^2", f"{FAR:g} times the mass times the square of {size:.3g} m"
         elif name.startswith(LENGTHS):
             most, unit, why = FAR * size, "m", f"{FAR:g} times the vehicle's size, {size:.3g} m"
         elif name in TIMES or name.endswith(".latency"):
-            most, unit, why = max(SHORTEST, *lags), "s", "the shortest flight that counts"
+            most, unit, why = longest, "s", "the shortest flight that counts"
         elif name.startswith("links.") and name.endswith(".mass"):
             most, unit, why = mass, "kg", "the total mass"
         else:
@@ -96,10 +97,7 @@ def implausible_numbers(
         stretches: of the fit, whose commands a thrust curve is compared with.
     """
     faults = [*_implausible(found), *_distant_centres(found, start), *_beyond_commands(found, start, stretches)]
-    return tuple(
-        Fault(severity=severity, file=file, channel=name, finding=finding, remedy=remedy)
-        for severity, name, finding, remedy in faults
-    )
+    return tuple(faults_of(faults, file))
 
 
 def _distant_centres(found: Identified, start: Vehicle) -> Iterator[Found]:

@@ -204,8 +204,7 @@ def fit_prediction(
                 break
             stale = SETTLED
     slopes = error_slopes(errors, values, found, steps)
-    flat, slope = _whitened_errors(noise, found, slopes)
-    fit = _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
+    fit = _fit_at(values, found, noise, slopes, prior, block, settled=settled)
     others = [_noise(found, counted, noise.weights, levels, windows) for windows in OTHERS]
     moved = np.stack([_linear_change(each, found, slopes, values - start, known) for each in others])
     covariance = fit.covariance + moved.T @ moved / len(moved)
@@ -250,8 +249,7 @@ def expected_fit(
         linear = LinearErrors(values, there, _larger(error_slopes(errors, values, there, steps), linear.slopes))
         values, noise, settled = _settle(linear, start, prior, counted, levels)
     found = linear.at(values)
-    flat, slope = _whitened_errors(noise, found, linear.slopes)
-    return _fit_at(values, found, noise, flat, slope, prior, block, settled=settled)
+    return _fit_at(values, found, noise, linear.slopes, prior, block, settled=settled)
 
 
 @immutable(kw_only=False, eq=False)
@@ -321,22 +319,22 @@ def _fit_at(
     values: Array,
     found: Sequence[Array],
     noise: Whitening,
-    flat: Array,
-    slope: Array,
+    slopes: Sequence[Sequence[Array]],
     prior: Array,
     block: int,
     *,
     settled: bool,
 ) -> PredictionFit:
     """Fit that rests at some numbers, with the covariance by whitened errors and slopes there."""
+    flat, slope = _whitened_errors(noise, found, slopes)
     known = np.diag(prior**-2.0)
     curvature = np.asarray(np.linalg.inv(slope.T @ slope + known))
     rows = len(noise.scales)
     white = flat.reshape(-1, rows)
     blocks = _block_begins([len(each) - ORDER for each in found], block)
-    slopes = slope.reshape(-1, rows, len(values))
-    scores = jackknife_scores(slopes, white, curvature, blocks)
-    parts = [each.reshape(-1, len(values)) for each in np.array_split(slopes, blocks)]
+    whitened = slope.reshape(-1, rows, len(values))
+    scores = jackknife_scores(whitened, white, curvature, blocks)
+    parts = [each.reshape(-1, len(values)) for each in np.array_split(whitened, blocks)]
     inner = scores.T @ scores * (len(scores) - 1) / len(scores) + known
     ends = np.cumsum([rows * (len(each) - ORDER) for each in found])[:-1]
     pairs = list(zip(np.split(slope, ends), np.split(flat, ends), strict=True))

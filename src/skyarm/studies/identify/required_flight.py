@@ -18,12 +18,13 @@ from skyarm.dynamics import center_of_mass, inverse_dynamics
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.dynamics.state import State
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.flight_data.series import middle, unit_rows
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
+from skyarm.studies.identify.lagged_inputs import time_constants, wrench_of_pushes
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.multisines import BASE_AXES
-from skyarm.studies.identify.sampled_series import middle
+from skyarm.studies.identify.sampled_series import vectors_of
 from skyarm.studies.identify.unknowns import USUAL_DELAY
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -63,7 +64,7 @@ class RequiredFlight:
     @property
     def tilt(self) -> Array:
         """Angle of thrust against the vertical (N + 1,), rad."""
-        return np.asarray(np.arccos(np.clip(self.turned[:, 2, 2], -1.0, 1.0)))
+        return np.arccos(np.clip(self.turned[:, 2, 2], -1.0, 1.0))
 
     def stretch(self, vehicle: Vehicle, samples: int, fine: int, width: int) -> Stretch:
         """Stretch for identification, as sensors without noise would give it.
@@ -75,10 +76,7 @@ class RequiredFlight:
             width: samples of each moving mean.
         """
         size, step = len(self.rate) - 1, self.period / fine
-        ups, downs = (
-            np.array([float(getattr(each, name)) for each in vehicle.rotors])
-            for name in ("time_constant_up", "time_constant_down")
-        )
+        ups, downs = time_constants(vehicle.rotors).T
         change = np.gradient(self.speeds, self.period, axis=0)
         ahead = self.speeds + change * np.where(change > 0.0, ups, downs)
         times, instants = self.period * np.arange(size + 1), step * (np.arange(size * fine) + 0.5)
@@ -106,14 +104,13 @@ class RequiredFlight:
         )
 
 
-def required_flight(vehicle: Vehicle, motion: Array, period: float, gravity: float = GRAVITY) -> RequiredFlight:
+def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredFlight:
     """Flight that a motion of base and joints requires.
 
     Args:
         vehicle: rigid bodies and rotors.
         motion: (3, 4 + n, N + 1) value, first and second derivative of x, y, z, heading and joints.
         period: s, between its instants.
-        gravity: m/s^2.
     """
     value, first, second = motion
     n, size = vehicle.n, motion.shape[2]
@@ -127,8 +124,8 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float, gravity: flo
         joints=q,
         joint_rates=tuple(zero for _ in range(n)),
     )
-    com = np.stack([zero + each for each in center_of_mass(vehicle, still)], axis=1)
-    linear = second[:3].T + np.array([0.0, 0.0, gravity])
+    com = vectors_of(center_of_mass(vehicle, still), size)
+    linear = second[:3].T + np.array([0.0, 0.0, GRAVITY])
     needed = linear
     for _ in range(TURNS):
         turned = _attitude(_smooth(needed, period), value[3])
@@ -139,7 +136,7 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float, gravity: flo
     felt = np.einsum("kji,kj->ki", turned, linear)
     base = Motion(Vec3(*np.gradient(rate, period, axis=0).T), Vec3(*felt.T))
     force, torques = inverse_dynamics(vehicle, q, Vec3(*rate.T), qd, base, qdd)
-    wrench = np.stack([zero + each for each in (force.force.z, *force.torque)], axis=1)
+    wrench = vectors_of((force.force.z, *force.torque), size)
     allocation = np.linalg.pinv(wrench_of_pushes(vehicle.rotors)[2:])
     shares = wrench.T[:, :, None] * allocation.T[:, None, :]
     friction = [
@@ -171,10 +168,9 @@ def _smooth(rows: Array, period: float) -> Array:
 
 def _attitude(needed: Array, heading: Array) -> Array:
     """Rotation (N, 3, 3), base to world axes, whose upright axis lies along a force (N, 3), with a heading (N,)."""
-    upright = needed / np.linalg.norm(needed, axis=1, keepdims=True)
+    upright = unit_rows(needed)
     ahead = np.stack([np.cos(heading), np.sin(heading), 0.0 * heading], axis=1)
-    left = np.cross(upright, ahead)
-    left /= np.linalg.norm(left, axis=1, keepdims=True)
+    left = unit_rows(np.cross(upright, ahead))
     return np.stack([np.cross(left, upright), left, upright], axis=2)
 
 
@@ -199,7 +195,7 @@ def arm_clearance(vehicle: Vehicle, joints: Array) -> tuple[Array, Array]:
     axes = np.array([[float(c) for c in each.axis] for each in vehicle.rotors])
     radius = _radius(hubs)
     for each in points:
-        at = np.stack([np.zeros(size) + c for c in each], axis=1)
+        at = vectors_of(each, size)
         distance, height = np.minimum(distance, np.linalg.norm(at, axis=1)), np.minimum(height, at[:, 2])
         for hub, axis in zip(hubs, axes, strict=True):
             off = at - hub

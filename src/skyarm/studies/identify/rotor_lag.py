@@ -34,8 +34,7 @@ def delay_commands(commands: Array, period: float, delay: float) -> Array:
     share = delay / period - whole
     places = np.arange(len(commands)) - whole
     newer, older = (commands[np.clip(places - back, 0, len(commands) - 1)] for back in (0, 1))
-    mixed: Array = (1.0 - share) * newer + share * older
-    return mixed
+    return (1.0 - share) * newer + share * older
 
 
 def integral_bends(commands: Array, period: float, delay: float) -> Array:
@@ -51,7 +50,7 @@ def integral_bends(commands: Array, period: float, delay: float) -> Array:
     whole = math.floor(delay / period)
     share = delay / period - whole
     older, newer = (delay_commands(commands, period, (whole + back) * period) for back in (1, 0))
-    return np.asarray(0.5 * share * (1.0 - share) * (older - newer))
+    return 0.5 * share * (1.0 - share) * (older - newer)
 
 
 def commands_at_ends(commands: Array, period: float, delay: float) -> Array:

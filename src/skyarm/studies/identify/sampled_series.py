@@ -1,9 +1,10 @@
-"""Series of samples: means over neighbours, differences, values in between and later."""
+"""Series of samples: means over neighbours, differences, later values, and vectors of components."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -23,8 +24,7 @@ def delay_series(rows: Array, periods: float) -> Array:
     size = 2 ** math.ceil(math.log2(len(rows) + math.ceil(abs(periods)) + 1))
     turned = np.exp(-2j * np.pi * np.fft.rfftfreq(size) * periods).reshape(around)
     late = np.fft.irfft(np.fft.rfft(rows - line, size, axis=0) * turned, size, axis=0)[: len(rows)]
-    found: Array = late + line - slope * periods
-    return found
+    return late + line - slope * periods
 
 
 def moving_mean(rows: Array, width: int) -> Array:
@@ -52,13 +52,12 @@ def position_differences(rows: Array, apart: int = 1) -> Array:
 
     Those of second order are 0.07 % below a swing of 2 Hz at 200 Hz, coherent with all that the swing is to show.
     """
-    found = np.asarray(np.gradient(rows, axis=0))
+    found = np.gradient(rows, axis=0)
     one, two = rows[3 * apart : -apart] - rows[apart : -3 * apart], rows[4 * apart :] - rows[: -4 * apart]
     found[2 * apart : -2 * apart] = (8.0 * one - two) / (12.0 * apart)
     return found
 
 
-def middle(rows: Array) -> Array:
-    """Means of consecutive rows: (N + 1, ...) to (N, ...)."""
-    found: Array = 0.5 * (rows[1:] + rows[:-1])
-    return found
+def vectors_of(parts: Iterable[Any], count: int) -> Array:
+    """Vectors (count, k) of k components, each a number or an array (count,)."""
+    return np.stack([each + np.zeros(count) for each in parts], axis=1)

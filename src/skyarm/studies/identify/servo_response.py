@@ -18,7 +18,9 @@ import numpy as np
 from skyarm.algebra import Mat3, Motion, Vec3
 from skyarm.dynamics import inverse_dynamics, mass_matrix
 from skyarm.dynamics.actuators.servo import PositionServo
+from skyarm.flight_data.series import middle
 from skyarm.records.arrays import Array
+from skyarm.studies.identify.sampled_series import vectors_of
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
 
@@ -94,14 +96,14 @@ def joint_loads(
     """
     size, rows = len(specific_force), list(servoed)
     rates = np.gradient(joints, step, axis=0)
-    q, qd, w = (tuple((0.5 * (each[1:] + each[:-1])).T) for each in (joints, rates, rate))
+    q, qd, w = (tuple(middle(each).T) for each in (joints, rates, rate))
     given = np.gradient(rates, step, axis=0)
     given[:, rows] = 0.0
     base = Motion(Vec3(*(np.diff(rate, axis=0) / step).T), Vec3(*specific_force.T))
-    _, efforts = inverse_dynamics(vehicle, q, Vec3(*w), qd, base, tuple((0.5 * (given[1:] + given[:-1])).T))
-    M, zero = mass_matrix(vehicle, Mat3.identity(), q), np.zeros(size)
-    block = [np.stack([np.asarray(zero + M[6 + i][6 + j]) for j in rows], axis=-1) for i in rows]
-    return np.stack(block, axis=-2), np.stack([np.asarray(zero + efforts[i]) for i in rows], axis=-1)
+    _, efforts = inverse_dynamics(vehicle, q, Vec3(*w), qd, base, tuple(middle(given).T))
+    M = mass_matrix(vehicle, Mat3.identity(), q)
+    block = [vectors_of([M[6 + i][6 + j] for j in rows], size) for i in rows]
+    return np.stack(block, axis=-2), vectors_of([efforts[i] for i in rows], size)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -237,8 +239,7 @@ def servo_response(
             q, v, total = (np.where(flown, new, old) for new, old in zip((q, v, total), begin, strict=True))
         else:
             found[..., k - before] = q
-    series: Array = found.reshape(n, len(every), -1)[..., :count].transpose(1, 2, 0)
-    return series
+    return found.reshape(n, len(every), -1)[..., :count].transpose(1, 2, 0)
 
 
 def _rows(every: Sequence[Loops], record: str, name: str) -> Array:
@@ -281,4 +282,4 @@ def _solve(matrix: Array, diagonal: Array, right: Array) -> Array:
 def _secant(dry: Array, bend: Array, rate: Array) -> Array:
     """Dry friction c tanh(v / v0) over the rate v, N m s/rad; its slope at rest."""
     x = np.maximum(np.abs(rate / bend), 1e-9)
-    return np.asarray(dry / bend * np.tanh(x) / x)
+    return dry / bend * np.tanh(x) / x

@@ -12,12 +12,14 @@ import numpy as np
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.series import attitude_at, columns_at, measured_at
+from skyarm.flight_data.raw_tables import to_base
+from skyarm.flight_data.series import attitude_at, common_span, measured_at, middle, values_at
+from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, Mask
 from skyarm.studies.identify.command_samples import sampling_period, straight_lines
-from skyarm.studies.identify.lagged_inputs import to_base
+from skyarm.studies.identify.lagged_inputs import highest_speeds, time_constants
 from skyarm.studies.identify.motion_model import PARABOLA, Stretch
-from skyarm.studies.identify.sampled_series import middle, moving_mean, position_differences
+from skyarm.studies.identify.sampled_series import moving_mean, position_differences
 from skyarm.vehicle.vehicle_records import Vehicle
 
 PER_LAG = 2.5
@@ -79,7 +81,7 @@ def stretches_of(
         raise ValueError(
             f"{flight.name}: {commands.source}: {count} rotors, vehicle '{start.name}' has {len(start.rotors)}"
         )
-    lags = [float(getattr(each, name)) for each in start.rotors for name in ("time_constant_up", "time_constant_down")]
+    lags = time_constants(start.rotors).ravel().tolist()
     usual = float(np.median(np.diff(gyro.time)))
     wanted = period or max(sum(lags) / len(lags) / PER_LAG, sampling_period(commands))
     # the clock's last bits must not choose between two periods
@@ -94,7 +96,8 @@ def stretches_of(
         flight = dataclasses.replace(flight, channels=channels)
     spans = flying_spans(commands, start) or list(sections)
     for begin, end in sections or spans:
-        for first, last in _without_gaps(gyro, max(begin, _begin(flight)), min(end, _end(flight)), longest):
+        earliest, latest = common_span(*_needed(flight))
+        for first, last in _without_gaps(gyro, max(begin, earliest), min(end, latest), longest):
             if last - first >= SHORTEST:
                 stretch = _stretch(flight, start, commands, first, last, step, whole, finer, full_voltage)
                 used = ~_coasting(stretch, start, coasting, RECOVERED * max(lags))
@@ -145,12 +148,12 @@ def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
     if "rotor_speed_commands" in flight:
         return flight["rotor_speed_commands"]
     share = flight["rotor_commands"]
-    highest = [float(each.max_speed) for each in start.rotors]
-    if len(highest) == share.values.shape[1] and not all(math.isfinite(each) for each in highest):
-        raise ValueError("rotors.max_speed = inf: must be finite, the speed of the full signal of rotor_commands")
+    highest = highest_speeds(start.rotors)
     if len(highest) != share.values.shape[1]:
         return share
-    return Channel(time=share.time, values=share.values * np.array(highest), source=share.source)
+    if not np.isfinite(highest).all():
+        raise ValueError("rotors.max_speed = inf: must be finite, the speed of the full signal of rotor_commands")
+    return Channel(time=share.time, values=share.values * highest, source=share.source)
 
 
 def period_note(flight: FlightData, start: Vehicle) -> str:
@@ -192,7 +195,7 @@ def _noise_of_means(rows: Array, response: Array, width: int, samples: int) -> A
     spaced = np.zeros(4 * samples + 1)
     spaced[::samples] = PARABOLA
     gain = math.sqrt(float((np.convolve(means.ravel(), spaced) ** 2).sum()))
-    return np.asarray(white * gain)
+    return white * gain
 
 
 def joint_rates_note(flight: FlightData) -> str:
@@ -218,11 +221,11 @@ def joint_rate_lag(positions: Channel, rates: Channel) -> tuple[float, float]:
     without constants and lines. Noise of the positions is on the left side, where it makes no error.
     """
     step = float(np.median(np.diff(positions.time)))
-    time = np.arange(max(positions.time[0], rates.time[0]), min(positions.time[-1], rates.time[-1]), step)
+    time = np.arange(*common_span(positions, rates), step)
     if positions.values.shape != (len(positions.time), rates.values.shape[1]) or len(time) < 8:
         return 0.0, step
-    q, qd = (columns_at(time, each.time, each.values) for each in (positions, rates))
-    summed = np.concatenate([np.zeros((1, q.shape[1])), np.cumsum(0.5 * (qd[1:] + qd[:-1]), axis=0) * step])
+    q, qd = (values_at(each, time) for each in (positions, rates))
+    summed = np.concatenate([np.zeros((1, q.shape[1])), np.cumsum(middle(qd), axis=0) * step])
     both = size = 0.0
     for part in np.array_split(np.arange(len(time)), max(1, round(len(time) * step / BLOCK))):
         lines = np.vander(np.linspace(-1.0, 1.0, len(part)), 2)
@@ -235,7 +238,7 @@ def joint_rate_lag(positions: Channel, rates: Channel) -> tuple[float, float]:
 
 def _coasting(stretch: Stretch, start: Vehicle, share: float, recovered: float) -> Mask:
     """Periods (N,) in or after which a motor coasts, for so many seconds."""
-    limits = np.array([float(each.max_speed) for each in start.rotors])
+    limits = highest_speeds(start.rotors)
     low = np.where(np.isfinite(limits), share * limits, 0.0)
     idle: Mask = np.asarray((stretch.commands < low).any(axis=1))
     if share < 0.0:
@@ -246,16 +249,8 @@ def _coasting(stretch: Stretch, start: Vehicle, share: float, recovered: float) 
 
 
 def _needed(flight: FlightData) -> list[Channel]:
-    names = ["gyro", "accelerometer", "joint_positions", "joint_rates", "rotor_commands", "rotor_speed_commands"]
-    return [flight["gyro"], flight["accelerometer"], *(flight[name] for name in names[2:] if name in flight)]
-
-
-def _begin(flight: FlightData) -> float:
-    return max(float(each.time[0]) for each in _needed(flight))
-
-
-def _end(flight: FlightData) -> float:
-    return min(float(each.time[-1]) for each in _needed(flight))
+    others = ("joint_positions", "joint_rates", "rotor_commands", "rotor_speed_commands")
+    return [flight["gyro"], flight["accelerometer"], *(flight[name] for name in others if name in flight)]
 
 
 def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]:
@@ -263,12 +258,9 @@ def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]
     step = 0.02
     time = np.arange(commands.time[0], commands.time[-1], step)
     speeds = commands.values[np.searchsorted(commands.time, time, side="right") - 1]
-    thrust = sum(
-        float(r.thrust_coefficient) * np.asarray(push(r, w)) for r, w in zip(start.rotors, speeds.T, strict=True)
-    )
+    thrust = sum(float(r.thrust_coefficient) * push(r, w) for r, w in zip(start.rotors, speeds.T, strict=True))
     flies = moving_mean(np.asarray(thrust), round(SETTLING / step) | 1) > AIRBORNE * GRAVITY * float(start.mass)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flies, [False]]).astype(int)))
-    spans = [(float(time[a]) + SETTLING, float(time[b - 1]) - SETTLING) for a, b in edges.reshape(-1, 2)]
+    spans = [(float(time[a]) + SETTLING, float(time[b - 1]) - SETTLING) for a, b in runs_of(flies)]
     return [(a, b) for a, b in spans if b > a]
 
 
@@ -317,21 +309,22 @@ def _stretch(
 
     def means(rows: Array) -> Array:
         # of straight lines between the samples
-        between = 0.5 * (rows[1:] + rows[:-1])
-        return np.asarray(between.reshape(periods, samples, -1).mean(axis=1))
+        return np.asarray(middle(rows).reshape(periods, samples, -1).mean(axis=1))
 
     def hold(channel: Channel) -> Array:
         place = np.searchsorted(channel.time, grid, side="right") - 1
-        return np.asarray(channel.values[np.maximum(place, 0)])
+        return channel.values[np.maximum(place, 0)]
+
+    def of_joints(name: str) -> Channel:
+        count = flight[name].values.shape[1]
+        if count != n:
+            raise ValueError(f"{flight.name}: {name}: {count} columns, vehicle '{start.name}' has {n}")
+        return flight[name]
 
     joints, rates, noise = np.zeros((len(time), n)), np.zeros((len(time), n)), np.zeros(n)
     differenced = False
     if n:
-        joints = at("joint_positions")
-        if joints.shape[1] != n:
-            raise ValueError(
-                f"{flight.name}: joint_positions: {joints.shape[1]} columns, vehicle '{start.name}' has {n}"
-            )
+        joints = measured_at(of_joints("joint_positions"), time, step)
         rates, differenced = position_differences(joints) / step, True
         noise = _noise_of_means(joints, position_differences(_impulse(width, samples)) / step, width, samples)
         if "joint_rates" in flight:
@@ -340,12 +333,7 @@ def _stretch(
     still = np.zeros((periods * samples * finer, n))
 
     def held_joints(name: str) -> Array:
-        if not n or name not in flight:
-            return still
-        if flight[name].values.shape[1] != n:
-            count = flight[name].values.shape[1]
-            raise ValueError(f"{flight.name}: {name}: {count} columns, vehicle '{start.name}' has {n}")
-        return hold(flight[name])
+        return hold(of_joints(name)) if n and name in flight else still
 
     voltage = np.ones(periods)
     if full_voltage > 0.0 and "voltage" in flight:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 
@@ -91,19 +90,9 @@ class Evidence:
 def hovering(scenario: Scenario) -> Scenario:
     """Scenario that holds the initial reference in calm air without faults, long enough to settle."""
     start = scenario.reference.at(0.0)
-
-    def constant(value: Any) -> Constant:
-        return Constant(float(value))
-
-    still = Trajectory(
-        x=constant(start.position.x),
-        y=constant(start.position.y),
-        z=constant(start.position.z),
-        yaw=constant(start.yaw),
-        joints=tuple(constant(q) for q in start.joints),
-    )
+    x, y, z, yaw, *joints = (Constant(float(value)) for value in (*start.position, start.yaw, *start.joints))
     return scenario.as_begun.with_words(
-        reference=still,
+        reference=Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints)),
         path_time=None,
         duration=SETTLING,
         wind=NO_WIND,
@@ -154,30 +143,18 @@ def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int
             progress(done, total)
 
     found: list[Instant] = []
-    completed = True
     told(0)
     for hover, flight, count in flights:
-        some, whole = _along(flight, count, hover, told, len(found))
-        found += some
-        completed = completed and whole
+        for frozen in frozen_instants(flight, count):
+            found.append(instant_at(frozen.open_loop, hover=hover, time=frozen.time))
+            told(len(found))
     return Evidence(
         controller=scenario.controller.name,
         scenario=scenario.name,
         instants=tuple(found),
-        completed=completed,
+        completed=len(found) == total,
         left_out=disturbances(scenario),
     )
-
-
-def _along(
-    flight: Scenario, count: int, hover: bool, told: Callable[[int], None], before: int
-) -> tuple[list[Instant], bool]:
-    """Stability margins at ``count`` instants of one flight, and True if the flight was completed."""
-    found: list[Instant] = []
-    for frozen in frozen_instants(flight, count):
-        found.append(instant_at(frozen.open_loop, hover=hover, time=frozen.time))
-        told(before + len(found))
-    return found, len(found) == count
 
 
 @immutable
@@ -218,6 +195,11 @@ def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
         )
 
 
+def frozen_hover(scenario: Scenario) -> Frozen | None:
+    """Settled hover of a scenario, ready to be linearised; None if the vehicle crashes."""
+    return next(frozen_instants(hovering(nominal(without_adaptation(scenario))), 1), None)
+
+
 POINTS = 500
 """Further frequencies, so that a curve looks like one."""
 
@@ -236,7 +218,7 @@ class Locus:
 
 def hover_loci(scenario: Scenario) -> list[Locus]:
     """Nyquist loci of a scenario in hover: the weakest loop of each kind; empty if the vehicle crashes."""
-    found = next(frozen_instants(hovering(nominal(without_adaptation(scenario))), 1), None)
+    found = frozen_hover(scenario)
     return [] if found is None else loci(found.open_loop("down"))
 
 
@@ -254,7 +236,7 @@ def loci(loop: OpenLoop) -> list[Locus]:
     weakest: dict[tuple[str, str], Locus] = {}
     for name, port in cut.ports.items():
         even = np.geomspace(port.frequencies[0], port.frequencies[-1], POINTS)
-        every = port.at(np.union1d(port.frequencies, even))
+        every = port.response.at(np.union1d(port.frequencies, even))
         for i, margin in enumerate(port.alone(name, LONGEST, stable=True)):
             T = every[:, i, i]
             key = (name, margin.group)

@@ -65,7 +65,7 @@ class Closed:
 
     def matrix(self, gains: Array) -> Array:
         """Transition matrix of the closed loop over one control period for actuator gains k (commands,)."""
-        return np.asarray(self.fixed + self.enters @ (self.sent * gains[:, None]))
+        return self.fixed + self.enters @ (self.sent * gains[:, None])
 
 
 def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:

@@ -117,7 +117,7 @@ def frequency_grid(z: Complex, period: float) -> Array:
     s = s[(s.imag > 0.0) & (np.abs(s.real) < WIDE * s.imag)]
     around = s.imag[:, None] + np.maximum(np.abs(s.real), 1e-6)[:, None] * np.array(AROUND)
     found = np.unique(np.concatenate([even, around.ravel()]))
-    return np.asarray(found[(found >= LOWEST) & (found <= highest)])
+    return found[(found >= LOWEST) & (found <= highest)]
 
 
 @immutable(kw_only=False, eq=False)
@@ -162,7 +162,7 @@ def upper_bound(M: Complex) -> Array:
     Others are bounds, too, though looser ones than they could be.
     """
     if M.shape[1] == 1:
-        return np.asarray(np.abs(M[:, 0, 0]))
+        return np.abs(M[:, 0, 0])
     scaled = _perron_scaled(M)
     found = np.linalg.norm(scaled, ord=2, axis=(1, 2))
     lowest = 0.0
@@ -183,7 +183,7 @@ def _perron_scaled(M: Complex) -> Complex:
         left = np.einsum("fij,fi->fj", size, left)
         right, left = (v / v.max(axis=1, keepdims=True) for v in (right, left))
     d = np.sqrt(left / right)
-    return np.asarray(d[:, :, None] * M / d[:, None, :])
+    return d[:, :, None] * M / d[:, None, :]
 
 
 def _descend(M: Complex) -> float:
@@ -206,7 +206,7 @@ def _descend(M: Complex) -> float:
 def _slope(M: Complex) -> tuple[float, Array]:
     """Largest singular value of a matrix, and its gradient in the logarithms of the scaling's diagonal."""
     U, sizes, Vh = np.linalg.svd(M)
-    return float(sizes[0]), np.asarray(sizes[0] * (np.abs(U[:, 0]) ** 2 - np.abs(Vh[0]) ** 2))
+    return float(sizes[0]), sizes[0] * (np.abs(U[:, 0]) ** 2 - np.abs(Vh[0]) ** 2)
 
 
 BETWEEN = 8
@@ -257,10 +257,6 @@ class _Port:
     frequencies: Array
     T: Complex
     response: Response
-
-    def at(self, frequencies: Array) -> Complex:
-        """Frequency responses at given frequencies, rad/s."""
-        return self.response.at(frequencies)
 
     def places(self, group: str) -> list[int]:
         """Indices of the channels of one kind, such as all rotors."""
@@ -314,11 +310,11 @@ def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, s
     grid = frequency_grid(z, loop.period) if stable else np.zeros(0)
     ports = {}
     for port in (COMMANDS, MEASUREMENTS) if measured else (COMMANDS,):
-        B = np.column_stack([np.zeros((len(A), 0)), *(into[port] @ c.enters for c in channels if c.port == port)])
-        C = np.array([c.reads @ out[port] for c in channels if c.port == port]).reshape(-1, len(A))
+        mine = [c for c in channels if c.port == port]
+        B = np.column_stack([np.zeros((len(A), 0)), *(into[port] @ c.enters for c in mine)])
+        C = np.array([c.reads @ out[port] for c in mine]).reshape(-1, len(A))
         # what nothing is made of is no loop
         kept = [i for i in range(len(C)) if port == COMMANDS or (B[:, i].any() and C[i].any())]
-        mine = [c for c in channels if c.port == port]
         found = Response(A, B[:, kept], C[kept], loop.period)
         ports[port] = _Port(tuple(mine[i] for i in kept), *_refine(found, grid), found)
     return CutLoops(ports, stable)

@@ -111,25 +111,24 @@ def without_adaptation(scenario: Scenario) -> Scenario:
 
     Of a law under layers, its own constants are looked at.
     """
-    par: Any = scenario.controller.par
-    own, adaptation = innermost(par), part_of(par, "adaptation")
+    adaptation = part_of(scenario.controller.par, "adaptation")
     if adaptation is None:
         return scenario
-    held = dataclasses.replace(own.parts, adaptation=dataclasses.replace(adaptation, load=None, friction=None))
-    still = with_innermost(par, dataclasses.replace(own, parts=held))
-    return scenario.with_words(controller=dataclasses.replace(scenario.controller, par=still))
+    return _with_part(scenario, adaptation=dataclasses.replace(adaptation, load=None, friction=None))
 
 
 def with_held_lag(scenario: Scenario) -> Scenario:
     """Scenario whose law keeps the delay that it has found: a bank of candidates is no part of a linear loop."""
+    lag = part_of(scenario.controller.par, "lag")
+    return _with_part(scenario, lag=dataclasses.replace(lag, held=True)) if hasattr(lag, "held") else scenario
+
+
+def _with_part(scenario: Scenario, **part: Any) -> Scenario:
+    """Scenario whose law, below its layers, has another part."""
     par: Any = scenario.controller.par
-    own, lag = innermost(par), part_of(par, "lag")
-    if not hasattr(lag, "held"):
-        return scenario
-    still = with_innermost(
-        par, dataclasses.replace(own, parts=dataclasses.replace(own.parts, lag=dataclasses.replace(lag, held=True)))
-    )
-    return scenario.with_words(controller=dataclasses.replace(scenario.controller, par=still))
+    own = innermost(par)
+    changed = with_innermost(par, dataclasses.replace(own, parts=dataclasses.replace(own.parts, **part)))
+    return scenario.with_words(controller=dataclasses.replace(scenario.controller, par=changed))
 
 
 def with_lag(scenario: Scenario, share: Any) -> Scenario:

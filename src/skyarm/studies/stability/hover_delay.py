@@ -11,8 +11,8 @@ from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.studies.stability.along import frozen_instants, hovering
-from skyarm.studies.stability.frozen_scenario import LAGS, nominal, without_adaptation
+from skyarm.studies.stability.along import frozen_hover
+from skyarm.studies.stability.frozen_scenario import LAGS
 from skyarm.studies.stability.margins import delay_margin
 
 ENOUGH = 1.5
@@ -77,15 +77,13 @@ def hover_delay(scenario: Scenario | PathLike) -> HoverDelay:
         ScenarioError: the loop has a memory that its linearisation does not know.
     """
     scenario = as_scenario(scenario)
-    still = without_adaptation(scenario)
-    found = next(frozen_instants(hovering(nominal(still)), 1), None)
+    found = frozen_hover(scenario)
+    margin = swings = 0.0
+    if found is not None:
+        margin = min(delay_margin(found.open_loop(lag)) for lag in LAGS)
+        swings = delay_margin(found.open_loop("between"))
     believed = believed_delay(scenario)
-    period = 1.0 / scenario.rates.control
-    if found is None:
-        return HoverDelay(margin=0.0, swings=0.0, believed=believed, period=period)
-    margin = min(delay_margin(found.open_loop(lag)) for lag in LAGS)
-    swings = delay_margin(found.open_loop("between"))
-    return HoverDelay(margin=margin, swings=swings, believed=believed, period=period)
+    return HoverDelay(margin=margin, swings=swings, believed=believed, period=1.0 / scenario.rates.control)
 
 
 def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:

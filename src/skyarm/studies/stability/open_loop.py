@@ -99,8 +99,7 @@ def _rotate(q: Quaternion, half: Sequence[float]) -> Quaternion:
     """Rotate quaternion q by a small rotation vector, twice ``half``; first order, normalised."""
     x, y, z = half
     w = float(np.sqrt(1.0 - x * x - y * y - z * z))
-    turned: Quaternion = Quaternion(*(float(c) for c in q)) * Quaternion(w, x, y, z)
-    return turned
+    return Quaternion(*(float(c) for c in q)) * Quaternion(w, x, y, z)
 
 
 def _tangent(states: Array, still: Array) -> Array:
@@ -242,14 +241,14 @@ class Differentiator:
         parts = [derivatives(result, at, widths, outs) for result, at in zip(results, still, strict=True)]
         columns = np.cumsum([0, sizes[0] - 1, *sizes[1:5]])
         x, old, new, m, y = (slice(int(a), int(b)) for a, b in pairwise(columns))
-        first = parts[0]
+        first, following = parts[0], np.array([part[0] for part in parts])
         return OpenLoop(
             period=self._period,
             rotors=len(point.state.rotor_speeds),
             lates=self.lates,
-            x_x=np.array([part[0][:, x] for part in parts]),
-            x_old=np.array([part[0][:, old] for part in parts]),
-            x_new=np.array([part[0][:, new] for part in parts]),
+            x_x=following[:, :, x],
+            x_old=following[:, :, old],
+            x_new=following[:, :, new],
             y_x=first[1][:, x],
             y_old=first[1][:, old],
             m_m=first[2][:, m],
@@ -295,5 +294,4 @@ class Differentiator:
 
 def carry_of(template: LoopState, values: Sequence[float]) -> LoopState:
     """Rebuild the state of the simulation loop from its scalar values."""
-    found: LoopState = rebuild(template, iter([float(value) for value in values]))
-    return found
+    return rebuild(template, iter([float(value) for value in values]))

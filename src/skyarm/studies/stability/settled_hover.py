@@ -49,21 +49,20 @@ class SettledHover:
         self._row = inputs.rows[flight.steps - 1].tolist()
         self._time = float(self._row[0])
 
-    def margins(self, values: Mapping[str, Array], *, measured: bool = False, threads: int = 1) -> list[Instant | None]:
-        """Stability margins for each parameter set; None if its hover diverged.
+    def margins(self, values: Mapping[str, Array]) -> list[Instant | None]:
+        """Stability margins for each parameter set, cut at the commands alone; None if its hover diverged.
 
         Args:
             values: path -> (sets,); every path.
-            measured: cut the loop at the measurement too, which takes as long again.
-            threads: that fly; the result does not depend on it.
         """
         found: list[Instant | None] = []
-        for settled, numbers in zip(self.settle(values, threads), self._sets(values), strict=True):
+        sets = np.array([values[path] for path in self.paths], dtype=float).T.tolist()
+        for settled, numbers in zip(self.settle(values), sets, strict=True):
             if settled is None:
                 found.append(None)
                 continue
             loops = partial(self.open_loop, settled, numbers)
-            found.append(instant_at(loops, hover=True, time=self._time, measured=measured))
+            found.append(instant_at(loops, hover=True, time=self._time, measured=False))
         return found
 
     def settle(self, values: Mapping[str, Array], threads: int = 1) -> list[Any]:
@@ -82,10 +81,6 @@ class SettledHover:
     def open_loop(self, settled: Any, numbers: Sequence[float], lag: str) -> OpenLoop:
         """Linearised open loop in the settled hover of one set of parameters."""
         return self._differentiator.at(settled, self._row, lag, numbers)
-
-    def _sets(self, values: Mapping[str, Array]) -> list[list[float]]:
-        columns = [np.asarray(values[path], dtype=float).tolist() for path in self.paths]
-        return [list(numbers) for numbers in zip(*columns, strict=True)]
 
 
 def _is_hover(settled: Any) -> bool:
