@@ -8,7 +8,7 @@ import subprocess
 import pytest
 
 from commanded import skyarm
-from skyarm.cli import doctor
+from skyarm.cli import doctor_command as doctor
 from skyarm.records.files.packages import FLOORS
 
 FINE = {"machine code": ("print('LLVM')", "", True)}

@@ -18,7 +18,7 @@ def test_there_are_few_commands_in_four_groups_with_one_sentence_each() -> None:
     assert len(COMMANDS) <= MOST
     assert len(GROUPS) == 4
     text = skyarm("--help", columns=80).out
-    for name, (_, sentence) in COMMANDS.items():
+    for name, sentence in COMMANDS.items():
         assert re.fullmatch(r"[A-Z][^.]*\.", sentence), name
         assert re.search(rf"^  {name} +{re.escape(sentence)}$", text, re.MULTILINE), name
 
@@ -27,7 +27,7 @@ def test_there_are_few_commands_in_four_groups_with_one_sentence_each() -> None:
 def test_the_help_of_a_command_is_one_screen_that_begins_with_its_sentence(command: str) -> None:
     lines = skyarm(command, "--help", columns=COLUMNS).out.splitlines()
     assert len(lines) <= LONGER.get(command, LINES)
-    assert lines[2].strip() == COMMANDS[command][1]
+    assert lines[2].strip() == COMMANDS[command]
 
 
 @pytest.mark.parametrize(

@@ -94,13 +94,12 @@ Scenario = Annotated[
     typer.Argument(help="a scenario file (.toml) or a shipped name", autocompletion=name_completion("scenario")),
 ]
 
-Vehicle = Annotated[
+Flown = Annotated[
     str,
-    typer.Argument(
-        help="a file (.toml, .urdf, .xml) or a shipped name",
-        autocompletion=name_completion("vehicle"),
-    ),
+    typer.Argument(help="a scenario (.toml), a log, or a shipped name", autocompletion=name_completion("scenario")),
 ]
+
+Duration = Annotated[float | None, typer.Option(help="seconds, in place of the file's")]
 
 Laws = Annotated[
     list[str] | None,

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from skyarm.cli.arguments import name_completion
 from skyarm.cli.lines import DIFFERENT
-from skyarm.cli.output import bar, give, heading, shown_number, tell
+from skyarm.cli.output import Lines, bar, give, heading, shown_number, tell
 from skyarm.records.files import printable
 from skyarm.studies.assess.assessment import Assessment
 from skyarm.studies.assess.assessment import check as assess
@@ -48,11 +48,11 @@ def check(
         raise typer.Exit(DIFFERENT)
 
 
-def sheet(found: Assessment) -> list[RenderableType]:
+def sheet(found: Assessment) -> Lines:
     """Report of a vehicle check as lines and tables: alarms with remedies, notes, then passed checks."""
     load = f", with {found.payload:g} kg at the tip" if found.payload else ""
     vehicle = f" ({found.vehicle.name})" if found.vehicle.name != found.name else ""
-    parts: list[RenderableType] = [heading(f"{found.name}{vehicle}, g = {found.gravity:g} m/s^2{load}")]
+    parts: Lines = [heading(f"{found.name}{vehicle}, g = {found.gravity:g} m/s^2{load}")]
     alarms = found.alarms()
     parts += [_rows(alarms), ""] if alarms else []
     for each in alarms:

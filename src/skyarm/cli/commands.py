@@ -28,36 +28,39 @@ from skyarm.records.files.own_inputs import inputs_kept
 from skyarm.records.registry.plugins import load_plugin, register_law_of_file
 from skyarm.records.registry.registrations import registrations
 
-GROUPS: Mapping[str, Mapping[str, tuple[str, str]]] = {
+GROUPS: Mapping[str, Mapping[str, str]] = {
     "Vehicles": {
-        "show": ("show_command:show", "List what ships, or show a vehicle or a flight."),
-        "check": ("check_command:check", "Check whether a vehicle can fly, and why not."),
-        "new": ("new_command:new", "Write starter files of a vehicle, scenario, law or study."),
+        "show": "List what ships, or show a vehicle or a flight.",
+        "check": "Check whether a vehicle can fly, and why not.",
+        "new": "Write starter files of a vehicle, scenario, law or study.",
     },
     "Flights": {
-        "run": ("run_command:run", "Fly a scenario; write its log (npz, CSV, MCAP)."),
-        "fly": ("fly_command:fly", "Fly through an autopilot, by a law that runs here."),
-        "diff": ("diff_command:diff", "Compare two logs, or a log with its flight flown again."),
-        "plot": ("plot_command:plot", "Draw flights, or curves of a sweep's metrics."),
-        "film": ("film_command:film", "Film flights; MP4, WebP, or a 3-D recording."),
-        "studio": ("studio_command:studio", "Fly live on a page: sliders, gusts, laws side by side."),
-        "export": ("export_command:export", "Write a log, a law as C, or a vehicle as MJCF."),
+        "run": "Fly a scenario; write its log (npz, CSV, MCAP).",
+        "fly": "Fly through an autopilot, by a law that runs here.",
+        "diff": "Compare two logs, or a log with its flight flown again.",
+        "plot": "Draw flights, or curves of a sweep's metrics.",
+        "film": "Film flights; MP4, WebP, or a 3-D recording.",
+        "studio": "Fly live on a page: sliders, gusts, laws side by side.",
+        "export": "Write a log, a law as C, or a vehicle as MJCF.",
     },
     "Laws and studies": {
-        "identify": ("identify_command:identify", "Identify a vehicle, or delays and lags, from flights."),
-        "margins": ("margins_command:margins", "Linearise the closed loop: eigenvalues, margins."),
-        "tune": ("tune_command:tune", "Tune a law's gains for a vehicle; write the Pareto front."),
-        "compare": ("compare_command:compare", "Compare laws on a suite of trials, or on a scenario."),
-        "sweep": ("sweep_command:sweep", "Fly a study's episodes, or sum up the folder of a sweep."),
-        "reproduce": ("reproduce_command:reproduce", "Repeat the flights of the paper by Barakou (2026)."),
+        "identify": "Identify a vehicle, or delays and lags, from flights.",
+        "margins": "Linearise the closed loop: eigenvalues, margins.",
+        "tune": "Tune a law's gains for a vehicle; write the Pareto front.",
+        "compare": "Compare laws on a suite of trials, or on a scenario.",
+        "sweep": "Fly a study's episodes, or sum up the folder of a sweep.",
+        "reproduce": "Repeat the flights of the paper by Barakou (2026).",
     },
     "Installation": {
-        "doctor": ("doctor:doctor", "Check the installation and the cache of machine code."),
+        "doctor": "Check the installation and the cache of machine code.",
     },
 }
-"""Sections of the help: command -> its function, and its line; commands of plugins have a section of their own."""
+"""Sections of the help: command -> its line; commands of plugins have a section of their own.
 
-COMMANDS = {name: row for section in GROUPS.values() for name, row in section.items()}
+The command NAME is the function NAME of the module NAME_command.
+"""
+
+COMMANDS = {name: title for section in GROUPS.values() for name, title in section.items()}
 
 PLUGIN = "--plugin"
 
@@ -138,10 +141,9 @@ def program(words: Sequence[str]) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     )
     made.callback(invoke_without_command=True)(top)
-    for name, (place, title) in COMMANDS.items():
+    for name, title in COMMANDS.items():
         if name in words:
-            module, _, function = place.partition(":")
-            found = getattr(import_module(f"skyarm.cli.{module}"), function)
+            found = getattr(import_module(f"skyarm.cli.{name}_command"), name)
             made.command(name, cls=Spelled)(with_output_options(name, found))
         else:
             made.command(name, help=title)(lambda: None)

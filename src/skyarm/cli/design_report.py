@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from rich.console import RenderableType
 
-from skyarm.cli.output import aligned_lines, bar, give, heading, tell
+from skyarm.cli.output import Lines, aligned_lines, bar, give, heading, tell
 from skyarm.records.files import number, output_file, taken_back, write_atomically
 from skyarm.records.units import units
 from skyarm.studies.identify.design import SEGMENT, DesignLimits
@@ -92,7 +91,7 @@ def _row(each: Sharpened) -> dict[str, float | str]:
     }
 
 
-def _lines(found: DesignedFlight, vehicle: str, limits: DesignLimits) -> list[RenderableType]:
+def _lines(found: DesignedFlight, vehicle: str, limits: DesignLimits) -> Lines:
     """Table of the numbers with the intervals to expect, and what the flight needs."""
     rows = [
         (each.designed.title, _width(each.designed.verdict), _width(each.undesigned.verdict), f"{each.ratio:.1f}")

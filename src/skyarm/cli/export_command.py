@@ -86,8 +86,7 @@ def _log(flight: str, to: str | None, file: str | None) -> None:
     if to is not None and to not in formats:
         raise ValueError(f"--to = {shown(to)}: {must_be_one_of((*formats, 'c', 'mjcf'), to)}")
     require_readable(flight, "flight")
-    reason = unreadable(Path(flight))
-    if reason:
+    if reason := unreadable(Path(flight)):
         raise ValueError(f"flight = {shown(flight)}: {reason}")
     if file is not None:
         require_format(file, "--out")

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from rich.console import RenderableType
 
-from skyarm.cli.output import bar, give, heading, is_document_wanted, plain, shown_number, table_of, tell
+from skyarm.cli.output import Facts, bar, give, heading, is_document_wanted, plain, shown_number, table_of, tell
 from skyarm.flight_data.clocks import clock_offset
 from skyarm.flight_data.flight_data import FlightData, format_name, load_flight
 from skyarm.flight_data.motion import joints_in_order
@@ -71,7 +70,7 @@ def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
         tell(part, "")
 
 
-def flight_facts(flight: FlightData) -> dict[str, Any]:
+def flight_facts(flight: FlightData) -> Facts:
     """Facts of a measured flight as plain data: format, duration, channels, notes and clock."""
     channels = []
     for name in flight:
@@ -112,7 +111,7 @@ def _clock_words(flight: FlightData) -> str:
         return f"unknown: {error}"
 
 
-def _sheet(facts: dict[str, Any]) -> Iterator[RenderableType]:
+def _sheet(facts: Facts) -> Iterator[RenderableType]:
     """Yield the tables of a flight: channels, clock, notes."""
     rows = []
     for each in facts["channels"]:

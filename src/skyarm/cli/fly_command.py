@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli.arguments import Laws, Out, name_completion, one_law, require_not_another
+from skyarm.cli.arguments import Duration, Flown, Laws, Out, one_law, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import give, say_cause, tell
 from skyarm.cli.run_command import facts, headline, save_logs, summary
@@ -19,10 +19,7 @@ from skyarm.scenario.scenario_file import load_scenario
 
 
 def fly(
-    scenario: Annotated[
-        str,
-        typer.Argument(help="a scenario (.toml), a log, or a shipped name", autocompletion=name_completion("scenario")),
-    ],
+    scenario: Flown,
     link: Annotated[
         str, typer.Option(metavar="URL", help="mavlink://HOST:PORT waits; mavlink-out://HOST:PORT calls; dds://DOMAIN")
     ],
@@ -36,7 +33,7 @@ def fly(
     world: Annotated[str, typer.Option(help="here (begin at the vehicle), or local")] = "here",
     leash: Annotated[float, typer.Option(help="m off the reference at which it ends")] = 1.5,
     patience: Annotated[float, typer.Option(help="s to wait for a vehicle that hovers")] = 60.0,
-    duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
+    duration: Duration = None,
     out: Out = "out/fly",
 ) -> None:
     """Fly through an autopilot, by a law that runs here.

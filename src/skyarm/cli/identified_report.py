@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
-from rich.console import RenderableType
 
-from skyarm.cli.output import aligned_lines, heading, shown_number
+from skyarm.cli.output import Facts, Lines, Row, aligned_lines, heading, plain, shown_number
 from skyarm.flight_data.clocks import ClockOffset
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.series import rates_note
@@ -38,10 +36,10 @@ LISTED = 4
 HEADS = ("", "value", "95 % interval", "start", "unit")
 
 
-def report_lines(found: Identified, start: Vehicle, flights: Sequence[FlightData]) -> list[RenderableType]:
+def report_lines(found: Identified, start: Vehicle, flights: Sequence[FlightData]) -> Lines:
     """Heading, table and remarks of an identified vehicle."""
     names = _few_names([each.name for each in flights])
-    lines: list[RenderableType] = [heading(f"{start.name} from {names}: {found.seconds:.3g} s")]
+    lines: Lines = [heading(f"{start.name} from {names}: {found.seconds:.3g} s")]
     rows = [HEADS, *map(_row, found.numbers)]
     wide = max(len(each[-1]) for each in rows)
     lines += [line.rstrip() for line in aligned_lines([(*each[:-1], each[-1].ljust(wide)) for each in rows])]
@@ -65,9 +63,9 @@ def report_lines(found: Identified, start: Vehicle, flights: Sequence[FlightData
     return [printable(line) if isinstance(line, str) else line for line in lines]
 
 
-def prediction_lines(held_out: HeldOut) -> list[RenderableType]:
+def prediction_lines(held_out: HeldOut) -> Lines:
     """Heading, table and remarks of the predictions of held-out flights."""
-    rows: list[tuple[str, ...]] = [("horizon", "position", "velocity", "attitude", "rate", "predictions")]
+    rows: list[Row] = [("horizon", "position", "velocity", "attitude", "rate", "predictions")]
     wide = max(map(len, held_out.errors))
     for k in table_horizons(held_out):
         for i, (name, errors) in enumerate(held_out.errors.items()):
@@ -76,7 +74,7 @@ def prediction_lines(held_out: HeldOut) -> list[RenderableType]:
             words = [f"{shown_number(value)} {unit}" if math.isfinite(value) else "-" for value, unit in cells]
             first = "" if i else f"{each.horizon:g} s"
             rows.append((f"{first:<7} {name:<{wide}}", *words, str(each.begins)))
-    lines: list[RenderableType] = [heading(f"held out: {_few_names(held_out.flights)}: errors of predictions")]
+    lines: Lines = [heading(f"held out: {_few_names(held_out.flights)}: errors of predictions")]
     lines += aligned_lines(rows)
     force, turning = (
         ", ".join(f"{name} {shown_number(getattr(each, field))}" for name, each in held_out.one_step.items())
@@ -158,7 +156,7 @@ def _few_names(names: Sequence[str]) -> str:
     return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
-def _row(number: IdentifiedNumber) -> tuple[str, ...]:
+def _row(number: IdentifiedNumber) -> Row:
     start = shown_number(number.start, 4)
     if not number.is_known:
         reason = f"{NOT_SHOWN} (*)" if number.reason.startswith(APART) else number.reason
@@ -193,7 +191,7 @@ def document_of(
     faults: Sequence[Fault],
     held_out: HeldOut | None,
     clocks: Mapping[str, ClockOffset],
-) -> dict[str, Any]:
+) -> Facts:
     """All numbers of an identification, for JSON; a value that the flights do not show is null.
 
     Args:
@@ -205,22 +203,7 @@ def document_of(
         held_out: predictions of others.
         clocks: of each flight whose pose was moved to the gyro's clock.
     """
-    numbers = []
-    for each in found.numbers:
-        shown = each.is_known
-        numbers.append(
-            {
-                "name": each.name,
-                "unit": each.unit,
-                "value": each.value if shown else None,
-                "low": each.low if shown else None,
-                "high": each.high if shown else None,
-                "start": each.start,
-                "data_share": each.data_share,
-                "widened": each.widened,
-                "reason": each.reason,
-            }
-        )
+    unknown = dict.fromkeys(("value", "low", "high"))
     return {
         "start": start.name,
         "flights": [{"name": each.name, "file": each.file, "notes": each.notes} for each in flights],
@@ -229,7 +212,7 @@ def document_of(
         "seconds": found.seconds,
         "period": found.period,
         "settled": found.settled,
-        "numbers": numbers,
+        "numbers": [plain(each) | ({} if each.is_known else unknown) for each in found.numbers],
         "given": GIVEN,
         "known": known,
         "correlation": found.correlation,

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import out_option
+from skyarm.cli.arguments import out_option, require_left_out
 from skyarm.cli.design_report import identify_design, limit_option
 from skyarm.cli.identified_report import (
     FIGURE,
@@ -50,8 +50,20 @@ from skyarm.studies.identify.identify_flights import identify_aligned, known_of_
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 
+OF_DESIGN = ("--box", "--tilt", "--seconds", "--clear")
+
+OF_FITS = ("--columns", "--known", "--curve", "--held-out", "--join", "--despite-faults", "--drag-height")
+"""Options of the identification of a vehicle alone."""
+
+OF_FLIGHTS = ("--begin", "--end", "--lags", "--gravity")
+"""Further options of what is identified from flights."""
+
+
+Moment = Annotated[float | None, typer.Option(help="s, of the part of each flight that counts")]
+
 
 def identify(
+    context: typer.Context,
     flights: Annotated[
         list[str] | None, typer.Argument(metavar="FLIGHT...", help="logs of any format that is read")
     ] = None,
@@ -65,8 +77,8 @@ def identify(
     drag_height: Annotated[
         bool, typer.Option("--drag-height", help="hub drag acts at a height of its own; needs the velocity")
     ] = False,
-    begin: Annotated[float | None, typer.Option(help="s, of the part of each flight that counts")] = None,
-    end: Annotated[float | None, typer.Option(help="s, of the part of each flight that counts")] = None,
+    begin: Moment = None,
+    end: Moment = None,
     held_out: Annotated[
         list[str] | None, typer.Option(metavar="FLIGHT", help="predicted and not fitted; repeat")
     ] = None,
@@ -92,37 +104,17 @@ def identify(
 ) -> None:
     """Identify a vehicle, or delays and lags, from flights."""
     # exit code 3: the flights do not tell
-    _require_together(design, {"--box": box, "--tilt": tilt, "--seconds": seconds, "--clear": clear})
     if design is not None:
-        without_design: dict[str, object] = {
-            "FLIGHT": flights,
-            "--vehicle": vehicle,
-            "--columns": columns,
-            "--known": known,
-            "--curve": curve,
-            "--drag-height": drag_height,
-            "--begin": begin,
-            "--end": end,
-            "--held-out": held_out,
-            "--join": join,
-            "--despite-faults": despite_faults,
-            "--lags": lags,
-            "--gravity": gravity,
-        }
-        for option, found in without_design.items():
-            if found not in (None, False):
-                raise ValueError(f"{option}: must be left out with --design")
+        if flights:
+            raise ValueError("FLIGHT: must be left out with --design")
+        require_left_out(context, ["--vehicle", *OF_FITS, *OF_FLIGHTS], " with --design")
         identify_design(design, box, tilt, seconds, clear, out)
         return
+    require_left_out(context, OF_DESIGN, " without --design")
     if not flights:
         raise ValueError("FLIGHT: is missing: must be one log or more, or --design VEHICLE")
     if lags or (vehicle is None and len(flights) == 1 and _is_own_log(Path(flights[0]))):
-        without = {"--columns": columns, "--known": known, "--curve": curve or None, "--held-out": held_out}
-        without |= {"--join": join}
-        without |= {"--despite-faults": despite_faults or None, "--drag-height": drag_height or None}
-        for option, value in without.items():
-            if value is not None:
-                raise ValueError(f"{option}: must be left out without --vehicle, and with --lags")
+        require_left_out(context, OF_FITS, " without --vehicle, and with --lags")
         if len(flights) > 1:
             raise ValueError(f"flights = {len(flights)}: must be one with --lags")
         identify_lags(flights[0], vehicle, gravity, begin, end, out)
@@ -141,13 +133,6 @@ def identify(
     work = Work(flights, held_out or (), join, *options)
     with taken_back(out):
         _identify_vehicle(work, None if out is None else Path(out))
-
-
-def _require_together(design: str | None, options: Mapping[str, float | None]) -> None:
-    """Raise an error in one line for an option of a design without ``--design``."""
-    for option, value in options.items():
-        if design is None and value is not None:
-            raise ValueError(f"{option}: must be left out without --design")
 
 
 @immutable(kw_only=False)
@@ -196,7 +181,9 @@ def _identify_vehicle(work: Work, folder: Path | None) -> None:
 
         def report(more: Sequence[Fault]) -> None:
             faults.extend(more)
-            _report_faults(more, work)
+            require_no_refusal(() if work.only_warn else more)
+            for fault in more:
+                say(f"warning: {fault.words}")
 
         found = identify_aligned(
             fitted,
@@ -320,17 +307,6 @@ def _check_measurements(read: Sequence[FlightData], fitted: Sequence[FlightData]
                 raise ValueError(f"flight = {shown(flight.file)}: must be another measurement than {shown(same)}")
     if full and not any("voltage" in flight for flight in fitted):
         raise ValueError(f"--known {VOLTAGE} = {full:g}: must be left out: no flight measures the voltage")
-
-
-def _report_faults(faults: Sequence[Fault], work: Work) -> None:
-    """Print faults as warnings.
-
-    Raises:
-        ValueError: one line: a fault for which a flight is refused, if it is not only warned of.
-    """
-    require_no_refusal(() if work.only_warn else faults)
-    for fault in faults:
-        say(f"warning: {fault.words}")
 
 
 def _check_sections(flight: FlightData, sections: Sequence[tuple[float, float]]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from skyarm.cli.lines import NOT_COMPLETED, say
-from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell
+from skyarm.cli.output import Row, aligned_lines, bar, give, heading, plain, tell
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import written_part
@@ -39,43 +39,29 @@ def identify_lags(
         Exit: 3, if the flight shows no lag.
     """
     require_readable(flight, "flight")
-    reason = unreadable(Path(flight))
-    if reason:
+    if reason := unreadable(Path(flight)):
         raise ValueError(f"flight = {shown(flight)}: {reason}")
     with taken_back(out and Path(out).parent):
-        _identify_lags(flight, vehicle, gravity, begin, end, out)
-
-
-def _identify_lags(
-    flight: str, vehicle: str | None, gravity: float | None, begin: float | None, end: float | None, out: str | None
-) -> None:
-    written = None if out is None else output_file(out, "--out", ".toml")
-    log = _part(load_log(flight), begin, end)
-    believed, felt, stated = _nominal_model(log, vehicle, gravity)
-    with bar(f"{Path(flight).name}: delays and lags"):
-        found = loop_lags(log, believed, felt)
-    lags = [*([found.rotors] if found.rotors else []), *found.joints]
-    tables = lag_tables(found, measured=stated["measurement"] or 0.0)
-    tell(
-        heading(f"{Path(flight).name}: {found.seconds:g} s, vehicle {believed.name}"),
-        *aligned_lines([HEADS, *map(_row, lags)]),
-        *_notes(found, lags, stated),
-    )
-    if tables:
-        tell(f"\n{tables}")
-    if written is not None and tables:
-        write_atomically(written, tables.encode())
-    known = any(each.is_known for each in lags)
-    give(
-        plain(found),
-        vehicle=believed.name,
-        stated=stated,
-        tables=tables,
-        file=written if tables else None,
-    )
-    if not known:
-        say("the flight does not tell: fly with more motion, or longer")
-        raise typer.Exit(NOT_COMPLETED)
+        written = None if out is None else output_file(out, "--out", ".toml")
+        log = _part(load_log(flight), begin, end)
+        believed, felt, stated = _nominal_model(log, vehicle, gravity)
+        with bar(f"{Path(flight).name}: delays and lags"):
+            found = loop_lags(log, believed, felt)
+        lags = [*([found.rotors] if found.rotors else []), *found.joints]
+        tables = lag_tables(found, measured=stated["measurement"] or 0.0)
+        tell(
+            heading(f"{Path(flight).name}: {found.seconds:g} s, vehicle {believed.name}"),
+            *aligned_lines([HEADS, *map(_row, lags)]),
+            *_notes(found, lags, stated),
+        )
+        if tables:
+            tell(f"\n{tables}")
+            if written is not None:
+                write_atomically(written, tables.encode())
+        give(plain(found), vehicle=believed.name, stated=stated, tables=tables, file=written if tables else None)
+        if not any(each.is_known for each in lags):
+            say("the flight does not tell: fly with more motion, or longer")
+            raise typer.Exit(NOT_COMPLETED)
 
 
 HEADS = ("", "delay and lag", "delay", "up", "down", "over believed", "explained")
@@ -117,7 +103,7 @@ def _nominal_model(
     return model.vehicle, float(model.gravity) if gravity is None else felt, stated
 
 
-def _row(lag: Lag) -> tuple[str, ...]:
+def _row(lag: Lag) -> Row:
     if not lag.is_known:
         return (lag.name, "not known", "", "", "", "", f"{lag.explained:.0%}")
     factors = " ".join(f"{each:.2f}" for each in dict.fromkeys(lag.factor) if not math.isnan(each))

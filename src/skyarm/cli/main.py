@@ -81,8 +81,8 @@ def endings() -> Iterator[list[signal.Signals]]:
     usual: dict[signal.Signals, Any] = {}
     if threading.current_thread() is threading.main_thread():
         known = [getattr(signal, name) for name in WORDS if hasattr(signal, name)]
-        usual = {each: signal.getsignal(each) for each in known}
-        usual = {each: handler for each, handler in usual.items() if handler not in (signal.SIG_IGN, None)}
+        handlers = zip(known, map(signal.getsignal, known), strict=True)
+        usual = {each: handler for each, handler in handlers if handler not in (signal.SIG_IGN, None)}
         for each in usual:
             signal.signal(each, note)
     try:

@@ -11,12 +11,11 @@ import typer
 
 from skyarm.cli.arguments import Laws, Scenario, one_law, out_option, require_not_another, require_within
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
-from skyarm.cli.output import aligned_lines, bar, give, heading, plain, tell, write_json
+from skyarm.cli.output import Row, aligned_lines, bar, give, heading, plain, plugin_facts, tell, write_json
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
 from skyarm.records.files import output_file, shown, taken_back, write_atomically
-from skyarm.records.registry.plugins import identities
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario as Record
@@ -96,7 +95,7 @@ def margins(
         tell("changes in flight are left out: these are the margins of the scenario as it begins")
     if not found.completed:
         tell("the flight ended before its time: no instants beyond")
-    document = {"schema": 1, **plain(found), **_plugins()}
+    document = {"schema": 1, **plain(found), **plugin_facts()}
     give(document, **({} if drawn is None else {"page": drawn}))
     if drawn is not None:
         from skyarm.studies.stability.along import hover_loci
@@ -126,7 +125,7 @@ def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
     return loaded.with_words(controller=with_safety_layer(loaded.controller))
 
 
-def _row(each: Instant) -> tuple[str, ...]:
+def _row(each: Instant) -> Row:
     """Make the table row of eigenvalues and stability margins at one instant."""
     rates = [s for m in each.by_lag.values() for s in m.s]
     return (
@@ -150,12 +149,7 @@ def _number(value: float) -> str:
     return "none" if math.isinf(value) else f"{value:.3g}"
 
 
-def _plugins() -> dict[str, object]:
-    """Digests of loaded plugins and law files for the JSON document; empty without any."""
-    return {"plugins": identities()} if identities() else {}
-
-
-def loop_rows(found: Evidence, *, every: bool) -> list[tuple[str, ...]]:
+def loop_rows(found: Evidence, *, every: bool) -> list[Row]:
     """Make the table rows of disk margins: the weakest loop of each group, or every loop.
 
     Args:
@@ -165,7 +159,7 @@ def loop_rows(found: Evidence, *, every: bool) -> list[tuple[str, ...]]:
     margins = [m for instant in found.instants for m in instant.by_lag.values()]
     alone = _smallest(each for m in margins for each in m.loops)
     several = _smallest(each for m in margins for each in m.together)
-    rows: list[tuple[str, ...]] = [LOOP_HEAD if not every else ("loop", *LOOP_HEAD[1:])]
+    rows: list[Row] = [LOOP_HEAD if not every else ("loop", *LOOP_HEAD[1:])]
     for group in dict.fromkeys(each.group for each in alone.values()):
         members = [each for each in alone.values() if each.group == group]
         listed = members if every else [min(members, key=lambda each: float(each.disk))]
@@ -183,7 +177,7 @@ def _smallest(found: Iterable[LoopMargin]) -> dict[str, LoopMargin]:
     return least
 
 
-def _cells(each: LoopMargin) -> tuple[str, ...]:
+def _cells(each: LoopMargin) -> Row:
     low, high = each.gain
     gain = f"{low:.2f}-" + ("none" if math.isinf(high) else f"{high:.2f}" if high < 10.0 else f"{high:.1f}")
     frequency = "-" if math.isnan(each.frequency) else f"{each.frequency:.1f}"

@@ -34,6 +34,7 @@ from skyarm.cli.arguments import EVERY
 from skyarm.cli.lines import say
 from skyarm.records.files import printable, write_atomically
 from skyarm.records.files.user_code import require_result
+from skyarm.records.registry.plugins import identities
 
 SCHEMA = 1
 """Of the document: keys are added under the same number; one that goes or means something else raises it."""
@@ -46,6 +47,16 @@ NOTHING = 1e-12
 
 Advance = Callable[..., None]
 """(done, total, last): counts so far, and words about the last step."""
+
+
+Facts = dict[str, Any]
+"""Result of a command as plain data, for its document."""
+
+Row = tuple[str, ...]
+"""Cells of a line of a table."""
+
+Lines = list[RenderableType]
+"""Texts and tables that are printed one below the other."""
 
 
 class Terminal(Console):
@@ -117,7 +128,7 @@ class _Asked:
 
     as_json: bool = False
     quiet: bool = False
-    result: dict[str, Any] = field(default_factory=dict)
+    result: Facts = field(default_factory=dict)
 
 
 _asked: ContextVar[_Asked] = ContextVar("asked")
@@ -127,6 +138,11 @@ _asked: ContextVar[_Asked] = ContextVar("asked")
 def give(result: Mapping[str, Any] | None = None, **more: Any) -> None:
     """Add results of the running command to its JSON document."""
     _asked.get(_Asked()).result |= {**(result or {}), **more}
+
+
+def plugin_facts() -> Facts:
+    """Digests of loaded plugins and law files for a JSON document; empty without any."""
+    return {"plugins": identities()} if identities() else {}
 
 
 def is_document_wanted() -> bool:

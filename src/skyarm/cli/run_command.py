@@ -14,12 +14,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
-from rich.console import RenderableType
 
-from skyarm.cli.arguments import Laws, Out, law_names, name_completion, require_left_out, require_not_another
+from skyarm.cli.arguments import (
+    Duration,
+    Flown,
+    Laws,
+    Out,
+    law_names,
+    name_completion,
+    require_left_out,
+    require_not_another,
+)
 from skyarm.cli.autopilot_option import load_under_autopilot, outside_command
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious, say_unlikely
-from skyarm.cli.output import Advance, bar, give, heading, say_cause, shown_number, table_of, tell
+from skyarm.cli.output import Advance, Facts, Lines, bar, give, heading, say_cause, shown_number, table_of, tell
 from skyarm.control.catalogue import require_different
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators.rotor import push
@@ -60,13 +68,7 @@ Preparing = Callable[[float, float], None]
 
 def run(
     context: typer.Context,
-    scenario: Annotated[
-        str,
-        typer.Argument(
-            help="a scenario (.toml), a log, or a shipped name",
-            autocompletion=name_completion("scenario"),
-        ),
-    ],
+    scenario: Flown,
     out: Out = "out/run",
     plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco for the file's")] = None,
     laws: Laws = None,
@@ -78,7 +80,7 @@ def run(
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
-    duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
+    duration: Duration = None,
     force: Annotated[bool, typer.Option("--force", help="replace the log of an earlier flight")] = False,
     logs: Annotated[
         list[str] | None,
@@ -112,7 +114,7 @@ def run(
         flights = [load_under_autopilot(scenario, autopilot, ",".join(names) or None, **words)]
     files = [log_files(logs)] if logs else _files_by_law(Path(out), flights, names)
     drawn = None if picture is None else picture_file(picture, "--plot")
-    flown = list[tuple[Log, dict[str, Any], BaseException | None]]()
+    flown = list[tuple[Log, Facts, BaseException | None]]()
     for planned, own in zip(flights, files, strict=True):
         hint = outside_command(scenario, planned)
         flown.append(_fly_one(planned, own, None if logs else out, ros, pace, hint, force=force))
@@ -147,7 +149,7 @@ def _files_by_law(folder: Path, flights: Sequence[Scenario], names: Sequence[str
 
 def _fly_one(
     planned: Scenario, files: Sequence[Path], out: str | None, ros: int | None, pace: float, hint: str, *, force: bool
-) -> tuple[Log, dict[str, Any], BaseException | None]:
+) -> tuple[Log, Facts, BaseException | None]:
     """Fly a scenario, write its log and print its summary.
 
     The folder ``out`` is made; it is None for files that were named by themselves.
@@ -334,7 +336,7 @@ MOST_NAMED = 3
 """Numbers changed in flight that are named; a record of many would fill the line."""
 
 
-def facts(log: Log) -> dict[str, Any]:
+def facts(log: Log) -> Facts:
     """Summary of a flight as plain data: status, errors, thrust, contacts, grasps and phases."""
     info = log.info
     named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
@@ -403,7 +405,7 @@ def _has_battery(log: Log) -> bool:
     return getattr(restored_part(log.info, "agent", "plant", "vehicle"), "battery", None) is not None
 
 
-def _contacts(log: Log) -> list[dict[str, Any]]:
+def _contacts(log: Log) -> list[Facts]:
     """List contacts by surface and contact point: first touch (s), losses of contact, largest force (N)."""
     pairs: dict[tuple[str, str], list[ContactPeriod]] = {}
     for period in log.contact_periods:
@@ -420,7 +422,7 @@ def _contacts(log: Log) -> list[dict[str, Any]]:
     ]
 
 
-def _mechanisms(log: Log) -> list[dict[str, Any]]:
+def _mechanisms(log: Log) -> list[Facts]:
     """List the coordinate of each mechanism, such as a door: first, farthest and last value."""
     rows = [each for each in columns(log) if each.array == f"{COMPONENTS}.mechanism_position"]
     found = []
@@ -431,11 +433,11 @@ def _mechanisms(log: Log) -> list[dict[str, Any]]:
     return found
 
 
-def summary(log: Log, found: dict[str, Any]) -> list[RenderableType]:
+def summary(log: Log, found: Facts) -> Lines:
     """Text of a flight's summary: status, table of tracking errors, thrust and events."""
     if not _took_off(found):
         return [heading(headline(log, found))]
-    lines: list[RenderableType] = [heading(headline(log, found)), printable(_flight_words(log))]
+    lines: Lines = [heading(headline(log, found)), printable(_flight_words(log))]
     if "steady_window_s" not in found:
         return lines
     start, stop = found["steady_window_s"]
@@ -470,7 +472,7 @@ def headline(log: Log, found: Mapping[str, Any]) -> str:
     return title + (f": {found['cause']}" if found["cause"] else "")
 
 
-def sentences(found: dict[str, Any]) -> list[str]:
+def sentences(found: Facts) -> list[str]:
     """List sentences on estimated lags, contacts, mechanisms, grasps and phases of a flight."""
     lines = []
     if "autopilot" in found:

@@ -14,6 +14,8 @@ from skyarm.cli.arguments import name_completion, out_option, require_left_out, 
 from skyarm.cli.lines import say_unlikely
 from skyarm.cli.output import (
     NOTHING,
+    Facts,
+    Lines,
     bar,
     give,
     is_document_wanted,
@@ -113,7 +115,7 @@ def _draw(name: str, file: str) -> None:
     tell(f"drawing: {target}")
 
 
-def contents() -> dict[str, Any]:
+def contents() -> Facts:
     """List the shipped vehicles, scenarios, studies and controllers as plain data."""
     vehicles = {name: load_vehicle(name) for name in list_vehicles()}
     # a study's title alone: reading the study would read its scenario, too
@@ -156,7 +158,7 @@ def _show_library() -> None:
         tell("", table_of((head, "what"), named, left=2))
 
 
-def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
+def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
     """Facts of a vehicle as plain data: mass, hover, reach, static efforts, joints, bodies and sources.
 
     Raises:
@@ -164,7 +166,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
     """
     zero = tuple(0.0 for _ in vehicle.links)
     com = center_of_mass(vehicle, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], zero)
-    found: dict[str, Any] = {
+    found: Facts = {
         "vehicle": vehicle.name,
         "gravity_m_s2": gravity,
         "mass_kg": float(vehicle.mass),
@@ -205,7 +207,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
     return found
 
 
-def record_facts(record: Any) -> dict[str, Any]:
+def record_facts(record: Any) -> Facts:
     """Convert a dataclass with numbers to a dictionary for JSON."""
     return {name: _plain(getattr(record, name)) for name in field_names(record) or ()}
 
@@ -218,7 +220,7 @@ def _plain(value: Any) -> Any:
     return value if isinstance(value, str | int | float) else float(value)
 
 
-def _hover(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
+def _hover(vehicle: Vehicle, gravity: float) -> Facts:
     trim = hover_trim(vehicle, tuple(0.0 for _ in vehicle.links), gravity)
     level = all(float(square) >= 0.0 for square in trim.squared)
     return {
@@ -229,7 +231,7 @@ def _hover(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
     }
 
 
-def sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> list[RenderableType]:
+def sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> Lines:
     """Make the data sheet of a vehicle as tables: totals, joints, bodies, rotors, battery and sources."""
     sections: dict[str, dict[str, Any]] = {
         "joints": {link.joint.name: link.joint for link in vehicle.links},
@@ -240,7 +242,7 @@ def sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> list[RenderableType]:
         "battery": {} if vehicle.battery is None else {"": vehicle.battery},
     }
     title = f"{vehicle.name}, g = {known['gravity_m_s2']:g} m/s^2, arm at zero"
-    tables: list[RenderableType] = [table_of(("", ""), _whole(vehicle, known), left=2, title=title)]
+    tables: Lines = [table_of(("", ""), _whole(vehicle, known), left=2, title=title)]
     for title, records in sections.items():
         kinds = dict.fromkeys(map(type, records.values()))
         for kind in kinds:

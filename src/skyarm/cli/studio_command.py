@@ -109,8 +109,7 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     from skyarm.vehicle.vehicle_files import load_vehicle
     from skyarm.view.studio.replay import HORIZONS, Replay
 
-    low, high = HORIZONS
-    require_within("--horizon", horizon, low, high)
+    require_within("--horizon", horizon, *HORIZONS)
     model = load_vehicle(vehicle)
     flown = joints_in_order(load_flight(flight, columns), model)
     about, full = Surroundings(delay=float(flown.facts.get("command_delay", 0.0))), 0.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,7 +20,7 @@ from skyarm.cli.arguments import (
     workers,
 )
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
-from skyarm.cli.output import aligned_lines, bar, give, heading, tell
+from skyarm.cli.output import Facts, Row, aligned_lines, bar, give, heading, plugin_facts, tell
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.records.files import (
     must_be_one_of,
@@ -32,7 +31,8 @@ from skyarm.records.files import (
     taken_back,
     write_atomically,
 )
-from skyarm.records.registry.plugins import identities, is_law_of_file, law_of_file_name
+from skyarm.records.immutable import immutable
+from skyarm.records.registry.plugins import is_law_of_file, law_of_file_name
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import LIBRARY, kind_of_file, load_scenario
 from skyarm.scenario.scenario_record import Scenario
@@ -110,7 +110,7 @@ def tune(
         raise typer.Exit(NOT_COMPLETED)
 
 
-@dataclass(frozen=True, kw_only=True)
+@immutable
 class Wanted:
     """Inputs of a gain tuning: scenario, law options, initial gains and label."""
 
@@ -174,7 +174,7 @@ def _tell_front(found: Tuning, seconds: float) -> None:
 
     plan, vehicle = found.plan, found.plan.flight.plant.vehicle
     error = error_words(vehicle)
-    rows: list[tuple[str, ...]] = [("", error, "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")]
+    rows: list[Row] = [("", error, "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")]
     for i, point in enumerate((found.before, *found.points)):
         mark = "before" if i == 0 else "pick" if i - 1 == found.picked else ""
         numbers = (f"{1e3 * point.tip:.3g} mm", f"{point.jitter:.3g}", f"{point.effort:.3g}", f"{point.lost:.0%}")
@@ -207,7 +207,7 @@ def _margins(margins: LoopMargins) -> tuple[str, str, str]:
     return f"{1e3 * margins.delay:.3g} ms", rotors, joints
 
 
-def plain_tuning(found: Tuning) -> dict[str, Any]:
+def plain_tuning(found: Tuning) -> Facts:
     """Convert the result of a tuning to plain data for JSON."""
     from skyarm.studies.tune.tune_page import about, gains_of, plain_aside, plain_point
 
@@ -221,4 +221,4 @@ def plain_tuning(found: Tuning) -> dict[str, Any]:
         "aside": {name: plain_aside(each) for name, each in found.aside.items()},
         "meets_constraints": found.meets,
         "required": {"delay_margin_s": found.required.delay, "gain_margin": found.required.gain},
-    } | ({"plugins": identities()} if identities() else {})
+    } | plugin_facts()

@@ -14,6 +14,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.actuators.rotor import speed_of_push
+from skyarm.envs.observed_quantities import Scalars, above_zero
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
@@ -22,7 +23,10 @@ from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
-Decide = Callable[[Any, Measurement, Reference], tuple[Any, Command]]
+Decision = tuple[Any, Command]
+"""(next memory of the scenario's law, command)"""
+
+Decide = Callable[[Any, Measurement, Reference], Decision]
 """The scenario's law: (memory, measurement, reference) -> (memory, command)."""
 
 
@@ -74,7 +78,7 @@ class Actions:
         """Number of components of an action for a vehicle."""
         return len(vehicle.rotors) + vehicle.n
 
-    def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
+    def command(self, action: Scalars, now: Turn) -> Decision:
         """Convert an action to a vehicle command; return the control law's next internal state and the command.
 
         Args:
@@ -83,11 +87,11 @@ class Actions:
         """
         raise NotImplementedError(f"{type(self).__name__} must define command()")
 
-    def efforts(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Scalar, ...]:
+    def efforts(self, action: Scalars, now: Turn) -> Scalars:
         """Joint efforts, or setpoints of joint drives, commanded by the last components of an action."""
         return tuple(middle + a * half for a, (middle, half) in self.spans(action, now))
 
-    def spans(self, action: tuple[Scalar, ...], now: Turn) -> list[tuple[Any, tuple[Scalar, Scalar]]]:
+    def spans(self, action: Scalars, now: Turn) -> list[tuple[Any, tuple[Scalar, Scalar]]]:
         """List of each joint's action component, setpoint at zero action, and change at full action."""
         links = now.model.vehicle.links
         spans = [self._span(link.joint, each) for link, each in zip(links, now.told, strict=True)]
@@ -102,6 +106,9 @@ class Actions:
         return 0.0, float(limit) if concrete(limit) and 0.0 < limit < math.inf else USUAL_EFFORT
 
 
+HoverShare = Annotated[float, above_zero("", "share of the hover speed")]
+
+
 @immutable
 class RotorsAndJoints(Actions):
     """Action space of rotor speeds relative to hover, then joint setpoints.
@@ -110,9 +117,9 @@ class RotorsAndJoints(Actions):
         span: share of the model's hover speed that a full action adds or subtracts.
     """
 
-    span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.2
+    span: HoverShare = 0.2
 
-    def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
+    def command(self, action: Scalars, now: Turn) -> Decision:
         """Vehicle command with rotor speeds around hover and joint setpoints, within their limits."""
         speeds = tuple(w * (1.0 + self.span * a) for w, a in zip(_hover(now.model), action, strict=False))
         return now.memory, within_limits(now, speeds, self.efforts(action, now))
@@ -127,15 +134,15 @@ class RatesAndThrust(Actions):
         bandwidth: of the rate controller, 1/s.
     """
 
-    rate: Annotated[float, Unit("rad/s", "at full action", low=0.0, strict=True)] = 4.0
-    thrust: Annotated[float, Unit("", "share of the weight at full action", low=0.0, strict=True)] = 0.8
-    bandwidth: Annotated[float, Unit("1/s", low=0.0, strict=True)] = 20.0
+    rate: Annotated[float, above_zero("rad/s", "at full action")] = 4.0
+    thrust: Annotated[float, above_zero("", "share of the weight at full action")] = 0.8
+    bandwidth: Annotated[float, above_zero("1/s")] = 20.0
 
     def size(self, vehicle: Vehicle) -> int:
         """Number of action components: three body rates, thrust, and one for each joint."""
         return 4 + vehicle.n
 
-    def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
+    def command(self, action: Scalars, now: Turn) -> Decision:
         """Vehicle command of a proportional body-rate controller for the desired rates and thrust."""
         model = now.model
         missing = Vec3(*(self.rate * a for a in action[:3])) - now.measurement.rate
@@ -156,8 +163,8 @@ class References(Actions):
         position: m at full action, world axes. angle: rad or m of a joint at full action.
     """
 
-    position: Annotated[float, Unit("m", "at full action", low=0.0, strict=True)] = 0.5
-    angle: Annotated[float, Unit("rad or m", "of a joint at full action", low=0.0, strict=True)] = 0.5
+    position: Annotated[float, above_zero("m", "at full action")] = 0.5
+    angle: Annotated[float, above_zero("rad or m", "of a joint at full action")] = 0.5
 
     asks_law = True
 
@@ -165,7 +172,7 @@ class References(Actions):
         """Number of action components: three base coordinates, and one for each joint."""
         return 3 + vehicle.n
 
-    def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
+    def command(self, action: Scalars, now: Turn) -> Decision:
         """Vehicle command of the control law for the reference plus the action's position offsets."""
         reference = now.reference
         position = reference.position + Vec3(*(self.position * a for a in action[:3]))
@@ -185,11 +192,11 @@ class Residual(Actions):
         span: share of the model's hover speed at full action.
     """
 
-    span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.1
+    span: HoverShare = 0.1
 
     asks_law = True
 
-    def command(self, action: tuple[Scalar, ...], now: Turn) -> tuple[Any, Command]:
+    def command(self, action: Scalars, now: Turn) -> Decision:
         """Vehicle command of the control law plus the action's corrections, within the actuators' limits."""
         following, own = now.law(now.memory, now.measurement, now.reference)
         pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
@@ -217,7 +224,7 @@ def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:
     return (low + high) * 0.5, (high - low) * 0.5
 
 
-def within_limits(now: Turn, speeds: tuple[Scalar, ...], efforts: tuple[Scalar, ...]) -> Command:
+def within_limits(now: Turn, speeds: Scalars, efforts: Scalars) -> Command:
     """Vehicle command clipped to the limits of rotor speeds and joint efforts."""
     vehicle = now.model.vehicle
     turned = tuple(clip(w, 0.0, rotor.max_speed) for w, rotor in zip(speeds, vehicle.rotors, strict=True))
@@ -240,6 +247,6 @@ def _free(limit: Scalar) -> bool:
     return concrete(limit) and limit == math.inf
 
 
-def _hover(model: Model) -> tuple[Scalar, ...]:
+def _hover(model: Model) -> Scalars:
     """Rotor speeds (rad/s) of the nominal model in hover with all joints at zero."""
     return hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity).speeds

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra.scalars.philox import uniforms
-from skyarm.compile import trace
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import LaneStepper
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -21,7 +20,7 @@ from skyarm.records.leaves import rebuild
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import endings_of
-from skyarm.simulate.draws import draw_plan, start_draws
+from skyarm.simulate.draws import start_draws
 from skyarm.simulate.lane_numbers import checked_array
 
 AHEAD = 8192
@@ -42,12 +41,8 @@ class EpisodeStarts:
 
     def __init__(self, program: EnvProgram, lanes: int, dtype: Any) -> None:
         self._program, self._lanes, self._dtype = program, lanes, dtype
-        scenario = program.task.scenario
-        self._counts = [2 * count for _, count in draw_plan(scenario).components]
-        drawn = sum(count for _, count in program.uniforms)
-        started = tuple((0.5,) * count for count in self._counts)
-        self._start = trace(program.start, program.base, (0.5,) * drawn, started)
-        self.varies = bool(program.paths or drawn or any(self._counts))
+        self._start = program.trace_start()
+        self.varies = bool(self._start.inputs)
         self._depth = int(np.clip(AHEAD // lanes, 1, 64)) if self.varies else 1
         self._seeds = np.zeros(lanes, dtype=np.uint64)
         self._first = np.zeros(lanes, dtype=np.int64)

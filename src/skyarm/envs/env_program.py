@@ -14,12 +14,12 @@ from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, clip, logical_and, where
-from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.compile.tracing.program import Loop, Program, trace, trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.envs.action_kinds import Turn
 from skyarm.envs.env_task import Task
-from skyarm.envs.observed_quantities import Result, Sight
+from skyarm.envs.observed_quantities import Result, Scalars, Sight
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, leaves, rebuild
 from skyarm.reference import Reference
@@ -27,7 +27,7 @@ from skyarm.scenario.endings import Divergence
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.check_endings import endings_of
-from skyarm.simulate.draws import draws_needed
+from skyarm.simulate.draws import draw_plan, draws_needed
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.lane_loop import own_row
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
@@ -50,8 +50,8 @@ class EnvState:
     """
 
     loop: LoopState
-    seen: tuple[Scalar, ...]
-    action: tuple[Scalar, ...]
+    seen: Scalars
+    action: Scalars
 
 
 @immutable
@@ -64,7 +64,7 @@ class Outcome:
             the command was not finite.
     """
 
-    observation: tuple[Scalar, ...]
+    observation: Scalars
     reward: Scalar
     truncated: Scalar
     ending: Scalar
@@ -77,7 +77,8 @@ class EnvProgram:
         task: what is flown. loops: keep repetitions as loops, for machine code; JAX wants them written out.
 
     Attributes:
-        base: numbers of the randomised paths in the scenario as it is. size: numbers of an action.
+        base: numbers of the randomised paths in the scenario as it is. draws: example of a period's uniform numbers.
+        size: numbers of an action.
         first: state of an episode, as an example. loop: the step, traced; it logs an :class:`Outcome`.
     """
 
@@ -90,25 +91,25 @@ class EnvProgram:
         # number of the ending whose state means nothing any more
         self._diverged = next(1.0 + k for k, each in enumerate(endings_of(scenario)) if isinstance(each, Divergence))
         self.uniforms = draws_needed(scenario)
-        draws = (0.5,) * sum(count for _, count in self.uniforms)
-        self._measurement = structure_of(self._begin(self.base, draws, None)[1])
+        self.draws = (0.5,) * sum(count for _, count in self.uniforms)
+        self._measurement = structure_of(self._begin(self.base, self.draws, None)[1])
         self._kept = tuple(range(len(leaves(self._measurement))))
         # what of the measurement the next step reads shows in a first trace: usually all for a law, nothing else
-        whole = self._trace(draws)
+        whole = self._trace()
         used = {arg.index for node in whole.program.nodes for arg in node.args}
         count = whole.carry - len(self._kept) - self.size
         self._kept = tuple(i for i in self._kept if whole.program.inputs[count + i].index in used)
-        self.loop = self._trace(draws)
+        self.loop = self._trace()
 
-    def _trace(self, draws: tuple[Scalar, ...]) -> Loop:
-        first, _ = self.start(self.base, draws)
+    def _trace(self) -> Loop:
+        first, _ = self.start(self.base, self.draws)
         self.first: EnvState = structure_of(first)
         values = (self.base, (0.0,) * self.size)
         return trace_loop(self.step, self.first, values, (), self.uniforms, loops=self._loops, own_seeds=True)
 
     def start(
         self, numbers: Sequence[Scalar], draws: Sequence[Scalar], started: Sequence[Sequence[Scalar]] | None = None
-    ) -> tuple[EnvState, tuple[Scalar, ...]]:
+    ) -> tuple[EnvState, Scalars]:
         """Initial state and observation of an episode.
 
         Args:
@@ -119,13 +120,18 @@ class EnvProgram:
         now, measurement, told = self._begin(numbers, draws, started)
         action = (0.0,) * self.size
         state = EnvState(loop=now, seen=self._select_numbers(measurement), action=action)
-        return state, self._observe(Stages(self._lane_scenario(numbers)), measurement, told, action)
+        return state, self._observe(self._stages(numbers), measurement, told, action)
+
+    def trace_start(self) -> Program:
+        """Trace the beginning of an episode, all of whose numbers are inputs."""
+        started = tuple((0.5,) * (2 * count) for _, count in draw_plan(self.task.scenario).components)
+        return trace(self.start, self.base, self.draws, started)
 
     def _begin(
         self, numbers: Sequence[Scalar], draws: Sequence[Scalar], started: Any
     ) -> tuple[LoopState, Any, Reference]:
         """Initial closed-loop state, first measurement and first reference of an episode."""
-        stages = Stages(self._lane_scenario(numbers))
+        stages = self._stages(numbers)
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
             first = dataclasses.replace(first, memory=())
@@ -135,7 +141,7 @@ class EnvProgram:
     def step(self, now: EnvState, values: Any, _fed: Any, draws: Sequence[Scalar]) -> tuple[EnvState, Outcome]:
         """Simulate one control period with an action, and compute observation and reward."""
         numbers, given = values
-        stages = Stages(self._lane_scenario(numbers))
+        stages = self._stages(numbers)
         action = tuple(clip(a, -1.0, 1.0) for a in given)
         loop, row = now.loop, own_row(stages.scenario, now.loop.ticks)
         memory, command = self._decide(stages, now, row, action)
@@ -178,8 +184,9 @@ class EnvProgram:
         )
         return EnvState(loop=following, seen=self._select_numbers(measurement), action=action), outcome
 
-    def _lane_scenario(self, numbers: Sequence[Scalar]) -> Scenario:
-        return with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True)))
+    def _stages(self, numbers: Sequence[Scalar]) -> Stages:
+        """Stages of the loop of the scenario with other numbers at the randomised paths."""
+        return Stages(with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True))))
 
     def _goal(self, scenario: Scenario, ticks: Scalar) -> Vec3:
         """Position reference at the end of a control period."""
@@ -187,7 +194,7 @@ class EnvProgram:
         position: Vec3 = own_row(scenario, where(ticks > last, last, ticks)).reference.position
         return position
 
-    def _decide(self, stages: Stages, now: EnvState, row: Row, action: tuple[Scalar, ...]) -> Any:
+    def _decide(self, stages: Stages, now: EnvState, row: Row, action: Scalars) -> Any:
         """Convert an action to a vehicle command; return the control law's next internal state and the command."""
         values = iter(leaves(self._measurement))
         known = dict(zip(self._kept, now.seen, strict=True))
@@ -204,13 +211,11 @@ class EnvProgram:
         memories = {"components": found.components, "sensors": found.read.sensors, "estimate": found.read.estimate}
         return dataclasses.replace(now, **memories), found.read.measurement
 
-    def _select_numbers(self, measurement: Any) -> tuple[Scalar, ...]:
+    def _select_numbers(self, measurement: Any) -> Scalars:
         numbers = leaves(measurement)
         return tuple(numbers[i] for i in self._kept)
 
-    def _observe(
-        self, stages: Stages, measurement: Any, told: Reference, action: tuple[Scalar, ...]
-    ) -> tuple[Scalar, ...]:
+    def _observe(self, stages: Stages, measurement: Any, told: Reference, action: Scalars) -> Scalars:
         model = stages.scenario.controller.par.model
         return observation_of(self.task, Sight(measurement=measurement, reference=told, action=action, model=model))
 
@@ -225,7 +230,7 @@ class EnvProgram:
         return found
 
 
-def observation_of(task: Task, sight: Sight) -> tuple[Scalar, ...]:
+def observation_of(task: Task, sight: Sight) -> Scalars:
     """Observation vector of a learning task, with every number finite."""
     return tuple(_finite(number) for each in task.observation for number in each.numbers(sight))
 

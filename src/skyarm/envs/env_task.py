@@ -20,6 +20,9 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.lane_numbers import require_rigid_body
 from skyarm.simulate.user_code import require_shapes
 
+Info = dict[str, Any]
+"""What a reset or a step tells beside the numbers, as Gymnasium has it."""
+
 PRECISIONS = ("single", "double", "bit_exact")
 
 
@@ -77,9 +80,7 @@ def make_task(
     if precision not in PRECISIONS:
         raise ScenarioError(f"precision = {shown(precision)}: {must_be_one_of(dict.fromkeys(PRECISIONS), precision)}")
     kind = _record_of("actions", actions, ACTIONS, Actions)
-    seen = _several("observation", observation, OBSERVED, Observed)
-    if not seen:
-        raise ScenarioError(f"observation = {shown(observation)}: must have at least one quantity")
+    seen = _several("observation", observation, OBSERVED, Observed, "quantity")
     if kind.asks_law:
         flown.controller.require_compiled(f"an environment with actions {type(kind).__name__}")
         if flown.path_time is not None:
@@ -88,9 +89,7 @@ def make_task(
         # a law that is not asked ends no episode where it is not defined
         flown = flown.with_words(controller=dataclasses.replace(flown.controller, margin=None))
     require_shapes(flown)
-    rewarded = _several("reward", reward, REWARDS, RewardTerm)
-    if not rewarded:
-        raise ScenarioError(f"reward = {shown(reward)}: must have at least one term")
+    rewarded = _several("reward", reward, REWARDS, RewardTerm, "term")
     return Task(
         scenario=flown,
         actions=kind,
@@ -127,11 +126,14 @@ def _record_of(field: str, given: Any, known: Mapping[str, Any], kind: type) -> 
     raise ScenarioError(f"{field} = {shown(given)}: {must_be_one_of(known, given)}, or a record {kind.__name__}")
 
 
-def _several(field: str, given: Any, known: Mapping[str, Any], kind: type) -> tuple[Any, ...]:
-    """Make a tuple of observation or reward records from records and registered names."""
+def _several(field: str, given: Any, known: Mapping[str, Any], kind: type, what: str) -> tuple[Any, ...]:
+    """Make a tuple of observation or reward records, at least one, from records and registered names."""
     if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
         raise ScenarioError(f"{field} = {shown(given)}: must be a list of names or records {kind.__name__}")
-    return tuple(_record_of(f"{field}[{i}]", each, known, kind) for i, each in enumerate(given))
+    found = tuple(_record_of(f"{field}[{i}]", each, known, kind) for i, each in enumerate(given))
+    if not found:
+        raise ScenarioError(f"{field} = {shown(given)}: must have at least one {what}")
+    return found
 
 
 def require_open(call: str, *, closed: bool) -> None:

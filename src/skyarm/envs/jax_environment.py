@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.compile import trace
 from skyarm.compile.machine_code import missing_extra
 from skyarm.dynamics import State
 from skyarm.envs.env_program import EnvProgram
-from skyarm.envs.env_task import Task
+from skyarm.envs.env_task import Info, Task
+from skyarm.envs.observed_quantities import Scalars
 from skyarm.envs.randomised_numbers import with_fixed
 from skyarm.records.files import shown
 from skyarm.records.leaves import rebuild
@@ -37,8 +37,6 @@ except ImportError as error:  # pragma: no cover  (the library is there when thi
     raise missing_extra("jax") from error
 
 from skyarm.compile.jax.jax_operations import evaluate, uniforms
-
-Info = dict[str, Any]
 
 StepResult = tuple[Any, "JaxState", Any, Any, Info]
 """Observation, state, reward, done, info."""
@@ -91,9 +89,7 @@ class JaxEnvironment:
         drawn, loop = len(task.randomised.paths), self._program.loop
         self.paths = self._program.paths[drawn:]
         self._counts = [(channel, count) for channel, count in draw_plan(task.scenario).components if count]
-        wholes = tuple((0.5,) * (2 * count) for _, count in draw_plan(task.scenario).components)
-        draws = (0.5,) * sum(count for _, count in self._program.uniforms)
-        self._start = trace(self._program.start, self._program.base, draws, wholes)
+        self._start = self._program.trace_start()
         self.observation_size, self.action_size = loop.logged - 3, self._program.size
         base = zip(self.paths, self._program.base[drawn:], strict=True)
         self.default_params = {path: jnp.asarray(number, self.dtype) for path, number in base}
@@ -150,7 +146,7 @@ class JaxEnvironment:
         now: Any = rebuild(self._program.first, iter(state.carry))
         return now.loop.state  # type: ignore[no-any-return]
 
-    def _numbers(self, params: Any) -> tuple[Scalar, ...]:
+    def _numbers(self, params: Any) -> Scalars:
         """Check the adjustable parameters of a JAX environment and return them as a tuple.
 
         Raises:

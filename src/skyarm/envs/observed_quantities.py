@@ -18,9 +18,18 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 from skyarm.vehicle.vehicle_records import Vehicle
 
-Metres = Annotated[float, Unit("m", low=0.0, strict=True)]
-JointTravel = Annotated[float, Unit("rad or m", low=0.0, strict=True)]
-RadPerSecond = Annotated[float, Unit("rad/s", low=0.0, strict=True)]
+Scalars = tuple[Scalar, ...]
+"""Numbers of an observation, an action or the like, as they are or traced."""
+
+
+def above_zero(unit: str, meaning: str = "") -> Unit:
+    """Declaration of a number that must be above 0."""
+    return Unit(unit, meaning, low=0.0, strict=True)
+
+
+Metres = Annotated[float, above_zero("m")]
+JointTravel = Annotated[float, above_zero("rad or m")]
+RadPerSecond = Annotated[float, above_zero("rad/s")]
 """Scales, by which a number is divided."""
 
 
@@ -36,7 +45,7 @@ class Sight:
 
     measurement: Measurement
     reference: Reference
-    action: tuple[Scalar, ...]
+    action: Scalars
     model: Model
 
 
@@ -54,8 +63,8 @@ class Result:
     state: State
     reference: Reference
     vehicle: Vehicle
-    action: tuple[Scalar, ...]
-    action_before: tuple[Scalar, ...]
+    action: Scalars
+    action_before: Scalars
     command: Command
     ended: Scalar
 
@@ -87,7 +96,7 @@ class PositionError(Observed):
 class VelocityError(Observed):
     """Observed velocity error: reference minus measured velocity of the base origin, world axes."""
 
-    scale: Annotated[float, Unit("m/s", low=0.0, strict=True)] = 1.0
+    scale: Annotated[float, above_zero("m/s")] = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The three scaled components of the velocity error for the observation vector."""
@@ -119,7 +128,7 @@ class BodyRate(Observed):
 class SpecificForce(Observed):
     """Observed specific force: accelerometer reading in base axes, +g along z in hover."""
 
-    scale: Annotated[float, Unit("m/s^2", low=0.0, strict=True)] = 10.0
+    scale: Annotated[float, above_zero("m/s^2")] = 10.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The three scaled components of the specific force for the observation vector."""
@@ -153,7 +162,7 @@ class JointAngles(Observed):
 class JointRates(Observed):
     """Observed joint rates."""
 
-    scale: Annotated[float, Unit("rad/s or m/s", low=0.0, strict=True)] = 5.0
+    scale: Annotated[float, above_zero("rad/s or m/s")] = 5.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The scaled rate of each joint for the observation vector."""
@@ -168,8 +177,7 @@ class TipError(Observed):
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The three scaled components of the tip error for the observation vector."""
-        vehicle, seen = sight.model.vehicle, sight.measurement
-        return _divide(tip_error(vehicle, seen, sight.reference), self.scale)
+        return _divide(tip_error(sight.model.vehicle, sight.measurement, sight.reference), self.scale)
 
 
 @immutable

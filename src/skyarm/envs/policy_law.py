@@ -9,15 +9,15 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar, clip
+from skyarm.algebra.scalars import clip
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.laws.learned.law import Layer, Network
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer
-from skyarm.envs.action_kinds import Turn
+from skyarm.envs.action_kinds import Decision, Turn
 from skyarm.envs.env_program import observation_of
 from skyarm.envs.env_task import Task
-from skyarm.envs.observed_quantities import Sight
+from skyarm.envs.observed_quantities import Scalars, Sight
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import is_record
@@ -54,7 +54,7 @@ class PolicyMemory:
     """
 
     inner: Any
-    action: Annotated[tuple[Scalar, ...], Unit("", "the last one, each number in [-1, 1]")]
+    action: Annotated[Scalars, Unit("", "the last one, each number in [-1, 1]")]
 
 
 def as_law(policy: Any, environment: Any, *, name: str = "policy", traceable: bool = True) -> Controller:
@@ -126,7 +126,7 @@ def policy_law(
     action = tuple(clip(a, -1.0, 1.0) for a in given)
     own = dataclasses.replace(par.inner, model=par.model, mixer=par.mixer) if is_record(par.inner) else par
 
-    def law(held: Any, seen: Measurement, wanted: Reference) -> tuple[Any, Command]:
+    def law(held: Any, seen: Measurement, wanted: Reference) -> Decision:
         return asked(held, seen, wanted, dt, par=own)
 
     turn = Turn(memory.inner, measurement, reference, law, own, observation.told)
@@ -134,7 +134,7 @@ def policy_law(
     return PolicyMemory(inner=following, action=action), command
 
 
-def _no_law(memory: Any, *_: Any, **__: Any) -> tuple[Any, Command]:
+def _no_law(memory: Any, *_: Any, **__: Any) -> Decision:
     """Placeholder control law for action kinds that need no underlying law; commands nothing."""
     return memory, Command()
 

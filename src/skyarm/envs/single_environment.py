@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 
 from skyarm.envs.env_lanes import EnvLanes
-from skyarm.envs.env_task import make_task, require_open, seed_of
+from skyarm.envs.env_task import Info, make_task, require_open, seed_of
 from skyarm.envs.vector_environment import spaces
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import shown
@@ -62,7 +62,7 @@ class Environment(gymnasium.Env[Array, Array]):
         """Scenario of the learning task with its nominal parameters."""
         return self.lanes.task.scenario
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, Info]:
         """Start episode 0 of a random seed, or the next episode without a seed."""
         require_open("reset", closed=self._closed)
         key = None if seed is None else seed_of(seed)
@@ -76,7 +76,7 @@ class Environment(gymnasium.Env[Array, Array]):
         self._begun, self._drawn = True, False
         return self.lanes.observation[:, 0].copy(), {}
 
-    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
         """Simulate one control period with an action, as Gymnasium's ``step``.
 
         Args:
@@ -103,7 +103,7 @@ class Environment(gymnasium.Env[Array, Array]):
         info = self._ending() if ended else {}
         return lanes.observation[:, 0].copy(), float(lanes.reward[0]), ended, bool(lanes.truncated[0]), info
 
-    def _ending(self) -> dict[str, Any]:
+    def _ending(self) -> Info:
         """Status and cause of an early termination, as a Gymnasium info."""
         lanes = self.lanes
         ending = int(lanes.ending[0])

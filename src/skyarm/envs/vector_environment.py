@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from skyarm.envs.env_lanes import EnvLanes
 from skyarm.envs.env_program import LARGEST
-from skyarm.envs.env_task import KEYS, Task, make_task, require_open, seed_of, seeds_of
+from skyarm.envs.env_task import KEYS, Info, Task, make_task, require_open, seed_of, seeds_of
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -75,7 +75,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Array, dict[str, Any]]:
+    ) -> tuple[Array, Info]:
         """Start a new episode in all SIMD lanes, or in those that a mask selects.
 
         Args:
@@ -105,7 +105,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         self._over = np.flatnonzero(self.lanes.ended | self.lanes.truncated)
         return self._observe(), {}
 
-    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, Info]:
         """Simulate one control period of all parallel episodes, as Gymnasium's ``step``.
 
         Args:
@@ -123,7 +123,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         if not self._begun:
             raise ScenarioError("step: must come after reset()")
         lanes.act(actions)
-        infos: dict[str, Any] = {}
+        infos: Info = {}
         if not over.size:
             ending = lanes.step()
         else:
@@ -151,7 +151,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
     def _observe(self) -> Array:
         return self._view.copy(order="C") if self._copy else self._view
 
-    def _infos(self, ended: Array) -> dict[str, Any]:
+    def _infos(self, ended: Array) -> Info:
         """Gymnasium infos with status and cause of early terminations."""
         which = np.flatnonzero(ended)
         if not which.size:
@@ -160,7 +160,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         status[which] = self.lanes.statuses[self.lanes.ending[which].astype(np.intp)]
         return {"status": status, "_status": ended.copy()}
 
-    def _final(self, infos: dict[str, Any]) -> dict[str, Any]:
+    def _final(self, infos: Info) -> Info:
         """Final observations and infos of the episodes that have ended."""
         mask = np.zeros(self.num_envs, dtype=bool)
         mask[self._over] = True

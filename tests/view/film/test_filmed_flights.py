@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ from skyarm.view.film.filmed_flight import (
     wind_arrow,
     wind_words,
 )
-from skyarm.view.film.make_film import CAMERA_NAMES, FilmSettings, film_panels, frame_times, size_of
+from skyarm.view.film.make_film import Camera, FilmSettings, film_panels, frame_times, size_of
 
 
 def test_frames_are_the_instants_that_speed_and_rate_say() -> None:
@@ -136,7 +137,7 @@ def test_every_camera_has_the_vehicles_and_their_desired_places_in_view(name: st
             depth, slope = np.sum(ray * away, axis=1), np.tan(np.radians(0.5 * FIELD_OF_VIEW))
             assert np.all(np.abs(np.sum(ray * right, axis=1)) < 0.95 * 0.9 * slope * depth)
             assert np.all(np.abs(np.sum(ray * np.cross(right, away), axis=1)) < 0.95 * slope * depth)
-    assert name in CAMERA_NAMES
+    assert name in get_args(Camera)
 
 
 def test_a_narrow_picture_is_looked_at_from_as_far_as_a_low_one() -> None:

@@ -6,12 +6,13 @@ import re
 import shlex
 import sys
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from film_flights import needs_display
 from skyarm.cli.commands import perform
-from skyarm.view.film.make_film import CAMERA_NAMES, LAYOUTS
+from skyarm.view.film.make_film import Camera, Layout
 from skyarm.view.film.recording import SUFFIXES
 from skyarm.view.film.video_files import FILM_FORMATS
 
@@ -50,7 +51,7 @@ def test_the_python_shown_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
 
 
 def test_every_choice_is_on_the_page() -> None:
-    for choice in (*LAYOUTS, *CAMERA_NAMES):
+    for choice in (*get_args(Layout), *get_args(Camera)):
         assert re.search(rf"`(--\w+ )?{choice}`", PAGE), choice
     for suffix in (*FILM_FORMATS, *SUFFIXES):
         assert f"`.{suffix}`" in PAGE

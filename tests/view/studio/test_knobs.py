@@ -13,8 +13,10 @@ from skyarm.records.registry import registrations
 from skyarm.records.units import Unit
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.view.studio.fleet import Fleet, law_names
-from skyarm.view.studio.knobs import GROUPS, Knob, knobs_of
+from skyarm.view.studio.knobs import Knob, knobs_of
 from skyarm.world import Wrench
+
+GROUPS = {"law", "reference", "wind and forces", "payload", "sensors", "delay", "faults"}
 
 LIBRARY = Path(skyarm.__file__).parent / "scenario" / "library"
 
@@ -44,7 +46,7 @@ def test_every_slider_holds_a_number_of_the_scenario(case: str, law: str | None)
     found = knobs_of(scenario, fleet.push_path)
     require_apart(scenario, [knob.path for knob in found])  # no number has two sliders
     # a delay varies in machine code, which nmpc has not
-    assert {knob.group for knob in found} == set(GROUPS) - ({"delay"} if law == "nmpc" else set())
+    assert {knob.group for knob in found} == GROUPS - ({"delay"} if law == "nmpc" else set())
     for knob in found:
         assert number_at(scenario, knob.path) == knob.value
         assert knob.low <= knob.value <= knob.high, knob

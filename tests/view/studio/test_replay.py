@@ -156,7 +156,9 @@ def test_the_page_tells_the_errors_and_its_slider_sets_the_horizon() -> None:
 def test_the_page_says_the_faults_of_the_flight(warning: str) -> None:
     shown = replay()
     shown.warning = warning
-    text = ReplayPage._text(SimpleNamespace(replay=shown, _predicting=False, _words=""))
+    page = object.__new__(ReplayPage)
+    vars(page).update(replay=shown, _predicting=False, _words="")
+    text = page._text()
     lines = [line for line in text.splitlines() if line.startswith("**Warning:**")]
     assert len(lines) == bool(warning)
     assert not lines or "gyro: axis x is" in lines[0]

@@ -117,8 +117,8 @@ def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
         if i % ACROSS == 0:
             panel.set_ylabel("error [mm]", **PAGE.words)
     handles = {law: Line2D([], [], markersize=5, **look) for law, look in looks.items()}
-    cross: Style = {"linestyle": "none", "marker": "x", "markersize": 7, "markeredgewidth": 2}
-    PAGE.legend(figure, {**handles, "lost": Line2D([], [], color=PAGE.frame, **cross)})
+    cross = Line2D([], [], color=PAGE.frame, linestyle="none", marker="x", markersize=7, markeredgewidth=2)
+    PAGE.legend(figure, {**handles, "lost": cross})
     return figure
 
 
@@ -176,5 +176,5 @@ def _draw_law(
     panel.plot(places, error, markersize=4, zorder=3 + place, **look)
     height = HIGH * (TOP / HIGH) ** (0.15 + 0.85 * place)
     lost = [at for at, point in zip(places, points, strict=True) if point["lost"]]
-    mark: Style = {"linestyle": "none", "marker": "x", "markersize": 6, "markeredgewidth": 2.0}
-    panel.plot(lost, [height] * len(lost), color=look["color"], zorder=4, **mark)
+    heights = [height] * len(lost)
+    panel.plot(lost, heights, "x", color=look["color"], markersize=6, markeredgewidth=2.0, zorder=4)

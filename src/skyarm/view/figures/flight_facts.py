@@ -23,6 +23,13 @@ LONGEST, LONGEST_VALUE = 40, 16
 """Characters of a label, and of a changed value in words."""
 
 
+Named = Mapping[str, Log]
+"""Words of the legend -> log."""
+
+Span = tuple[float, float]
+"""First and last instant, s."""
+
+
 @immutable(kw_only=False)
 class Event:
     """Event in a flight, such as a gust or fault: label, start and stop time, s (equal for an instant)."""
@@ -46,7 +53,7 @@ def end_time(log: Log) -> float:
     return round(float(log.time[-1]) + 1.0 / float(log.info["rates_hz"]["control"]), 9) if log.time.size else 0.0
 
 
-def gust_interval(log: Log) -> tuple[float, float] | None:
+def gust_interval(log: Log) -> Span | None:
     """Time interval, s, from the first gust of air or force to the last; None without gusts within the flight.
 
     Of a log without a scenario it is where the wind's force is not zero, unless it is so throughout.
@@ -92,13 +99,11 @@ def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:
         flights apart; at last numbers.
     """
     laws = [str(log.info.get("controller", "")) for log in logs]
-    choices = [[Path(file).stem for file in files], laws]
-    choices += [
+    told_by = (
         [f"{law}, {log.info.get(field, '')}" for law, log in zip(laws, logs, strict=True)]
         for field in ("scenario", "plant", "seed")
-    ]
-    choices.append([str(file) for file in files])
-    for labels in choices:
+    )
+    for labels in ([Path(file).stem for file in files], laws, *told_by, files):
         short = [shorten_label(label) for label in labels]
         if len(short) == len(logs) == len(set(short)):
             return short

@@ -23,6 +23,9 @@ from skyarm.view.figures.flight_facts import desired_push, scenario_of
 Read = Callable[[Log], Array | None]
 """Log -> curve (N,); None of a log that has none of it."""
 
+Logs = Sequence[Log]
+"""Of the flights in one picture."""
+
 AXES = "xyz"
 
 MILLIMETRES = 1e3
@@ -53,6 +56,10 @@ class Panel:
     scale: str = ""
 
 
+Panels = list[Panel]
+"""From top to bottom."""
+
+
 def column(name: str, i: int, reference: str = "", factor: float = 1.0) -> Read:
     """Make a function that reads column ``i`` of a logged array, or its difference from a reference array."""
 
@@ -71,7 +78,7 @@ def distance(name: str, reference: str, factor: float = 1.0) -> Read:
     return lambda log: factor * np.asarray(np.linalg.norm(getattr(log, name) - getattr(log, reference), axis=1))
 
 
-def by_axis(label: str, array: str, desired: str = "", error: str = "") -> list[Panel]:
+def by_axis(label: str, array: str, desired: str = "", error: str = "") -> Panels:
     """Make a panel for each world axis: a logged position with its reference, or its error."""
     return [
         Panel(
@@ -84,7 +91,7 @@ def by_axis(label: str, array: str, desired: str = "", error: str = "") -> list[
     ]
 
 
-def _joints(logs: Sequence[Log]) -> Iterator[tuple[int, str, str, list[Any]]]:
+def _joints(logs: Logs) -> Iterator[tuple[int, str, str, list[Any]]]:
     """Yield (index, label, kind, joint records of all flights) for each joint of the arm with most joints."""
     names = names_of(max(logs, key=lambda log: log.joints.shape[1]))
     for i, (name, kind) in enumerate(zip(names.joints, names.kinds, strict=True)):
@@ -92,7 +99,7 @@ def _joints(logs: Sequence[Log]) -> Iterator[tuple[int, str, str, list[Any]]]:
         yield i, label, kind, [each.links[i].joint for each in _vehicles(logs) if i < each.n]
 
 
-def _vehicles(logs: Sequence[Log]) -> list[Vehicle]:
+def _vehicles(logs: Logs) -> list[Vehicle]:
     return [scenario.plant.vehicle for log in logs if (scenario := scenario_of(log)) is not None]
 
 
@@ -100,7 +107,7 @@ def _finite(values: Iterable[Any]) -> tuple[float, ...]:
     return tuple(sorted({float(each) for each in values if math.isfinite(each)}))
 
 
-def _tracking(logs: Sequence[Log]) -> list[Panel]:
+def _tracking(logs: Logs) -> Panels:
     return by_axis("Base", "position", "position_reference") + [
         Panel(
             label=label,
@@ -113,13 +120,13 @@ def _tracking(logs: Sequence[Log]) -> list[Panel]:
     ]
 
 
-def _tip(logs: Sequence[Log]) -> list[Panel]:
+def _tip(logs: Logs) -> Panels:
     error = distance("tip", "tip_reference", MILLIMETRES)
     norm = Panel(label="Tip error", unit="mm", of=error, magnitude=True, span=1.0)
     return [*by_axis("Tip", "tip", "tip_reference"), norm]
 
 
-def _contact(logs: Sequence[Log]) -> list[Panel]:
+def _contact(logs: Logs) -> Panels:
     """Make panels of the normal contact force, one per pair of surface and contact point that touched."""
     pairs = dict.fromkeys(
         pair
@@ -152,7 +159,7 @@ def _pair_force(*pair: str) -> Read:
     return read
 
 
-def _attitude(logs: Sequence[Log]) -> list[Panel]:
+def _attitude(logs: Logs) -> Panels:
     angle = math.degrees(1.0)
     return [
         Panel(label="Roll", unit="deg", of=column("euler", 0, factor=angle), span=1.0),
@@ -167,7 +174,7 @@ def _yaw(log: Log) -> Array:
     return np.degrees(yaw + math.tau * np.round((log.yaw_reference - yaw) / math.tau))
 
 
-def _efforts(logs: Sequence[Log]) -> list[Panel]:
+def _efforts(logs: Logs) -> Panels:
     """Make panels of the joint commands: torque or force, or the setpoint of a drive, with its unit."""
     found = []
     for i, label, kind, joints in _joints(logs):
@@ -189,7 +196,7 @@ def _command(i: int, setpoint: str | None) -> Read:
     return lambda log: efforts(log) if i < log.efforts.shape[1] and names_of(log).setpoints[i] == setpoint else None
 
 
-def _rotors(logs: Sequence[Log]) -> list[Panel]:
+def _rotors(logs: Logs) -> Panels:
     names = names_of(max(logs, key=lambda log: log.rotor_speeds.shape[1])).rotors
     turning = [vehicle.rotors for vehicle in _vehicles(logs)]
     return [
@@ -204,7 +211,7 @@ def _rotors(logs: Sequence[Log]) -> list[Panel]:
     ]
 
 
-def _parts(logs: Sequence[Log]) -> list[Panel]:
+def _parts(logs: Logs) -> Panels:
     """Make panels of all quantities logged by winds, forces, contacts, payloads and batteries."""
     every = {each.name: each for log in logs for each in columns(log) if each.array.startswith(f"{COMPONENTS}.")}
     return [Panel(label=name, unit=each.unit, of=_log_column(name)) for name, each in every.items()]
@@ -215,7 +222,7 @@ def _log_column(name: str) -> Read:
     return lambda log: next((each.of(log) for each in columns(log) if each.name == name), None)
 
 
-KINDS: Mapping[str, Callable[[Sequence[Log]], list[Panel]]] = {
+KINDS: Mapping[str, Callable[[Logs], Panels]] = {
     "tracking": _tracking,
     "attitude": _attitude,
     "tip": _tip,
@@ -247,7 +254,7 @@ def measured_flights(log: Log) -> Iterator[tuple[str, Log]]:
             yield word, replace(log, **received)
 
 
-def panels_of(kind: str, logs: Sequence[Log]) -> list[Panel]:
+def panels_of(kind: str, logs: Logs) -> Panels:
     """Make the panels of one kind of time plot, for all joints and rotors of the given flights.
 
     Raises:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import PathLike, number
 from skyarm.records.files.names import require_suffix
 from skyarm.view.figures.flight_facts import (
     Event,
     Flights,
+    Named,
+    Span,
     end_time,
     ending_of,
     flight_events,
@@ -42,7 +43,7 @@ FILLS = {"surface": "#cfc9bd", "object": "#d9b48f"}
 """Role of a shape -> fill; of others that of an object."""
 
 
-def path_figure(named: Mapping[str, Log], span: tuple[float, float]) -> Picture:
+def path_figure(named: Named, span: Span) -> Picture:
     """Draw the tip paths over a time interval, from above and from the right.
 
     Args:
@@ -55,7 +56,7 @@ def path_figure(named: Mapping[str, Log], span: tuple[float, float]) -> Picture:
     """
     figure = PAPER.blank(PAPER.wide, HEIGHT)
     axes = figure.subplots(1, 2)
-    handles: dict[str, Any] = {}
+    handles: Handles = {}
     world = world_of(named, span)
     for ax, view in zip(axes, (TOP, SIDE), strict=True):
         handles |= draw_view(ax, view, named, span, world)
@@ -68,9 +69,9 @@ SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]",
 
 
 def draw_view(
-    ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, float],
+    ax: Axes, view: View, named: Named, span: Span,
     world: Scene,
-) -> dict[str, Any]:  # fmt: skip
+) -> Handles:  # fmt: skip
     """Draw tip paths and surroundings in one projection; returns the legend entries.
 
     Args:
@@ -96,16 +97,21 @@ def draw_view(
     return handles
 
 
-def _paths(ax: Axes, view: View, named: Mapping[str, Log], span: tuple[float, float]) -> dict[str, Any]:
+def _paths(ax: Axes, view: View, named: Named, span: Span) -> Handles:
     """Draw the tip's path of each flight and its reference; returns the legend entries."""
-    handles: dict[str, Any] = {}
+    handles: Handles = {}
     for i, (label, log) in enumerate(named.items()):
-        inside = (log.time >= span[0]) & (log.time <= span[1])
+        inside = _inside(log, span)
         name = label + ending_of(log)
         (handles[name],) = ax.plot(*view.flat(log.tip[inside]).T, label=name, **PAPER.look(i).line)
         desired = view.flat(log.tip_reference[inside]).T
         (handles["desired"],) = ax.plot(*desired, label="desired", **PAPER.desired.line)
     return handles
+
+
+def _inside(log: Log, span: Span) -> Mask:
+    """Mask (N,) of the instants of a log within a time interval."""
+    return (log.time >= span[0]) & (log.time <= span[1])
 
 
 def _frame(ax: Axes) -> None:
@@ -121,11 +127,11 @@ def _frame(ax: Axes) -> None:
     ax.set_autoscale_on(False)
 
 
-def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> Scene:
+def world_of(named: Named, span: Span) -> Scene:
     """Surfaces and objects of the first flight that has any, at start and end of a time interval."""
     for log in named.values():
         scenario = scenario_of(log)
-        inside = np.flatnonzero((log.time >= span[0]) & (log.time <= span[1]))
+        inside = np.flatnonzero(_inside(log, span))
         if scenario is None or not inside.size:
             continue
         ends = inside[[0, -1]]
@@ -179,7 +185,7 @@ def plot(
     file: PathLike | None = None,
     *,
     kind: str = ALL,
-    window: tuple[float, float] | None = None,
+    window: Span | None = None,
 ) -> Picture:
     """Plot one or several flights over time, with references, limits and events.
 
@@ -213,9 +219,7 @@ def plot(
     return figure
 
 
-def _panels_figure(
-    panels: Sequence[Panel], named: Mapping[str, Log], span: tuple[float, float], every: bool
-) -> Picture:
+def _panels_figure(panels: Sequence[Panel], named: Named, span: Span, every: bool) -> Picture:
     """Draw panels over a common time axis, with shaded events and one legend."""
     figure, axes = PAPER.stacked_panels(len(panels), OF_A_PAGE if every else None)
     handles: Handles = {}
@@ -230,7 +234,7 @@ def _panels_figure(
     return figure
 
 
-def _window(window: tuple[float, float] | None, named: Mapping[str, Log]) -> tuple[float, float]:
+def _window(window: Span | None, named: Named) -> Span:
     """Time interval to draw, s: the requested one after checks, else the whole flights."""
     end = max(map(end_time, named.values()))
     if window is None:
@@ -243,7 +247,7 @@ def _window(window: tuple[float, float] | None, named: Mapping[str, Log]) -> tup
     return start, stop
 
 
-def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, float]) -> Handles:
+def _draw(ax: Axes, panel: Panel, named: Named, span: Span) -> Handles:
     """Draw curves, references and limits of one panel; returns the drawn lines by legend label."""
     handles: Handles = {}
     # what fits the value axis: flights that were completed, and those that were lost
@@ -252,7 +256,7 @@ def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, f
     PAPER.name_axis(ax, panel.label, panel.unit)
     for i, (label, log) in enumerate(named.items()):
         values, desired = panel.of(log), panel.desired(log) if panel.desired else None
-        inside = (log.time >= span[0]) & (log.time <= span[1])
+        inside = _inside(log, span)
         curves = [(label + ending_of(log), values, PAPER.look(i).line)]
         if len(named) == 1 and values is not None:
             curves += _received_curves(panel, log, values)
@@ -261,8 +265,10 @@ def _draw(ax: Axes, panel: Panel, named: Mapping[str, Log], span: tuple[float, f
                 alone: Style = {"marker": "o", "markersize": 0.6 * PAPER.small} if log.time.size == 1 else {}
                 (handles[name],) = ax.plot(log.time, curve, label=name, **look, **alone)
         if values is not None and log.status != "completed" and log.time.size:
-            at: Style = {"marker": "X", "markersize": 0.8 * PAPER.small, "markeredgecolor": PAPER.face}
-            ax.plot(log.time[-1:], values[-1:], color=PAPER.look(i).color, zorder=4.0, label="_end", **at)
+            ax.plot(
+                log.time[-1:], values[-1:], marker="X", markersize=0.8 * PAPER.small, markeredgecolor=PAPER.face,
+                color=PAPER.look(i).color, zorder=4.0, label="_end",
+            )  # fmt: skip
         group = kept if log.status == "completed" else lost
         group += [each[inside] for each in (*(curve for _, curve, _ in curves), desired) if each is not None]
     for time, desired in _different_references(panel, named):
@@ -289,7 +295,7 @@ def _received_curves(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str
             yield word, values, looks[word]
 
 
-def _different_references(panel: Panel, named: Mapping[str, Log]) -> list[tuple[Array, Array]]:
+def _different_references(panel: Panel, named: Named) -> list[tuple[Array, Array]]:
     """List the times and values of each distinct reference curve of several flights, longest flight first."""
     found: list[tuple[Array, Array]] = []
     for log in sorted(named.values(), key=lambda log: -log.time.size):
@@ -311,7 +317,7 @@ def _axis_limits(panel: Panel, kept: Sequence[Array], lost: Sequence[Array]) -> 
     return max(both[0], 2.0 * low - high), min(both[1], 2.0 * high - low)
 
 
-def _mark_events(ax: Axes, events: Mapping[Event, str], span: tuple[float, float]) -> Handles:
+def _mark_events(ax: Axes, events: Mapping[Event, str], span: Span) -> Handles:
     """Draw events in a panel (shading for an interval, a line for an instant); returns artists by legend label."""
     handles: Handles = {}
     instants: dict[str, str] = {}
@@ -320,16 +326,19 @@ def _mark_events(ax: Axes, events: Mapping[Event, str], span: tuple[float, float
             continue
         if event.start == event.stop:
             dash = instants.setdefault(label, DASHES[len(instants) % 4])
-            line: Style = {"color": PAPER.frame, "linewidth": 0.08 * PAPER.text, "linestyle": dash}
-            handles[label] = ax.axvline(event.start, zorder=0.3, label=f"_{label}", **line)
+            handles[label] = ax.axvline(
+                event.start, zorder=0.3, label=f"_{label}", color=PAPER.frame, linewidth=0.08 * PAPER.text,
+                linestyle=dash,
+            )  # fmt: skip
         else:
-            fill: Style = {"facecolor": PAPER.shades[i % len(PAPER.shades)], "edgecolor": PAPER.grid}
-            stop = min(event.stop, span[1])
-            handles[label] = ax.axvspan(event.start, stop, hatch=HATCHES[i % 4], linewidth=0.0, zorder=0.2, **fill)
+            handles[label] = ax.axvspan(
+                event.start, min(event.stop, span[1]), hatch=HATCHES[i % 4], linewidth=0.0, zorder=0.2,
+                facecolor=PAPER.shades[i % len(PAPER.shades)], edgecolor=PAPER.grid,
+            )  # fmt: skip
     return handles
 
 
-def _events_by_label(named: Mapping[str, Log]) -> dict[Event, str]:
+def _events_by_label(named: Named) -> dict[Event, str]:
     """Return a legend label for each event; it names the flights unless all flights have the event."""
     found: dict[Event, list[str]] = {}
     for label, log in named.items():

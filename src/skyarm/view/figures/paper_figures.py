@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
 from skyarm.simulate import Window
-from skyarm.view.figures.flight_facts import end_time, ending_of, gust_interval
+from skyarm.view.figures.flight_facts import Named, Span, end_time, ending_of, gust_interval
 from skyarm.view.figures.flight_panels import MILLIMETRES, Panel, by_axis, column, distance
 from skyarm.view.figures.style import PAPER, Handles, Look, Style, limits
 
@@ -47,11 +47,6 @@ TOOL_ERRORS = by_axis("Tip error", "tool", error="tool_held")
 TOOL_POSITIONS = by_axis("Tip", "tool", desired="tool_held")
 
 
-def joint_error(i: int) -> Panel:
-    """Make the panel of the tracking error of joint i, rad."""
-    return Panel(label=f"Joint {i + 1} error", unit="rad", of=column("joints", i, "joints_held"))
-
-
 def joint_error_size(i: int) -> Panel:
     """Make the panel of the absolute tracking error of joint i, rad."""
 
@@ -61,12 +56,13 @@ def joint_error_size(i: int) -> Panel:
     return Panel(label=f"Joint {i + 1} abs. error", unit="rad", of=size, magnitude=True)
 
 
-def joint_angle(i: int) -> Panel:
-    """Make the panel of the angle of joint i with its reference, rad."""
-    return Panel(label=f"Joint {i + 1}", unit="rad", of=column("joints", i), desired=column("joints_held", i))
-
-
-JOINT_ERRORS = [joint_error(i) for i in range(2)]
+JOINT_ERRORS = [
+    Panel(label=f"Joint {i + 1} error", unit="rad", of=column("joints", i, "joints_held")) for i in range(2)
+]
+JOINT_ANGLES = [
+    Panel(label=f"Joint {i + 1}", unit="rad", of=column("joints", i), desired=column("joints_held", i))
+    for i in range(2)
+]
 
 CASES = {
     "case1": "Case 1",
@@ -100,7 +96,7 @@ PAPER_CATALOGUE: Mapping[int, PaperFigure] = {
     3: PaperFigure("case1", "Roll and pitch", "Quadrotor roll and pitch while hovering with an arm ramp.", ATTITUDE),
     4: PaperFigure(
         "case1", "Arm ramp", "(a) Joint tracking error. (b) Joint angles, desired and actual, during the arm ramp.",
-        JOINT_ERRORS, [joint_angle(0), joint_angle(1)]),
+        JOINT_ERRORS, JOINT_ANGLES),
     5: PaperFigure(
         "case1", "Position error", "Norm of the quadrotor position error during the arm ramp.", (POSITION_ERROR,)),
     6: PaperFigure(
@@ -151,7 +147,7 @@ def by_hold(log: Log, values: Array | None) -> tuple[Array, Array]:
     return np.add.reduceat(log.time, starts) / counts, np.add.reduceat(found, starts) / counts
 
 
-def paper_figures(logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, Window]) -> dict[int, Figure]:
+def paper_figures(logs: Mapping[str, Named], windows: Mapping[str, Window]) -> dict[int, Figure]:
     """Draw Figures 3 to 18 of Barakou et al. 2026 from logs; returns figures by their number.
 
     Args:
@@ -168,7 +164,7 @@ def paper_figures(logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, W
     }
 
 
-def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Window | None) -> Figure:
+def _draw(number: int, spec: PaperFigure, logs: Named, window: Window | None) -> Figure:
     """Draw one figure of Barakou et al. 2026: a curve per controller and the reference."""
     figure, axes = STYLE.stacked_panels(len(spec.panels))
     figure.suptitle(f"Figure {number}. {spec.title}", **STYLE.words)
@@ -180,8 +176,8 @@ def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Windo
         STYLE.name_axis(ax, panel.label, panel.unit)
         if panel.letter:
             box = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
-            at: Style = {"transform": ax.transAxes, "va": "top", "bbox": box, "zorder": 5}
-            ax.text(0.012, 0.95, f"({panel.letter})", **at, **STYLE.words)
+            words = f"({panel.letter})"
+            ax.text(0.012, 0.95, words, transform=ax.transAxes, va="top", bbox=box, zorder=5, **STYLE.words)
         seen = drawn.setdefault(panel.scale or panel.label, [])
         for i, (controller, log) in enumerate(logs.items()):
             curve, label = by_hold(log, panel.of(log)), controller + ending_of(log)
@@ -197,8 +193,8 @@ def _draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Windo
         if gust:
             handles["gust"] = ax.axvspan(*gust, **GUST)
     for ax, panel in zip(axes, spec.panels, strict=True):
-        fitted: Style = {"floor": panel.magnitude, "span": panel.span, "cap": LARGEST_VALUE[panel.unit]}
-        ax.set_ylim(*limits(drawn[panel.scale or panel.label], **fitted))
+        shown, largest = drawn[panel.scale or panel.label], LARGEST_VALUE[panel.unit]
+        ax.set_ylim(*limits(shown, floor=panel.magnitude, span=panel.span, cap=largest))
     axes[-1].set_xlim(0.0, max(map(end_time, logs.values())) or 1.0)
     STYLE.legend(figure, handles)
     return figure
@@ -209,7 +205,7 @@ def _law_look(name: str, i: int) -> Look:
     return PAPER.look(PLACES.get(name, 2 + i))
 
 
-def overview_figure(logs: Mapping[str, Mapping[str, Log]], steady: Window) -> Figure:
+def overview_figure(logs: Mapping[str, Named], steady: Window) -> Figure:
     """Draw tip path and tip error of Case 3, and the base position in the gust of Case 2, side by side.
 
     Args:
@@ -239,7 +235,7 @@ def overview_figure(logs: Mapping[str, Mapping[str, Log]], steady: Window) -> Fi
     return figure
 
 
-def _curves(ax: Axes, logs: Mapping[str, Log], panel: Panel, span: tuple[float, float]) -> None:
+def _curves(ax: Axes, logs: Named, panel: Panel, span: Span) -> None:
     """Draw one quantity of each controller over a time interval, mm."""
     drawn = []
     for i, (controller, log) in enumerate(logs.items()):

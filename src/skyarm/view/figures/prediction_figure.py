@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from matplotlib.lines import Line2D
 
 from skyarm.records.immutable import immutable
-from skyarm.view.figures.style import PAPER, Picture, Style, logarithmic
+from skyarm.view.figures.style import PAPER, Picture, logarithmic
 
 PANEL, LEGEND = (3.58, 2.35), 0.3
 """in: size of a panel, height of the legend."""
@@ -40,9 +40,8 @@ def prediction_figure(horizons: Sequence[float], curves: Mapping[str, Prediction
     for k, (name, curve) in enumerate(curves.items()):
         look = PAPER.desired if k == len(curves) - 1 and k > 0 else PAPER.look(k)
         marker = "" if k == len(curves) - 1 else MARKERS[k % len(MARKERS)]
-        style: Style = {**look.line, "marker": marker, "markersize": 3.2}
         for panel, values in zip(panels, (curve.position, curve.attitude), strict=True):
-            (handles[name],) = panel.plot(horizons, values, **style)
+            (handles[name],) = panel.plot(horizons, values, marker=marker, markersize=3.2, **look.line)
     for panel, label, unit in zip(panels, ("Position error, RMS", "Attitude error, RMS"), ("m", "rad"), strict=True):
         logarithmic(panel.xaxis)
         logarithmic(panel.yaxis)

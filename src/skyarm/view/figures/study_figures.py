@@ -116,8 +116,9 @@ def _axis_limits(found: BandedCurves) -> tuple[float, float]:
 
 def _draw_band(ax: Axes, curve: BandedCurve, look: Look, label: str) -> Line2D:
     """Draw a median curve with its quantile band; returns the line for the legend."""
-    fill: Style = {"color": look.color, "alpha": 0.16, "linewidth": 0.0, "zorder": look.layer - 1.0}
-    ax.fill_between(curve.x, curve.low, curve.high, **fill)
+    ax.fill_between(
+        curve.x, curve.low, curve.high, color=look.color, alpha=0.16, linewidth=0.0, zorder=look.layer - 1.0
+    )
     for end in (curve.low, curve.high):
         ax.plot(curve.x, end, color=look.color, linewidth=0.4 * look.width, alpha=0.6, label="_band")
     (line,) = ax.plot(curve.x, curve.middle, label=label, **look.line, **_marks(curve.x))
@@ -165,8 +166,8 @@ def robustness_figure(found: RobustnessMap) -> Figure:
         if side.logarithmic:
             logarithmic(axis)
     if min(share.shape) >= 2 and share.min() < BOUNDARY < share.max():
-        look: Style = {"levels": [BOUNDARY], "colors": [LINE], "linewidths": 1.4}
-        ax.contour(across.centers, upward.centers, share, **look).set_label("half succeed")
+        half = ax.contour(across.centers, upward.centers, share, levels=[BOUNDARY], colors=[LINE], linewidths=1.4)
+        half.set_label("half succeed")
     ax.set_title(found.controller, **PAPER.words)
     ax.set_xlabel(across.label or across.path, **PAPER.small_words)
     ax.set_ylabel(upward.label or upward.path, **PAPER.small_words)

@@ -141,8 +141,8 @@ class PictureStyle:
         """Style frame, grid and ticks of one axes."""
         line = 0.06 * self.text
         ax.set_facecolor(self.face)
-        ticks: Style = {"labelsize": self.small, "labelfontfamily": self.font[0], "labelcolor": self.ink}
-        ax.tick_params(**ticks, direction="in", width=line, length=5.0 * line, color=self.frame)
+        ax.tick_params(labelsize=self.small, labelfontfamily=self.font[0], labelcolor=self.ink)
+        ax.tick_params(direction="in", width=line, length=5.0 * line, color=self.frame)
         ax.grid(visible=True, color=self.grid, linewidth=0.8 * line)
         ax.set_axisbelow(True)
         ax.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.view.film.filmed_flight import FilmedFlight
+from skyarm.view.film.filmed_flight import FilmedFlight, Flights
 from skyarm.world.scene.scene import hidden_share
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
@@ -58,7 +58,7 @@ class CameraPath:
     elevation: Array
 
 
-def fixed_camera(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
+def fixed_camera(flights: Flights, seconds: Array, aspect: float) -> CameraPath:
     """Path of a camera that stands still and keeps all vehicles in view."""
     places = np.concatenate([part for flight in flights for part in _places_in_view(flight)])
     azimuth = free_azimuth(flights)
@@ -69,7 +69,7 @@ def fixed_camera(flights: Sequence[FilmedFlight], seconds: Array, aspect: float)
     return _path(np.tile(middle, (len(seconds), 1)), distance, azimuth)
 
 
-def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
+def follow(flights: Flights, seconds: Array, aspect: float) -> CameraPath:
     """Path of a camera that follows the vehicles and their desired positions."""
     places = np.stack([part for flight in flights for part in _places_in_view(flight)])
     middle = _low_pass(0.5 * (places.min(axis=0) + places.max(axis=0)), seconds)
@@ -77,14 +77,14 @@ def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Ca
     return _path(middle, _distance_for_positions((places - middle).reshape(-1, 3), flights, aspect, azimuth), azimuth)
 
 
-def tip(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
+def tip(flights: Flights, seconds: Array, aspect: float) -> CameraPath:
     """Path of a close-up camera that follows the desired tip position."""
     desired = np.mean([flight.desired_tip for flight in flights], axis=0)
     distance = _distance_for_sphere(0.9 * max(map(vehicle_reach, flights)), aspect)
     return _path(_low_pass(desired, seconds), distance, free_azimuth(flights))
 
 
-CAMERAS: dict[str, Callable[[Sequence[FilmedFlight], Array, float], CameraPath]] = {
+CAMERAS: dict[str, Callable[[Flights, Array, float], CameraPath]] = {
     "fixed": fixed_camera,
     "follow": follow,
     "tip": tip,
@@ -111,7 +111,7 @@ def _places_in_view(flight: FilmedFlight) -> list[Array]:
     return [part for at, wanted in pairs for part in (wanted + _limit_lengths(at - wanted, farthest), wanted)]
 
 
-def _vehicle_radius(flights: Sequence[FilmedFlight]) -> float:
+def _vehicle_radius(flights: Flights) -> float:
     """Radius around the base within which the largest vehicle is drawn, m."""
     return 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
 
@@ -129,7 +129,7 @@ def _distance_for_sphere(radius: float, aspect: float) -> float:
     return radius / math.sin(min(half, across))
 
 
-def _distance_for_positions(places: Array, flights: Sequence[FilmedFlight], aspect: float, azimuth: float) -> float:
+def _distance_for_positions(places: Array, flights: Flights, aspect: float, azimuth: float) -> float:
     """Camera distance at which vehicles at all given positions (N, 3), relative to its target, are in view."""
     across, upwards, away = (places @ _axes_of_view(azimuth)).T
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
@@ -159,7 +159,7 @@ def looking_towards(azimuth: float, elevation: float = ELEVATION) -> Array:
     return np.array([math.cos(el) * math.cos(az), math.cos(el) * math.sin(az), math.sin(el)])
 
 
-def free_azimuth(flights: Sequence[FilmedFlight]) -> float:
+def free_azimuth(flights: Flights) -> float:
     """Camera azimuth, deg, from which surfaces and objects hide the tips least."""
     if not any(flight.scene.obstacles for flight in flights):
         return AZIMUTH

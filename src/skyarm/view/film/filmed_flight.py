@@ -36,18 +36,18 @@ eyes."""
 MOST_FLIGHTS = len(COLORS)
 
 
-READ = (
-    "position",
-    "joints",
-    "position_reference",
-    "joints_reference",
-    "tip",
-    "tip_reference",
-    "wind_force",
-    "air_velocity",
-    "tilts",
-)
-"""Arrays of a log that a film reads as they are."""
+READ = {
+    "position": "position",
+    "joints": "joints",
+    "desired_position": "position_reference",
+    "desired_joints": "joints_reference",
+    "tip": "tip",
+    "desired_tip": "tip_reference",
+    "force": "wind_force",
+    "air": "air_velocity",
+    "tilts": "tilts",
+}
+"""Field of a filmed flight -> array of a log that it has as it is."""
 
 WIDEST = 6.0
 """m of way beyond which the patch of a plane grows no more."""
@@ -99,6 +99,10 @@ class FilmedFlight:
     wanted_curve: Array | None = None
 
 
+Flights = Sequence[FilmedFlight]
+"""Of one picture."""
+
+
 def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None = None) -> list[FilmedFlight]:
     """Resample several logs at a film's frames, each with a name and a colour.
 
@@ -128,12 +132,12 @@ def film_flight(log: Log, label: str, color: Color, times: Array, about: Array |
     """
     scenario = log.scenario
     vehicle = scenario.plant.vehicle
-    now = {name: read(log.time, getattr(log, name), times) for name in READ}
+    now = {field: read(log.time, getattr(log, name), times) for field, name in READ.items()}
     yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
     quaternion = read(log.time, continuous(log.quaternion), times)
     seen = Instants(
         vehicle=vehicle, times=times, position=now["position"], quaternion=quaternion, joints=now["joints"],
-        around=np.mean(now["tip_reference"] if about is None else about, axis=0),
+        around=np.mean(now["desired_tip"] if about is None else about, axis=0),
         patch=patch_about(now["tip"] if about is None else about),
     )  # fmt: skip
     push, whole = getattr(scenario.reference, "push", None), log.status == "completed"
@@ -142,17 +146,8 @@ def film_flight(log: Log, label: str, color: Color, times: Array, about: Array |
         label=label,
         color=color,
         vehicle=vehicle,
-        position=now["position"],
         quaternion=quaternion,
-        joints=now["joints"],
-        tilts=now["tilts"],
-        desired_position=now["position_reference"],
         desired_quaternion=np.stack([np.cos(yaw / 2), 0 * yaw, 0 * yaw, np.sin(yaw / 2)], axis=1),
-        desired_joints=now["joints_reference"],
-        tip=now["tip"],
-        desired_tip=now["tip_reference"],
-        force=now["wind_force"],
-        air=now["air_velocity"],
         error=read(log.time, error[:, None], times)[:, 0],
         error_time=log.time,
         error_curve=error,
@@ -162,6 +157,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array, about: Array |
         end=end_time(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
         scene=_scene(log, scenario.components, seen),
+        **now,
     )
 
 
@@ -321,7 +317,7 @@ def _thin_out(places: Array) -> Array:
     return np.array(chosen)
 
 
-def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale: float) -> Callable[[int], list[Mark]]:
+def marks_of(flights: Flights, times: Array, reach: float, scale: float) -> Callable[[int], list[Mark]]:
     """Make a function that lists the lines and arrows of a film panel at a given frame."""
     still = desired_path(flights[0], THIN * scale)
     for flight in flights[1:]:
@@ -341,13 +337,11 @@ def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale:
 def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
     """Make the solids of a flight in a film: vehicle in the flight's colour, payloads and surroundings."""
     own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
-    return [*own, *scene_solids(flight)]
-
-
-def scene_solids(flight: FilmedFlight) -> list[Solid]:
-    """Make the solids of surfaces, objects and payloads, coloured by their role unless they have a colour."""
-    colors = [each.rgba or role_color(each.shape.role, flight.color, ghost=False) for each in flight.scene.solids]
-    return [replace(each, rgba=color) for each, color in zip(flight.scene.solids, colors, strict=True)]
+    around = (
+        replace(each, rgba=each.rgba or role_color(each.shape.role, flight.color, ghost=False))
+        for each in flight.scene.solids
+    )
+    return [*own, *around]
 
 
 def scene_lines(flight: FilmedFlight, k: int, width: float) -> list[Mark]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from skyarm.records.units import Unit, units
 from skyarm.view.figures.flight_facts import end_time
 from skyarm.view.film.camera_paths import CAMERAS, CameraPath
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
-from skyarm.view.film.filmed_flight import FilmedFlight, film_flights, ghost_solids, marks_of, vehicle_solids
+from skyarm.view.film.filmed_flight import Flights, film_flights, ghost_solids, marks_of, vehicle_solids
 from skyarm.view.film.stage import Panel, open_stage
 from skyarm.view.film.video_files import require_film_format
 from skyarm.world.scene.shapes import Solid
@@ -79,7 +79,7 @@ def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
 
 
 def film_frames(
-    flights: Sequence[FilmedFlight], times: Array, settings: FilmSettings, progress: Progress | None = None
+    flights: Flights, times: Array, settings: FilmSettings, progress: Progress | None = None
 ) -> Iterator[Pixels]:
     """Yield the rendered frames of a film as byte arrays (height, width, 3).
 
@@ -96,9 +96,7 @@ def film_frames(
                 progress(k + 1, len(times))
 
 
-def film_panels(
-    flights: Sequence[FilmedFlight], times: Array, settings: FilmSettings, layout: FrameLayout
-) -> list[Panel]:
+def film_panels(flights: Flights, times: Array, settings: FilmSettings, layout: FrameLayout) -> list[Panel]:
     """Make the 3D panels of a film: camera, solids, lines and arrows of their flights."""
     together = [list(flights)] if settings.layout == "over" else [[flight] for flight in flights]
     paths = _cameras(together, times, settings, layout)
@@ -116,7 +114,7 @@ def film_panels(
 
 
 def _cameras(
-    together: Sequence[Sequence[FilmedFlight]], times: Array, settings: FilmSettings, layout: FrameLayout
+    together: Sequence[Flights], times: Array, settings: FilmSettings, layout: FrameLayout
 ) -> list[CameraPath]:
     """Compute the camera path of each panel; flights with one desired path share one."""
     seconds = (times - times[0]) / settings.speed
@@ -140,8 +138,7 @@ def _with_title(settings: FilmSettings, logs: Sequence[Log]) -> FilmSettings:
 
 Layout = Literal["side", "over"]
 Camera = Literal["follow", "fixed", "tip"]
-
-LAYOUTS, CAMERA_NAMES = get_args(Layout), get_args(Camera)
+Side = Annotated[int, Unit("pixels", low=64, high=4096)]
 
 
 @immutable
@@ -162,8 +159,8 @@ class FilmSettings:
 
     layout: Layout = "side"
     camera: Camera = "follow"
-    width: Annotated[int, Unit("pixels", low=64, high=4096)] = 1280
-    height: Annotated[int, Unit("pixels", low=64, high=4096)] = 720
+    width: Side = 1280
+    height: Side = 720
     fps: Annotated[int, Unit("1/s", low=1, high=120)] = 30
     speed: Annotated[float, Unit(low=0.01, high=100.0)] = 1.0
     start: Annotated[float, Unit("s", low=0.0)] = 0.0

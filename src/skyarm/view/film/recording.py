@@ -21,7 +21,6 @@ from skyarm.records.immutable import immutable
 from skyarm.view.film.camera_paths import (
     CAMERAS,
     FIELD_OF_VIEW,
-    CameraPath,
     free_azimuth,
     looking_towards,
     vehicle_reach,
@@ -33,13 +32,14 @@ from skyarm.view.film.filmed_flight import (
     TOUCH,
     WIND,
     FilmedFlight,
+    Flights,
     film_flights,
     role_color,
     touch_marks,
     wind_words,
 )
-from skyarm.view.film.make_film import FilmSettings, frame_times
-from skyarm.view.studio.scene_nodes import DIGITS, Arrows, LineNodes, SolidNodes, VehicleNodes, bytes_of
+from skyarm.view.film.make_film import FilmSettings, Progress, frame_times
+from skyarm.view.studio.scene_nodes import DIGITS, Arrows, LineNodes, SolidNodes, VehicleNodes, bytes_of, segments
 from skyarm.world.scene.shapes import RGBA
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns
 
@@ -78,7 +78,7 @@ def record(
     settings: FilmSettings | None = None,
     *,
     labels: Sequence[str] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Recording:
     """Record flights as a 3D scene that plays in a browser.
 
@@ -141,10 +141,10 @@ class _Stage:
 
 
 def _serialize(
-    flights: Sequence[FilmedFlight],
+    flights: Flights,
     times: Array,
     settings: FilmSettings,
-    progress: Callable[[int, int], None] | None,
+    progress: Progress | None,
 ) -> bytes:
     """Build a 3D scene of flights and play it once; returns the recording as bytes."""
     server, shifts = _Stage(), _shifts(flights, settings)
@@ -245,15 +245,14 @@ class _RecordedFlight:
 
 def _add_path(scene: Any, name: str, places: Array, color: tuple[int, ...], width: float) -> None:
     """Add a line through points (F, 3) to the scene."""
-    places = np.round(places, DIGITS)
-    points = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
+    points = segments(np.round(places, DIGITS)).astype(np.float32)
     if len(points):
-        look = {"colors": np.array(color, np.uint8), "thickness": width, "thickness_units": "screen"}
-        scene.add_line_segments(name, points=points, **look)
+        shade = np.array(color, np.uint8)
+        scene.add_line_segments(name, points=points, colors=shade, thickness=width, thickness_units="screen")
 
 
 def _surroundings(
-    server: _Stage, flights: Sequence[FilmedFlight], shifts: Sequence[Array], times: Array, settings: FilmSettings
+    server: _Stage, flights: Flights, shifts: Sequence[Array], times: Array, settings: FilmSettings
 ) -> None:
     """Set up ground, light and initial camera of a recording."""
     scene = server.scene
@@ -275,13 +274,14 @@ def _surroundings(
     )
     seconds = (times - times[0]) / settings.speed
     path = CAMERAS["fixed" if settings.camera == "follow" else settings.camera](flights, seconds, ASPECT)
-    eye, target = _camera_and_target(path, 0.5 * float(np.linalg.norm(shifts[-1] - shifts[0])))
-    server.initial_camera.position, server.initial_camera.look_at = tuple(eye), tuple(target)
+    along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))
+    eye = path.look_at[0] - (path.distance[0] + 0.5 * float(np.linalg.norm(shifts[-1] - shifts[0]))) * along
+    server.initial_camera.position, server.initial_camera.look_at = tuple(eye), tuple(path.look_at[0])
     server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
     server.initial_camera.up = (0.0, 0.0, 1.0)
 
 
-def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Array]:
+def _shifts(flights: Flights, settings: FilmSettings) -> list[Array]:
     """Offset of each flight in a recording, m: zero to overlay flights, else side by side."""
     if settings.layout == "over" or len(flights) == 1:
         return [np.zeros(3) for _ in flights]
@@ -294,19 +294,13 @@ def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Arr
     return [apart * (i - middle) * right for i in range(len(flights))]
 
 
-def _camera_and_target(path: CameraPath, wider: float) -> tuple[Array, Array]:
-    """Initial position of a recording's camera and of its target."""
-    target = path.look_at[0]
-    along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))
-    return target - (path.distance[0] + wider) * along, target
-
-
 def page_with(content: bytes) -> str:
     """Make an HTML page with the player and a recording, which also opens as a local file."""
     held = base64.b64encode(content).decode("ascii")
     dark = 'matchMedia("(prefers-color-scheme: dark)").matches'
     script = f'<script>window.__VISER_EMBED_DATA__="{held}";window.__VISER_EMBED_CONFIG__={{darkMode:{dark}}};</script>'
-    return _player_page().replace("</head>", f"{script}</head>", 1)
+    player = (Path(import_viser().__file__).parent / "client" / "build" / "index.html").read_text("utf-8")
+    return player.replace("</head>", f"{script}</head>", 1)
 
 
 def import_viser() -> Any:
@@ -320,8 +314,3 @@ def import_viser() -> Any:
     except ImportError:
         raise ValueError(f"viser: is missing; a recording {needs_extra('studio')}") from None
     return viser
-
-
-def _player_page() -> str:
-    """HTML of the player page that viser ships."""
-    return (Path(import_viser().__file__).parent / "client" / "build" / "index.html").read_text("utf-8")

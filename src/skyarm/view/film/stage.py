@@ -26,10 +26,7 @@ GEOMS = {
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
-    "box": mujoco.mjtGeom.mjGEOM_BOX,
-    "patch": mujoco.mjtGeom.mjGEOM_BOX,
-    "mesh": mujoco.mjtGeom.mjGEOM_BOX,
-    "hole": mujoco.mjtGeom.mjGEOM_BOX,
+    **dict.fromkeys(("box", "patch", "mesh", "hole"), mujoco.mjtGeom.mjGEOM_BOX),
     "arrow": mujoco.mjtGeom.mjGEOM_ARROW,
     "line": mujoco.mjtGeom.mjGEOM_LINE,
 }

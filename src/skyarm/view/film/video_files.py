@@ -72,15 +72,20 @@ def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, coun
     # whole milliseconds that add up to the film's length
     edges = [round(1e3 * k / fps) for k in range(len(rest) + 2)]
     durations = [after - before for before, after in itertools.pairwise(edges)]
-    options: dict[str, Any] = {
-        "quality": WEBP_QUALITY,
-        "method": 4,
-        "allow_mixed": True,
-        "kmin": WEBP_KEY - 1,
-        "kmax": WEBP_KEY,
-    }
     buffer = io.BytesIO()
-    first.save(buffer, "WEBP", save_all=True, append_images=rest, duration=durations, loop=0, **options)
+    first.save(
+        buffer,
+        "WEBP",
+        save_all=True,
+        append_images=rest,
+        duration=durations,
+        loop=0,
+        quality=WEBP_QUALITY,
+        method=4,
+        allow_mixed=True,
+        kmin=WEBP_KEY - 1,
+        kmax=WEBP_KEY,
+    )
     return write_atomically(path, buffer.getvalue())
 
 

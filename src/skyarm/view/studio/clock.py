@@ -37,6 +37,17 @@ class Clock(ABC):
         """Current time, s."""
         return self.tick / self.rate
 
+    @property
+    def at_end(self) -> bool:
+        """True at the last period."""
+        return self.tick == self.steps - 1
+
+    @property
+    def words(self) -> str:
+        """Text of time, state and speed."""
+        state = "at its end" if self.at_end else "playing" if self.playing else "paused"
+        return f"{self.time:.2f} s, {state}, {self.speed:g}x"
+
     def advance(self, seconds: float) -> None:
         """Go forward by as much time as has passed on the wall clock, s, times the chosen speed."""
         if not self.playing:
@@ -47,9 +58,11 @@ class Clock(ABC):
         self.go(self.tick + ticks)
 
     def go(self, tick: int) -> None:
-        """Go forward or back to a given period."""
+        """Go forward or back to a given period; playing ends with the last one."""
         self.tick = min(max(tick, 0), self.steps - 1)
         self.furthest = max(self.furthest, self.tick)
+        if self.at_end:
+            self.playing = False
 
     def go_to_time(self, time: float) -> None:
         """Pause, and go to a time, s, of those that have been shown already."""

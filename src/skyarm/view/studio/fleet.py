@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, TUNED, tuned_factors
+from skyarm.control.catalogue import AUTOPILOTS, every_name
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.formats import save_log
@@ -23,10 +23,10 @@ from skyarm.simulate.session import Session, Snapshot, open_session
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.knobs import LONGEST_DELAY, Knob, knobs_of
-from skyarm.view.studio.sights import Sight, goal_of, sight
+from skyarm.view.studio.sights import Sight, goal_of, poses_of, sight
 from skyarm.world import NO_WIND, Fault, ForceWind, Gust
 from skyarm.world.scene.scene import Scene, instant_of, scene_now
-from skyarm.world.scene.vehicle_shapes import Placed, place
+from skyarm.world.scene.vehicle_shapes import Placed
 
 MOST = 3
 """Flights at once."""
@@ -185,8 +185,6 @@ class Fleet(Clock):
         super().go(tick)
         for flight in self.flights:
             flight.to(flight.tick_at(self.time))
-        if self.flights and self.tick == self.steps - 1:
-            self.playing = False
 
     def reset(self) -> None:
         """Restart all flights and discard the user's changes."""
@@ -217,7 +215,7 @@ class Fleet(Clock):
 
 def law_names() -> list[str]:
     """Names of all controllers, as in a scenario file."""
-    return [*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors()), *AUTOPILOTS]
+    return [*every_name(), *AUTOPILOTS]
 
 
 def open_fleet(source: str, laws: Sequence[str]) -> Fleet:
@@ -304,8 +302,7 @@ class Flight:
 
     def poses(self) -> Placed:
         """Current positions and rotations of the vehicle's bodies."""
-        state = self.session.state
-        return place(self.vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
+        return poses_of(self.vehicle, self.session.state)
 
     def goal(self) -> Placed:
         """Desired positions and rotations of the vehicle's bodies at the current time."""

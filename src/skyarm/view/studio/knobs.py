@@ -14,9 +14,6 @@ from skyarm.scenario.numbers import declared_at, number_at, words_of
 from skyarm.scenario.paths import names, places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
-GROUPS = ("law", "reference", "wind and forces", "payload", "sensors", "delay", "faults")
-"""Panels, in their order."""
-
 DERIVED_PARTS = ("model", "mixer", "slow", "damping_limits", "autopilot")
 """Parts of a law's parameters that its maker took from the vehicle: they are no gains."""
 
@@ -41,7 +38,7 @@ class Knob:
     """Adjustable parameter of a running simulation, with its slider's range.
 
     Attributes:
-        path: of the number (:mod:`skyarm.scenario.numbers`). group: one of GROUPS.
+        path: of the number (:mod:`skyarm.scenario.numbers`). group: title of its panel.
         declared: unit, meaning and bounds of its field.
         low, high: ends of the slider. value: of the scenario.
     """
@@ -115,8 +112,8 @@ def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
     if scenario.path_time is None:  # one is planned for the reference as it is
         yield from (("reference", path) for path in _of_tree(names(scenario.reference)["base"], "reference.base"))
         yield from _all_below("reference", {f"reference.{word}": getattr(scenario.reference, word) for word in SIGNALS})
-    blowing = {"wind": scenario.wind, "air": scenario.air, "forces": scenario.forces}
-    yield from _all_below("wind and forces", {f"environment.{word}": blowing[word] for word in blowing})
+    blowing = {f"environment.{word}": getattr(scenario, word) for word in ("wind", "air", "forces")}
+    yield from _all_below("wind and forces", blowing)
     if not scenario.has_estimator:
         yield from _all_below("sensors", {"sensors": scenario.noise})
     for each in scenario.sensors:

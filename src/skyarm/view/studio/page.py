@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +25,13 @@ class Page(PageLoop):
     """
 
     def __init__(self, server: Any, fleet: Fleet, laws: Sequence[str | None], out: Path) -> None:
-        super().__init__(server)
+        super().__init__(server, "machine code")
         self._out = out
-        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="machine code")
         self._moves: dict[int | None, dict[str, float]] = {}
         self.fleet = fleet
         self._making = 0
         self._turn = 0
-        self._picture = Picture(server)
+        self._picture: Picture = Picture(server)
         own = self.fleet.scenario.controller.name
         self._controls = Controls(server.gui, self, [law or own for law in laws])
         self._panels: list[tuple[int | None, KnobPanel]] = []
@@ -54,12 +53,11 @@ class Page(PageLoop):
         """Set the controller of a menu, by the menu's index; None removes that flight."""
 
         def choose() -> None:
-            if law is None:
-                if place < len(self.fleet.flights):
-                    self.fleet.leave(place)
-                    self._rebuild()
-                return
-            self._make(self.fleet, law, place)
+            if law is not None:
+                self._make(self.fleet, law, place)
+            elif place < len(self.fleet.flights):
+                self.fleet.leave(place)
+                self._rebuild()
 
         self._orders.put(choose)
 
@@ -67,16 +65,11 @@ class Page(PageLoop):
         """Load a shipped scenario by name, under the current controllers."""
 
         def choose() -> None:
-            if name not in list_scenarios():
-                return
-            laws = [flight.law for flight in self.fleet.flights]
-            self._begin(Fleet(name), laws or [None])
+            if name in list_scenarios():
+                laws = [flight.law for flight in self.fleet.flights]
+                self._begin(Fleet(name), laws or [None])
 
         self._orders.put(choose)
-
-    def follow(self, follows: bool) -> None:
-        """Let the camera follow the first vehicle, or stand still."""
-        self._orders.put(lambda: setattr(self._picture, "follow", follows))
 
     def save(self) -> None:
         """Write a log of each flight."""
@@ -97,7 +90,7 @@ class Page(PageLoop):
         self._picture.draw(self.fleet.flights)
 
     def _close(self) -> None:
-        self._worker.shutdown(wait=False, cancel_futures=True)
+        super()._close()
         self.fleet.close()
 
     def _handle_inputs(self) -> None:
@@ -158,11 +151,9 @@ class Page(PageLoop):
                 self._add_panel(self._controls.laws, i, flight.own_knobs, "" if i else "law", flight.title)
 
     def _add_panel(self, tab: Any, place: int | None, knobs: Sequence[Knob], opened: str, title: str = "") -> None:
-        def move(path: str, value: float) -> None:
-            self.move(place, path, value)
-
         with tab:
-            self._panels.append((place, KnobPanel(self._server.gui, knobs, move, opened, title)))
+            panel = KnobPanel(self._server.gui, knobs, partial(self.move, place), opened, title)
+            self._panels.append((place, panel))
 
     def _show_values(self) -> None:
         """Set the sliders to the current values, after a step back or a reset."""
@@ -187,9 +178,7 @@ class Page(PageLoop):
     def _status(self) -> str:
         """Status text of the page: clock, and tip error and contact force of each flight."""
         fleet = self.fleet
-        clock = "at its end" if fleet.tick == fleet.steps - 1 else "playing" if fleet.playing else "paused"
-        state = f"{fleet.time:.2f} s, {clock}, {fleet.speed:g}x"
-        lines = [f"**{literal(fleet.scenario.title or fleet.source)}**", state]
+        lines = [f"**{literal(fleet.scenario.title or fleet.source)}**", fleet.words]
         for flight, color in zip(fleet.flights, COLORS, strict=False):
             last = flight.last
             words = (
@@ -199,4 +188,4 @@ class Page(PageLoop):
             lines.append(f"{swatch(color)} {flight.title}: {words}{touching}")
         if self._making:
             lines.append("Machine code is being made ...")
-        return "\n\n".join([*lines, *([literal(self._words)] if self._words else [])])
+        return self._with_report(lines)

@@ -5,11 +5,15 @@ from __future__ import annotations
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from skyarm.view.studio.controls import HERTZ
+from skyarm.view.studio.controls import HERTZ, literal
+
+if TYPE_CHECKING:
+    from skyarm.view.studio.picture import Stage
 
 FRAME = 1.0 / 60.0
 """s between two pictures."""
@@ -25,10 +29,14 @@ class PageLoop(ABC):
 
     Args:
         server: of viser.
+        work: name of the thread for what takes longer than a picture may.
     """
 
-    def __init__(self, server: Any) -> None:
+    _picture: Stage
+
+    def __init__(self, server: Any, work: str) -> None:
         self._server = server
+        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix=work)
         self._orders: SimpleQueue[Work] = SimpleQueue()
         self._stopped = threading.Event()
         self._words = ""
@@ -70,8 +78,9 @@ class PageLoop(ABC):
     def _draw_slowly(self) -> None:
         """Update plots, status text and clock, at a lower rate than the 3D picture."""
 
-    def _close(self) -> None:  # noqa: B027  a page without programs has nothing to end
+    def _close(self) -> None:
         """End what the page holds."""
+        self._worker.shutdown(wait=False, cancel_futures=True)
 
     def _handle_inputs(self) -> None:
         """Execute the queued inputs of the browser tabs; an invalid one is reported on the page."""
@@ -90,3 +99,11 @@ class PageLoop(ABC):
 
     def _say(self, words: str) -> None:
         self._words = words
+
+    def follow(self, follows: bool) -> None:
+        """Let the camera follow the first vehicle, or stand still."""
+        self._orders.put(lambda: setattr(self._picture, "follow", follows))
+
+    def _with_report(self, lines: Sequence[str]) -> str:
+        """Paragraphs of a status text, and the last report."""
+        return "\n\n".join([*lines, *([literal(self._words)] if self._words else [])])

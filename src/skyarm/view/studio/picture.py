@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
@@ -13,11 +14,11 @@ from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.fleet import Flight
-from skyarm.view.studio.scene_nodes import STILL, Arrows, LineNodes, Paint, SolidNodes, VehicleNodes
-from skyarm.view.studio.sights import goal_of
+from skyarm.view.studio.scene_nodes import STILL, Arrows, LineNodes, Paint, SolidNodes, VehicleNodes, segments
+from skyarm.view.studio.sights import goal_of, poses_of
 from skyarm.world.scene.scene import OBSTACLES, Arrow, Scene, first_memories, hidden_share, instant_of, scene_now
 from skyarm.world.scene.shapes import RGBA, Solid, floats
-from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, place, rotor_turns
+from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, rotor_turns
 
 COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
 """Of the first, second and third law, here and in the plots: blue, orange, green."""
@@ -162,11 +163,10 @@ def first_scene(scenario: Scenario, around: Array) -> Scene:
     return scene_now(scenario.components, memories, instant_of(motion, 0.0, around), motion)
 
 
-def trail(tips: Sequence[Array]) -> Array:
+def trail(tips: Sequence[Array]) -> npt.NDArray[np.float32]:
     """Line segments (N, 2, 3) of the tip's trajectory, m."""
-    places = np.array(tips, dtype=np.float32).reshape(-1, 3) if len(tips) > 1 else np.zeros((2, 3))
-    segments: Array = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
-    return segments
+    places = np.array(tips).reshape(-1, 3) if len(tips) > 1 else np.zeros((2, 3))
+    return segments(places).astype(np.float32)
 
 
 def _rotor_rotations(vehicle: Vehicle, state: State) -> dict[str, Array]:
@@ -228,8 +228,8 @@ class Picture(Stage):
             nodes.remove()
         if self._ghost is not None:
             self._ghost.remove()
-        vehicle, state = scenario.plant.vehicle, first_state(scenario)
-        placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
+        vehicle = scenario.plant.vehicle
+        placed = poses_of(vehicle, first_state(scenario))
         self._origin = placed.positions[0]
         self._follow(self._origin)
         self._flights = [FlightNodes(self._scene, i, scenario, title, placed) for i, title in enumerate(titles)]

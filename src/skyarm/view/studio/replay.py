@@ -11,6 +11,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.clock import Clock
+from skyarm.view.studio.scene_nodes import segments
 
 RATE = 100
 """Hz of the pictures that are stored: more than a screen shows at any speed."""
@@ -119,31 +120,20 @@ class Replay(Clock):
     def trails(self, seconds: float) -> tuple[Array, Array]:
         """Line segments (N, 2, 3), m, of the base in the last seconds: measured, and predicted between begins."""
         rows = np.arange(max(0, self.tick - round(seconds * RATE)), self.tick + 1)
-        measured = _segments(self.measured.position[rows])
+        measured = segments(self.measured.position[rows])
         own = np.diff(self.age[rows]) > 0.0
-        return measured, _segments(self.model.position[rows])[own]
+        return measured, segments(self.model.position[rows])[own]
 
     def advance(self, seconds: float) -> None:
         """Go forward by as much time as has passed on the wall clock, s; from the end begin again."""
-        if self.playing and self.tick == self.steps - 1:
+        if self.playing and self.at_end:
             self.go(0)
         super().advance(seconds)
-
-    def go(self, tick: int) -> None:
-        """Go to a given picture; playing ends with the last one."""
-        super().go(tick)
-        if self.tick == self.steps - 1:
-            self.playing = False
 
     def reset(self) -> None:
         """Begin again."""
         super().reset()
         self.furthest = self.steps - 1
-
-
-def _segments(places: Array) -> Array:
-    """Line segments (N - 1, 2, 3) between places (N, 3)."""
-    return np.stack([places[:-1], places[1:]], axis=1)
 
 
 def mean_error(errors: Array) -> tuple[float, float]:

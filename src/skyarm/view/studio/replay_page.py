@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -75,10 +74,10 @@ class ReplayPage(PageLoop):
     """
 
     def __init__(self, server: Any, replay: Replay) -> None:
-        super().__init__(server)
+        super().__init__(server, "prediction")
         self.replay = replay
-        self._picture = ReplayPicture(server, replay)
-        self._worker, self._predicting = ThreadPoolExecutor(max_workers=1, thread_name_prefix="prediction"), False
+        self._picture: ReplayPicture = ReplayPicture(server, replay)
+        self._predicting = False
         gui = server.gui
         self._status = gui.add_markdown(self._text())
         self._time = add_clock(gui, self.do, (replay.steps - 1) / replay.rate)
@@ -89,7 +88,7 @@ class ReplayPage(PageLoop):
         self._horizon = replay.horizon
         on_user_input(horizon, lambda value: self._orders.put(lambda: setattr(self, "_horizon", value)))
         follow = gui.add_checkbox("follow", True, hint="the camera goes along with the measured vehicle")
-        on_user_input(follow, lambda value: self._orders.put(lambda: setattr(self._picture, "follow", value)))
+        on_user_input(follow, self.follow)
         shown: dict[str, Column] = {
             "position error (mm)": lambda seen: 1e3 * seen.position,
             "attitude error (deg)": lambda seen: math.degrees(seen.attitude),
@@ -118,9 +117,6 @@ class ReplayPage(PageLoop):
 
         self._orders.put(show)
 
-    def _close(self) -> None:
-        self._worker.shutdown(wait=False, cancel_futures=True)
-
     def _advance(self, seconds: float) -> None:
         self.replay.advance(seconds)
 
@@ -137,23 +133,23 @@ class ReplayPage(PageLoop):
     def _text(self) -> str:
         """Status text of the page: clock, current errors, and those of the whole flight."""
         replay = self.replay
-        clock = "at its end" if replay.tick == replay.steps - 1 else "playing" if replay.playing else "paused"
         age = replay.age[replay.tick]
         now = "no prediction here, near the ground, a gap or an end of the log"
         if math.isfinite(age):
             now = f"{_in_words(*replay.errors[:, replay.tick])}, {age:.2f} s after it was set back"
         whole, held = mean_error(replay.errors), mean_error(replay.held_errors)
-        lines = [
-            f"**{literal(replay.title)}**",
-            f"{replay.time:.2f} s, {clock}, {replay.speed:g}x",
-            f"model {literal(replay.vehicle.name)}: {now}",
-            f"root mean square: {_in_words(*whole)}; with held velocity and rate: {_in_words(*held)}",
-            "Grey: measured. Blue: model under the recorded commands. An open loop drifts: it is set back to the "
-            f"measured state every {replay.horizon:g} s.",
-            *(["Predicting ..."] if self._predicting else []),
-            *([f"**Warning:** {literal(replay.warning)}"] if replay.warning else []),
-        ]
-        return "\n\n".join([*lines, *([literal(self._words)] if self._words else [])])
+        return self._with_report(
+            [
+                f"**{literal(replay.title)}**",
+                replay.words,
+                f"model {literal(replay.vehicle.name)}: {now}",
+                f"root mean square: {_in_words(*whole)}; with held velocity and rate: {_in_words(*held)}",
+                "Grey: measured. Blue: model under the recorded commands. An open loop drifts: it is set back to the "
+                f"measured state every {replay.horizon:g} s.",
+                *(["Predicting ..."] if self._predicting else []),
+                *([f"**Warning:** {literal(replay.warning)}"] if replay.warning else []),
+            ]
+        )
 
 
 def _in_words(position: float, attitude: float) -> str:

@@ -100,6 +100,11 @@ def bytes_of(color: Sequence[float]) -> tuple[int, int, int]:
     return red, green, blue
 
 
+def segments(places: Array) -> Array:
+    """Line segments (N - 1, 2, 3) between places (N, 3)."""
+    return np.stack([places[:-1], places[1:]], axis=1)
+
+
 class VehicleNodes:
     """Scene nodes of one vehicle: base, links and rotor discs.
 
@@ -217,16 +222,14 @@ class LineNodes:
         for name in set(self._nodes) - set(drawn):
             self._nodes.pop(name)[0].remove()
         for name, line in drawn.items():
-            places = np.round(line.places[k], DIGITS)
-            points = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
-            if name not in self._nodes:
+            points = segments(np.round(line.places[k], DIGITS)).astype(np.float32)
+            node, sent = self._nodes.get(name, (None, points))
+            if node is None:
                 color = bytes_of(line.rgba)
                 node = self._scene.add_line_segments(f"{self._name}/{name}", points, color, thickness=LINE_WIDTH)
-                self._nodes[name] = node, points
-            elif (self._nodes[name][1] != points).any():
-                node = self._nodes[name][0]
+            elif (sent != points).any():
                 node.points = points
-                self._nodes[name] = node, points
+            self._nodes[name] = node, points
 
     def remove(self) -> None:
         """Remove the lines from the scene."""

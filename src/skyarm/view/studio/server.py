@@ -96,7 +96,8 @@ def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
 
     logging.getLogger(QUIET).setLevel(logging.CRITICAL)
     inputs: dict[str, Any] = {}
-    with _serving(module, listening, guard, inputs), _silent():
+    # of what viser prints when it starts and stops nothing is wanted
+    with _serving(module, listening, guard, inputs), contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=LOOPBACK[0], port=guard.port, label=title, verbose=False)
     inputs["server"] = server
     configure_theme(server, dark=False)
@@ -111,7 +112,7 @@ def configure_theme(server: Any, *, dark: bool) -> None:
 
 def close_server(server: Any) -> None:
     """Stop a server silently."""
-    with _silent():
+    with contextlib.redirect_stdout(io.StringIO()):
         server.stop()
 
 
@@ -164,13 +165,6 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
         yield
     finally:
         module.serve = plain
-
-
-@contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Context manager that hides what viser prints when it starts and stops."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        yield
 
 
 class Sieve:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
@@ -55,7 +56,7 @@ def sight(session: Session) -> Sight:
     """Compute the plotted quantities of a simulation session at its current time."""
     scenario, now, time = session.scenario, session.now, session.time
     vehicle, state = scenario.plant.vehicle, now.state
-    placed = place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
+    placed = poses_of(vehicle, state)
     outside = session.wind
     upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(vehicle, scenario.reference.at(time)).tip
     push = getattr(scenario.reference, "push", None)
@@ -90,6 +91,11 @@ def contact_forces(components: Sequence[Component], memories: Sequence[Any], mot
             if surface:
                 found[surface] = found.get(surface, 0.0) + float(force)
     return found
+
+
+def poses_of(vehicle: Vehicle, state: State) -> Placed:
+    """Positions and rotations of the bodies in a state."""
+    return place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
 
 
 def goal_of(vehicle: Vehicle, reference: Reference) -> Placed:

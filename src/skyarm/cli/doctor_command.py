@@ -165,6 +165,7 @@ def _cache() -> Part:
 
 def _try_program(name: str, program: str, remedy: str, needed: bool) -> Part:
     """Run a short Python program in a separate process and report whether it works."""
+    state = BROKEN
     try:
         done = subprocess.run(
             [sys.executable, "-c", program],
@@ -179,12 +180,13 @@ def _try_program(name: str, program: str, remedy: str, needed: bool) -> Part:
             env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         )
     except subprocess.TimeoutExpired:
-        return Part(name=name, state=BROKEN, found=f"no answer in {PATIENCE:g} s", remedy=remedy, needed=needed)
+        found = f"no answer in {PATIENCE:g} s"
     except OSError as error:
-        return Part(name=name, state=BROKEN, found=str(error), remedy=remedy, needed=needed)
-    said = ((done.stderr if done.returncode else done.stdout).strip().splitlines() or ["no words"])[-1]
-    if done.returncode == 0:
-        return Part(name=name, state=WORKS, found=said, needed=needed)
-    if done.returncode < 0:
-        said = f"ended by signal {-done.returncode}"
-    return Part(name=name, state=BROKEN, found=said, remedy=remedy, needed=needed)
+        found = str(error)
+    else:
+        found = ((done.stderr if done.returncode else done.stdout).strip().splitlines() or ["no words"])[-1]
+        if done.returncode == 0:
+            state, remedy = WORKS, ""
+        elif done.returncode < 0:
+            found = f"ended by signal {-done.returncode}"
+    return Part(name=name, state=state, found=found, remedy=remedy, needed=needed)
