@@ -6,7 +6,7 @@ import socket
 from typing import Any
 
 
-def drain(port: socket.socket, most: int = 256, size: int = 65536) -> list[tuple[bytes, Any]]:
+def drain(port: socket.socket, most: int = 256) -> list[tuple[bytes, Any]]:
     """Read what has arrived at a port, at most ``most`` pieces, each with its sender; it blocks no more.
 
     A sender that is faster than its reader cannot hold the reader up. A stream's pieces have no sender; the last one is
@@ -15,7 +15,6 @@ def drain(port: socket.socket, most: int = 256, size: int = 65536) -> list[tuple
     Args:
         port: of datagrams or of a stream.
         most: pieces.
-        size: bytes of a piece.
 
     Raises:
         OSError: of the port, but that nothing is there or that nobody listens at the other side of a datagram port.
@@ -24,7 +23,7 @@ def drain(port: socket.socket, most: int = 256, size: int = 65536) -> list[tuple
     port.setblocking(False)
     for _ in range(most):
         try:
-            found.append(port.recvfrom(size))
+            found.append(port.recvfrom(65536))
         except BlockingIOError:
             break
         except ConnectionRefusedError:

@@ -38,6 +38,11 @@ def concrete(*values: Any) -> bool:
     return all(isinstance(value, (int, float)) for value in values)
 
 
+def absent(value: object) -> bool:
+    """True for the int 0, which marks a number as absent from compiled code, unlike the float 0.0."""
+    return type(value) is int and value == 0
+
+
 _STRUCTURE = (-1, 0, 1)
 
 
@@ -80,7 +85,7 @@ def number(field: str, value: object) -> Any:
 
 def coefficient(field: str, value: object) -> Any:
     """Convert a scalar coefficient; an integer 0 stays one, which removes the effect from compiled code."""
-    return 0 if type(value) is int and value == 0 else number(field, value)
+    return 0 if absent(value) else number(field, value)
 
 
 def vector(field: str, value: object) -> Vec3:

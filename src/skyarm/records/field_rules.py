@@ -43,6 +43,22 @@ def accept_fields(record: object, where: str, error: type[ValueError] = RecordEr
     coerce.accept(record, where, rules(type(record)), error)
 
 
+def checked(where: str, error: type[ValueError] = RecordError) -> Callable[[type[Record]], type[Record]]:
+    """Decorator, below ``immutable``, of records whose fields are checked when they are made, and nothing else.
+
+    The arguments are those of :func:`accept_fields`.
+    """
+
+    def mark(kind: type[Record]) -> type[Record]:
+        def check(record: object) -> None:
+            accept_fields(record, where, error)
+
+        kind.__post_init__ = check  # type: ignore[attr-defined]
+        return kind
+
+    return mark
+
+
 def require_fields(record: object, where: str, skipped: tuple[type, ...] = ()) -> None:
     """Raise an error if a field of a dataclass, at any depth, has a value that its annotation does not allow.
 

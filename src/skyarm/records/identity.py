@@ -131,15 +131,12 @@ def _parts(value: object) -> list[Any]:
         return []
     if isinstance(value, (types.FunctionType, types.MethodType)) or hasattr(value, "__wrapped__"):
         named = (getattr(value, name, None) for name in ("__func__", "__self__", "__wrapped__"))
-        return [*named, *(getattr(value, "__defaults__", None) or ()), *map(_content, _cells(value))]
+        defaults, cells = (getattr(value, name, None) or () for name in ("__defaults__", "__closure__"))
+        return [*named, *defaults, *map(_content, cells)]
     held = [] if isinstance(value, Enum) else [each for _, each in fields_of(value)]
     plant = getattr(value, "kind", None)
     named_plant = registrations("plant").get(plant) if isinstance(plant, str) else None
     return [type(value), *held, *([] if named_plant is None else [named_plant.target])]
-
-
-def _cells(function: object) -> tuple[types.CellType, ...]:
-    return getattr(function, "__closure__", None) or ()
 
 
 def _content(cell: types.CellType) -> Any:

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.coerce import whole
-from skyarm.records.files import Fields, shown
+from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find
 from skyarm.records.units import NUMBER, Unit, declared_units, units
@@ -102,8 +102,9 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
     """
     known = declared_units(function)
     values: dict[str, Any] = {}
-    fields.expect(inspect.signature(function).parameters)
-    for name, parameter in inspect.signature(function).parameters.items():
+    parameters = inspect.signature(function).parameters
+    fields.expect(parameters)
+    for name, parameter in parameters.items():
         if name in fields.table or parameter.default is inspect.Parameter.empty:
             values[name] = _value(*known.get(name, (float, NUMBER)), fields, name)
         else:
@@ -180,9 +181,7 @@ def registered_from(kind: str, base: type, table: Any, where: str) -> Any:
         raise ValueError(f"{fields.at('kind')} = {name!r}: must be registered as a subclass of {base.__name__}")
     record = record_from(found, fields)
     require_stated = getattr(found, "require_stated", None)
-    try:
-        if require_stated is not None:  # numbers that others of the table need
+    if require_stated is not None:  # numbers that others of the table need
+        with errors_as(ValueError, f"{where}."):
             require_stated(table.keys())
-    except ValueError as error:
-        raise ValueError(f"{where}.{error}") from None
     return record

@@ -42,6 +42,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import (
     Fields,
     did_you_mean,
+    errors_as,
     must_be_one_of,
     number,
     read_toml,
@@ -83,7 +84,7 @@ def controller_from(
     """
     safety, servos = fields.take("safety", False), fields.flag("servos", bool(model.vehicle.drives))
     plain = plain_model(model)
-    try:
+    with errors_as(ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError):
         if replaced is not None:
             found = make_named_or_tuned(replaced, plain, known)
         elif isinstance(fields.table.get("tuned"), str):
@@ -92,12 +93,8 @@ def controller_from(
             found = controller_of_file(fields.take("tuned"), folder, plain, known, fields.at("tuned"))
         else:
             found = by_words(fields, plain, known)
-    except AllocationError as error:
-        raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
-    try:
+    with errors_as(ValueError, "controller.", ControllerError):
         return on_actuators(_with_safety(found, safety), model, known["control_period"], servos)
-    except ControllerError as error:
-        raise ValueError(f"controller.{error}") from None
 
 
 def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
@@ -217,17 +214,15 @@ def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: 
     law = fields.take("law")
     if is_law_of_file(law) and not loaded:
         raise ValueError(f"{fields.at('law')} = {shown(law)}: must not be a file's; only --laws takes FILE.py:make")
-    if not isinstance(law, str) or law not in LAWS:
-        hint = f"; it is a preset: preset = {law!r}" if law in (*PRESETS,) else ""
-        raise ValueError(f"{fields.at('law')} = {shown(law)}: {must_be_one_of(LAWS, law, 'skyarm show')}{hint}")
-    return _of_options("law", law, fields, model, known)
+    hint = f"; it is a preset: preset = {law!r}" if law in (*PRESETS,) else ""
+    return _of_options("law", _require_name(fields, "law", LAWS, hint), fields, model, known)
 
 
-def _require_name(fields: Fields, word: str, names: Mapping[str, Any]) -> str:
-    """Name that a [controller] table gives under a key; an unknown one raises an error."""
+def _require_name(fields: Fields, word: str, names: Mapping[str, Any], hint: str = "") -> str:
+    """Name that a [controller] table gives under a key; an unknown one raises an error, which ends in a hint."""
     name = fields.take(word)
     if not isinstance(name, str) or name not in names:
-        raise ValueError(f"{fields.at(word)} = {shown(name)}: {must_be_one_of(names, name, 'skyarm show')}")
+        raise ValueError(f"{fields.at(word)} = {shown(name)}: {must_be_one_of(names, name, 'skyarm show')}{hint}")
     return name
 
 
@@ -390,9 +385,7 @@ def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str
 
 
 def _controller(top: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
-    schema = top.take("schema", 1)
-    if schema != 1 or isinstance(schema, bool):
-        raise ValueError(f"schema = {shown(schema)}: must be 1")
+    top.require_schema()
     words, gains = Fields(top.take("law"), "law"), top.take("gains", {})
     top.take("about", None)
     top.done()

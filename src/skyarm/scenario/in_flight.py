@@ -18,7 +18,7 @@ from skyarm.control.actuator_layer import believed_drives
 from skyarm.control.controller import Controller, ControllerError, autopilot_of
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.drive import Drive
-from skyarm.records.files import Fields, did_you_mean, shown
+from skyarm.records.files import Fields, did_you_mean, errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.registry.plugins import is_law_of_file
 from skyarm.reference import trajectory_from
@@ -51,10 +51,9 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     Raises:
         ValueError: one line with the path, the value and what is allowed.
     """
-    try:
+    model = scenario.controller.par.model
+    with errors_as(ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError):
         return dataclasses.replace(scenario, **_fields_of_part(scenario, path, value))
-    except AllocationError as error:
-        raise ValueError(f"model.vehicle = {scenario.controller.par.model.vehicle.name!r}: {error}") from None
 
 
 def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[str, Any]:

@@ -29,13 +29,12 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import cos, divide, sin
 from skyarm.control.actuator_layer import with_believed_queues
-from skyarm.control.controller import Controller
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.plant.interface import number
 from skyarm.records import coerce
 from skyarm.records.field_rules import rules
-from skyarm.records.files import shown
+from skyarm.records.files import errors_as, shown
 from skyarm.records.leaves import Place, part, replace_at
 from skyarm.records.units import Unit, units
 from skyarm.scenario.paths import places_of
@@ -160,18 +159,18 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         record, place = fields.get(field, getattr(scenario, field)), tuple(inner)
         fields[field] = replace_at(record, {place: part(record, place).with_payload(mass, frame)})
     # a scenario is checked whenever it is made: once
-    changed: Any = dataclasses.replace(scenario, **fields) if fields else scenario
+    changed = dataclasses.replace(scenario, **fields) if fields else scenario
     if any(place[: len(ROTORS)] == ROTORS for place in leaves):
         par = changed.controller.par
         mixer = make_mixer(par.model.vehicle, par.mixer.policy, bool(par.mixer.across))
-        changed = changed.with_words(controller=_with_par(changed.controller, mixer=mixer))
+        mixed = dataclasses.replace(changed.controller, par=dataclasses.replace(par, mixer=mixer))
+        changed = changed.with_words(controller=mixed)
     if any(place[: len(DRIVES)] == DRIVES and place[-1] == "latency" for place in leaves):
         made = with_believed_queues(changed.controller, 1.0 / scenario.rates.control)
         changed = changed.with_words(controller=made)
     if start:
         changed = changed.with_words(initial=start_with(changed, start))
-    result: Scenario = changed
-    return result
+    return changed
 
 
 def _require_numbers(values: object) -> None:
@@ -186,10 +185,8 @@ def _require_numbers(values: object) -> None:
         if not isinstance(path, str):
             raise ScenarioError(f"path = {shown(path)}: must be text, as 'plant.gravity'")
         if type(value) is not float:
-            try:
+            with errors_as(ScenarioError):
                 coerce.number(f"values[{path!r}]", value)
-            except coerce.RecordError as error:
-                raise ScenarioError(str(error)) from None
 
 
 def _fields(scenario: Scenario, leaves: Mapping[Place, Any]) -> dict[str, Any]:
@@ -198,10 +195,6 @@ def _fields(scenario: Scenario, leaves: Mapping[Place, Any]) -> dict[str, Any]:
     for place, value in leaves.items():
         below.setdefault(place[0], {})[place[1:]] = value
     return {name: replace_at(getattr(scenario, name), inner) for name, inner in below.items()}
-
-
-def _with_par(controller: Controller, **fields: Any) -> Controller:
-    return dataclasses.replace(controller, par=dataclasses.replace(controller.par, **fields))
 
 
 ATTITUDE = ("initial.roll", "initial.pitch", "initial.yaw")

@@ -24,7 +24,7 @@ from skyarm.dynamics.actuators.motion_demand import Demand, Motion, attitude, de
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.records.arrays import Array
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.files import Fields, shown
+from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.read_table import record_from
@@ -71,10 +71,8 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
     for name in options:
         if name not in known:
             raise ScenarioError(f"{name}: is no option of a governor; there are {', '.join(known)}")
-    try:
+    with errors_as(ScenarioError):
         return governed_scenario(scenario, GovernorOptions(**options))
-    except ValueError as error:
-        raise ScenarioError(str(error)) from None
 
 
 def planner_from(table: object, setting: Setting) -> Callable[[Scenario], Scenario]:

@@ -43,13 +43,13 @@ FIELD = {"pick": "pick", "place": "drop"}
 """Kind of a phase -> field of the payload."""
 
 
-def payloads_from(tables: object, where: str = "payloads") -> tuple[TimedPayload, ...]:
+def payloads_from(tables: object) -> tuple[TimedPayload, ...]:
     """Read payloads from the list of tables [[payloads]].
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    return tuple(_payload(fields) for fields in list_of_tables(tables, where))
+    return tuple(_payload(fields) for fields in list_of_tables(tables, "payloads"))
 
 
 def _payload(fields: Fields) -> TimedPayload:

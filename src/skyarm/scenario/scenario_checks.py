@@ -20,7 +20,7 @@ from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import check_largest_step
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.field_rules import require_fields
-from skyarm.records.files import did_you_mean, number, shown
+from skyarm.records.files import did_you_mean, errors_as, number, shown
 from skyarm.records.leaves import leaves, named_leaves
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
@@ -173,10 +173,8 @@ def _check_sensors(scenario: Scenario) -> None:
             raise ValueError(f"{where}.frequency = {rate:g}: must divide rates.control = {rates.control} Hz")
         delay = number(each.sensor.latency, f"{where}.latency", low=0.0)
         require_whole(f"{where}.latency", delay, rates.control, "control periods")
-        try:
+        with errors_as(ValueError, f"{where}."):
             each.sensor.require_vehicle(vehicle)
-        except ValueError as error:
-            raise ValueError(f"{where}.{error}") from None
     par, held = scenario.controller.par, tuple(sensors.items())
     if senses_force(par):
         _require_tip_sensor("controller", held, vehicle)
@@ -224,12 +222,10 @@ def _check_vehicles(scenario: Scenario) -> None:
     """
     check_controller(scenario.controller)
     truth, model = scenario.plant.vehicle, scenario.controller.par.model.vehicle
-    try:
+    with errors_as(ValueError, f"plant.vehicle = {truth.name!r}: "):
         require_plant(truth)
         make_mixer(truth)
         joint_rate(truth)
-    except ValueError as error:
-        raise ValueError(f"plant.vehicle = {truth.name!r}: {error}") from None
     for what, ours, theirs in (("joints", truth.n, model.n), ("rotors", len(truth.rotors), len(model.rotors))):
         if ours != theirs:
             raise ValueError(
@@ -268,10 +264,8 @@ def _check_surroundings(scenario: Scenario) -> None:
     """Check that faults, forces and contact models name existing actuators, frames and links of the plant."""
     vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
     for i, fault in enumerate(scenario.faults):
-        try:
+        with errors_as(ValueError, f"environment.faults[{i}]."):
             fault.check(vehicle)
-        except ValueError as error:
-            raise ValueError(f"environment.faults[{i}].{error}") from None
     for where, component in scenario.placed_components:
         try:
             component.require_vehicle(vehicle, period, scenario.plant.gravity)
@@ -326,10 +320,8 @@ def require_flight(scenario: object) -> None:
             if not (concrete(value) or callable(value)):
                 raise ScenarioError(f"{field} = {shown(value)}: must be one number; a Batch flies several side by side")
     if scenario.worlds:
-        try:
+        with errors_as(ScenarioError):
             require_start_outside(scenario)
-        except ValueError as error:
-            raise ScenarioError(str(error)) from None
 
 
 def require_start_outside(scenario: Scenario) -> None:

@@ -56,6 +56,7 @@ from skyarm.plant.interface import Truth
 from skyarm.records.files import (
     Fields,
     PathLike,
+    errors_as,
     file_name,
     number,
     one_line,
@@ -118,21 +119,15 @@ def load_scenario(
 
 
 def _read_scenario(name_or_path: PathLike, replaced: Mapping[str, Any]) -> Scenario:
-    try:
+    with errors_as(ScenarioError):
         text = file_name(name_or_path, "scenario")
-    except ValueError as error:
-        raise ScenarioError(str(error)) from None
     given = {field: value for field, value in replaced.items() if value is not None}
     if Path(text).suffix.removeprefix(".") in names("log_format"):
         return _scenario_of_log(text, given)
-    try:
+    with errors_as(ScenarioError):
         document, folder = read_named(text, "scenario", LIBRARY, " or a log, or a name")
-    except ValueError as error:
-        raise ScenarioError(str(error)) from None
-    try:
+    with errors_as(ScenarioError, f"{text}: "):
         return scenario_from(document, folder, given)
-    except ValueError as error:
-        raise ScenarioError(f"{text}: {error}") from None
 
 
 def as_scenario(given: Scenario | PathLike, controller: str | None = None) -> Scenario:
@@ -209,9 +204,7 @@ def scenario_from(
 
 
 def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenario:
-    schema = top.take("schema", 1)
-    if schema != 1 or isinstance(schema, bool):
-        raise ValueError(f"schema = {shown(schema)}: must be 1")
+    top.require_schema()
     plant, environment = Fields(top.take("plant"), "plant"), top.inner("environment")
     world = Truth(vehicle=tables.truth(plant, folder), gravity=tables.gravity(plant))
     tables.require_plugins(top)

@@ -19,8 +19,8 @@ from skyarm.plant.interface import Truth
 from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.records import coerce, leaves
 from skyarm.records.coerce import RecordError, concrete
-from skyarm.records.field_rules import accept_fields, defaults, require_fields
-from skyarm.records.files import did_you_mean, must_be_one_of, number, shown
+from skyarm.records.field_rules import accept_fields, checked, defaults, require_fields
+from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number, shown
 from skyarm.records.files.names import ALLOWED, is_result_name
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
@@ -83,6 +83,7 @@ class Rates:
 
 
 @immutable
+@checked("delays", ScenarioError)
 class Delays:
     """Dead times of the control loop: of measurements, of all commands, and of rotor or joint commands alone.
 
@@ -98,9 +99,6 @@ class Delays:
     longest_command: Annotated[float | None, Unit("s", low=0.0, strict=True)] = None
     rotors: Annotated[Scalar, Unit("s", "before the rotors hear of it, on top", low=0.0)] = 0
     joints: Annotated[Scalar, Unit("s", "before the joints hear of it, on top", low=0.0)] = 0
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "delays", ScenarioError)
 
     @property
     def apart(self) -> bool:
@@ -306,31 +304,27 @@ class Agent:
             if name and names.count(name) > 1:
                 raise ScenarioError(f"payloads[{i}].name = {name!r}: must be of one payload only")
         if self.initial is not None:
-            try:
+            with errors_as(ScenarioError):
                 require_fields(self.initial, "initial")
-            except ValueError as error:
-                raise ScenarioError(str(error)) from None
             object.__setattr__(self, "initial", _as_data(self.initial))
+
+
+GROUPS: Mapping[str, type] = {"solver": Solver, "agent": Agent, "environment": Environment}
+"""Fields of a scenario that are records of several of a file's words."""
 
 
 class Word(Generic[Held]):
     """Descriptor that makes ``scenario.wind`` a shortcut for ``scenario.environment.wind``."""
 
-    def __init__(self, group: str) -> None:
-        self._group = group
-
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
+        self._group = next(group for group, kind in GROUPS.items() if name in (field_names(kind) or ()))
 
     def __get__(self, scenario: Scenario | None, owner: type) -> Held:
         if scenario is None:  # of the class, as for any descriptor
             return self  # type: ignore[return-value]
         found: Held = getattr(getattr(scenario, self._group), self._name)
         return found
-
-
-GROUPS: Mapping[str, type] = {"solver": Solver, "agent": Agent, "environment": Environment}
-"""Fields of a scenario that are records of several of a file's words."""
 
 
 @immutable(init=False)
@@ -367,7 +361,7 @@ class Scenario:
     def __init__(self, **words: Any) -> None:
         from skyarm.scenario.scenario_checks import check_scenario
 
-        try:
+        with errors_as(ScenarioError):
             for name, value in _group_fields(words).items():
                 object.__setattr__(self, name, value)
             check_name(self.name)
@@ -377,13 +371,10 @@ class Scenario:
             if self.world is not None and (fitted := self.world.on(self.plant.vehicle)) is not self.world:
                 object.__setattr__(self, "environment", dataclasses.replace(self.environment, world=fitted))
             check_scenario(self)
-        except ValueError as error:
-            raise ScenarioError(str(error)) from None
 
     def with_words(self, **words: Any) -> Scenario:
         """Scenario with some fields replaced, also fields of its groups, such as ``wind`` of ``environment``."""
-        made: Any = dataclasses.replace(self, **words)
-        return made  # type: ignore[no-any-return]
+        return dataclasses.replace(self, **words)
 
     def _repr_html_(self) -> str:
         return notebook_html(self)
@@ -398,26 +389,26 @@ class Scenario:
         kept = tuple(each for each in self.changes if not each.of_law)
         return self.with_words(controller=controller, changes=kept)
 
-    kind = Word[str]("solver")
-    integrator = Word[str]("solver")
-    wind = Word[Wind]("environment")
-    air = Word[tuple[Component, ...]]("environment")
-    forces = Word[tuple[Component, ...]]("environment")
-    ground = Word[bool]("environment")
-    world = Word["Contact | None"]("environment")
-    plant = Word[Truth]("agent")
-    controller = Word[Controller]("agent")
-    reference = Word[Trajectory]("agent")
-    tracking_start = Word[Scalar]("agent")
-    path_time = Word["PathTime | None"]("agent")
-    noise = Word[SensorNoise]("agent")
-    sensors = Word[tuple[NamedSensor, ...]]("agent")
-    estimator = Word[Estimator]("agent")
-    drives = Word[tuple[JointDrive, ...]]("agent")
-    delays = Word[Delays]("agent")
-    initial = Word["State | None"]("agent")
-    faults = Word[tuple[Fault, ...]]("agent")
-    payloads = Word[tuple[TimedPayload, ...]]("agent")
+    kind = Word[str]()
+    integrator = Word[str]()
+    wind = Word[Wind]()
+    air = Word[tuple[Component, ...]]()
+    forces = Word[tuple[Component, ...]]()
+    ground = Word[bool]()
+    world = Word["Contact | None"]()
+    plant = Word[Truth]()
+    controller = Word[Controller]()
+    reference = Word[Trajectory]()
+    tracking_start = Word[Scalar]()
+    path_time = Word["PathTime | None"]()
+    noise = Word[SensorNoise]()
+    sensors = Word[tuple[NamedSensor, ...]]()
+    estimator = Word[Estimator]()
+    drives = Word[tuple[JointDrive, ...]]()
+    delays = Word[Delays]()
+    initial = Word["State | None"]()
+    faults = Word[tuple[Fault, ...]]()
+    payloads = Word[tuple[TimedPayload, ...]]()
 
     @property
     def steps(self) -> int:

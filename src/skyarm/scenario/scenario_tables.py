@@ -14,7 +14,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import rules
-from skyarm.records.files import Fields, number, shown
+from skyarm.records.files import Fields, errors_as, number, shown
 from skyarm.records.files.fields import list_of_tables
 from skyarm.records.leaves import Place, parts
 from skyarm.records.read_table import record_from, registered_from
@@ -125,8 +125,10 @@ def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
     table.done()
     if not any(rows):
         return found
-    joints = [dataclasses.replace(link.joint, **row) for link, row in zip(found.links, rows, strict=True)]
-    links = (dataclasses.replace(link, joint=joint) for link, joint in zip(found.links, joints, strict=True))
+    links = (
+        dataclasses.replace(link, joint=dataclasses.replace(link.joint, **row))
+        for link, row in zip(found.links, rows, strict=True)
+    )
     return dataclasses.replace(found, links=tuple(links))
 
 
@@ -167,10 +169,8 @@ def with_files(table: object, where: str, folder: Path) -> Any:
         from skyarm.records.files.stl_mesh import read_corners
 
         path = folder / mesh
-        try:
+        with errors_as(ValueError, f"{where}.mesh = {shown(mesh)}: "):
             read_corners(path)
-        except ValueError as error:
-            raise ValueError(f"{where}.mesh = {shown(mesh)}: {error}") from None
         found["mesh"] = str(path.absolute())  # a log is drawn from any folder
     return found
 
@@ -179,8 +179,10 @@ def sensors(table: Mapping[str, Any]) -> tuple[SensorNoise, tuple[NamedSensor, .
     """Read [sensors]: noise of the full state, and named sensors in nested tables."""
     named = {name: value for name, value in table.items() if isinstance(value, dict)}
     noise = record_from(SensorNoise, Fields({name: table[name] for name in table if name not in named}, "sensors"))
-    read = {name: registered_from("sensor", Sensor, value, f"sensors.{name}") for name, value in named.items()}
-    instruments = tuple(NamedSensor(name=name, sensor=sensor) for name, sensor in read.items())
+    instruments = tuple(
+        NamedSensor(name=name, sensor=registered_from("sensor", Sensor, value, f"sensors.{name}"))
+        for name, value in named.items()
+    )
     return SensorNoise(**{name: sigma or 0 for name, sigma in parts(noise).items()}), instruments
 
 

@@ -17,8 +17,8 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.state import State, example_state
-from skyarm.records.coerce import RecordError, concrete
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.coerce import RecordError, absent, concrete
+from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, leaves, rebuild
 from skyarm.records.plain import WRITTEN_IF_ANY
@@ -28,12 +28,8 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-def absent(value: Scalar) -> bool:
-    """True for the int 0, which marks a parameter as absent, unlike the float 0.0."""
-    return type(value) is int and value == 0
-
-
 @immutable
+@checked("")
 class Channel:
     """Error model of a measured quantity with one or more components, in the unit of the quantity (u).
 
@@ -56,9 +52,6 @@ class Channel:
     scale: Annotated[Scalar, Unit("", "error of the scale factor")] = 0
     resolution: Annotated[Scalar, Unit("u", "step of the reading", low=0.0)] = 0
     offset: SignalList | None = field(default=None, metadata=WRITTEN_IF_ANY)
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "")
 
     @property
     def drifts(self) -> bool:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import Quaternion, Vec3
@@ -12,7 +11,8 @@ from skyarm.algebra.scalars import Scalar, add, data, mul
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.coerce import absent
+from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.plain import WRITTEN_IF_ANY
@@ -62,7 +62,7 @@ class Measurement:
 def blank_measurement(joints: int, rotors: int, tilts: int = 0, tip_force: int = 0) -> Measurement:
     """Error-free measurement of a vehicle at rest and level at the origin, at time 0."""
     blank = measurement_of(example_state(joints, rotors, tilts), Vec3(0.0, 0.0, 0.0))
-    return dataclasses.replace(blank, tip_force=(0.0,) * tip_force)
+    return replace(blank, tip_force=(0.0,) * tip_force)
 
 
 def measurement_of(state: State, specific_force: Vec3) -> Measurement:
@@ -72,6 +72,7 @@ def measurement_of(state: State, specific_force: Vec3) -> Measurement:
 
 
 @immutable
+@checked("sensors")
 class SensorNoise(Sensor):
     """Full-state sensor: the true state with white noise at the control rate.
 
@@ -86,9 +87,6 @@ class SensorNoise(Sensor):
     joints: Annotated[Scalar, Unit("rad or m", low=0.0, usual=0.5)] = 0
     joint_rates: Annotated[Scalar, Unit("rad/s or m/s", low=0.0, usual=5.0)] = 0
     rotor_speeds: Annotated[Scalar, Unit("rad/s", low=0.0, usual=200.0)] = 0
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "sensors")
 
     def uniforms(self, vehicle: Vehicle) -> int:
         """Count of uniform random numbers per reading, even; 0 for a perfect sensor."""
@@ -137,7 +135,7 @@ def measure(par: SensorNoise, time: Scalar, state: State, specific_force: Vec3, 
 
     position, velocity = state.position + vector(par.position), state.velocity + vector(par.velocity)
     turn = vector(par.attitude)
-    tilted = state.quaternion if _structural_zero(turn) else state.quaternion * Quaternion.of_rotation_vector(turn)
+    tilted = state.quaternion if all(map(absent, turn)) else state.quaternion * Quaternion.of_rotation_vector(turn)
     return Measurement(
         time=time,
         position=position,
@@ -150,7 +148,3 @@ def measure(par: SensorNoise, time: Scalar, state: State, specific_force: Vec3, 
         rotor_speeds=many(state.rotor_speeds, par.rotor_speeds),
         tilts=state.tilts,
     )
-
-
-def _structural_zero(v: Vec3) -> bool:
-    return all(type(c) is int and c == 0 for c in v)

@@ -19,12 +19,12 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import Scalar, data, divide, exp, mul, sqrt, sub, where
 from skyarm.dynamics.state import State
-from skyarm.records.coerce import RecordError, concrete
-from skyarm.records.files import shown
+from skyarm.records.coerce import RecordError, absent, concrete
+from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
-from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate, absent
+from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate
 from skyarm.sensing.sensor import NO_PUSH, Push
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -255,10 +255,8 @@ class FramedSensor(ChannelSensor):
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
         """Refuse a vehicle that lacks the sensor's frame."""
-        try:
+        with errors_as(RecordError, f"frame = {shown(self.frame)}: ", VehicleError):
             vehicle.frame(self.frame or None)
-        except VehicleError as error:
-            raise RecordError(f"frame = {shown(self.frame)}: {error}") from None
         ChannelSensor.require_vehicle(self, vehicle)
 
     def examples(self, vehicle: Vehicle) -> Quantities:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any, TypeVar
 
 from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
 from skyarm.algebra.scalars import add, mul
-from skyarm.records.coerce import concrete
+from skyarm.records.coerce import absent, concrete
 from skyarm.records.files import printable
 from skyarm.records.immutable import immutable
 from skyarm.vehicle import description
@@ -205,17 +204,19 @@ def couple(
         mimic, joint = whole[links[i].joint.name], links[i].joint
         joints[mimic.joint] = _narrow_range(_with_friction(joints[mimic.joint], joint, mimic.ratio), joint, mimic)
         nothing: dict[str, Any] = dict.fromkeys(PLAIN, 0)
-        plain = dataclasses.replace(joint, **nothing)
-        link = dataclasses.replace(links[i], parent=place[links[i].parent], joint=plain)
+        plain = replace(joint, **nothing)
+        link = replace(links[i], parent=place[links[i].parent], joint=plain)
         leader = next(k for k, old in enumerate(free) if links[old].joint.name == mimic.joint)
-        followers.append(Follower(link=link, leader=leader, ratio=mimic.ratio, offset=_structure(mimic.offset)))
+        followers.append(
+            Follower(link=link, leader=leader, ratio=mimic.ratio, offset=description.zero_is_structure(mimic.offset))
+        )
     kept = []
     for i in free:
         if place[links[i].parent] >= len(free):
             name = links[links[i].parent].name
             refuse(f"joint[{links[i].joint.name}].parent", name, "must not follow another joint; lock it instead")
-        kept.append(dataclasses.replace(links[i], parent=place[links[i].parent], joint=joints[links[i].joint.name]))
-    moved = tuple(dataclasses.replace(frame, link=place[frame.link]) for frame in frames)
+        kept.append(replace(links[i], parent=place[links[i].parent], joint=joints[links[i].joint.name]))
+    moved = tuple(replace(frame, link=place[frame.link]) for frame in frames)
     return tuple(kept), tuple(followers), moved
 
 
@@ -252,9 +253,9 @@ def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:
     values: dict[str, Any] = {}
     for name, by in (("damping", ratio * ratio), ("armature", ratio * ratio), ("coulomb", abs(ratio))):
         more = getattr(follower, name)
-        if not (type(more) is int and more == 0):
+        if not absent(more):
             values[name] = add(getattr(leader, name), mul(by, more))
-    return dataclasses.replace(leader, **values) if values else leader
+    return replace(leader, **values) if values else leader
 
 
 def _range_of_leader(leader: Joint, follower: Joint, ratio: object, offset: object) -> tuple[Any, Any] | None:
@@ -270,7 +271,7 @@ def _narrow_range(leader: Joint, follower: Joint, mimic: Mimic) -> Joint:
     found = _range_of_leader(leader, follower, mimic.ratio, mimic.offset)
     if found is None or found == (leader.lower, leader.upper):
         return leader
-    return dataclasses.replace(leader, lower=found[0], upper=found[1])
+    return replace(leader, lower=found[0], upper=found[1])
 
 
 def limits_that_contradict(links: Sequence[Link], followers: Sequence[Follower]) -> tuple[str, ...]:
@@ -280,10 +281,6 @@ def limits_that_contradict(links: Sequence[Link], followers: Sequence[Follower])
         if _range_of_leader(links[each.leader].joint, each.link.joint, each.ratio, each.offset) is None:
             notes.add("has limits that leave the joint it follows no range; they do not count", each.link.joint.name)
     return notes.lines()
-
-
-def _structure(value: float) -> Any:
-    return 0 if value == 0.0 else value
 
 
 @immutable(kw_only=False)

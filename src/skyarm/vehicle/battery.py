@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any
 
 from skyarm.algebra.monotone_curve import curve
@@ -12,7 +11,7 @@ from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.check import VehicleError, refuse, rising
 
 if TYPE_CHECKING:
     from skyarm.vehicle.vehicle_records import Rotor
@@ -36,9 +35,7 @@ class CellCurve:
             column = getattr(self, name)
             if len(column) < 2 or len(column) != len(self.charge):
                 refuse(f"battery.open_circuit.{name}", column, "must be at least two numbers, as many of both columns")
-            for i, (a, b) in enumerate(pairwise(column)):
-                if concrete(a, b) and not a < b:
-                    refuse(f"battery.open_circuit.{name}[{i + 1}]", b, f"must be above the one before it, {a:g}")
+            rising(f"battery.open_circuit.{name}", column)
 
 
 @immutable

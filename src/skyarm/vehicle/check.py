@@ -8,7 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
 
 from skyarm.algebra import Sym3
 from skyarm.records.coerce import TOLERANCE, RecordError, coefficient, concrete
@@ -80,10 +83,15 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool, least: float = 0.0) 
         )
 
 
+def rising(field: str, column: Sequence[Any], why: str = "") -> None:
+    """Raise an error unless each number of a column is above the one before it."""
+    for i, (a, b) in enumerate(pairwise(column)):
+        if concrete(a, b) and not a < b:
+            refuse(f"{field}[{i + 1}]", b, f"must be above the one before it, {a:g}{why}")
+
+
 def principal_moments(inertia_com: Sym3) -> list[float]:
     """Principal moments of inertia, kg m^2, in ascending order."""
-    import numpy as np
-
     rows = [[float(each) for each in row] for row in inertia_com.full().rows]
     return [float(each) for each in np.linalg.eigvalsh(np.array(rows))]
 
@@ -197,8 +205,6 @@ def excess(moments: Sequence[float]) -> float:
 
 def nearest_inertia(inertia: Sym3) -> Sym3:
     """Nearest physically consistent inertia, kg m^2, about the same centre of mass in the same axes."""
-    import numpy as np
-
     given = np.array([[float(each) for each in row] for row in inertia.full().rows])
     values, axes = np.linalg.eigh(0.5 * np.trace(given) * np.eye(3) - given)
     second = (axes * np.maximum(values, 0.0)) @ axes.T

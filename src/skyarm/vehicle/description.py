@@ -73,6 +73,20 @@ def rotation_quaternion(field: str, wxyz: Sequence[float]) -> Mat3:
     return rotation(Quaternion(*(float(value) for value in wxyz)).normalized().rotation())
 
 
+def quaternion_products(R: Any) -> list[list[Any]]:
+    """Products (4 x 4) of the components w, x, y, z of a rotation matrix's quaternion, times 4.
+
+    Each row is a multiple of the quaternion; that of the largest diagonal entry keeps the most digits.
+
+    Args:
+        R: three rows of three numbers or arrays.
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R
+    a, b, c, d, e, f = zy - yz, xz - zx, yx - xy, yx + xy, xz + zx, zy + yz
+    w, x, y, z = 1.0 + xx + yy + zz, 1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz
+    return [[w, a, b, c], [a, x, d, e], [b, d, y, f], [c, e, f, z]]
+
+
 def inertia(values: Sequence[float]) -> Sym3:
     """Inertia matrix, kg m^2, from entries xx yy zz or xx yy zz xy xz yz."""
     return Sym3.from_numbers(*(float(value) for value in values))

@@ -12,8 +12,8 @@ from typing import Annotated
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar, add, divide, where
-from skyarm.records.coerce import coefficient, inertia, number, proper_rotation, unit_vector, vector
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.coerce import absent, coefficient, inertia, number, proper_rotation, unit_vector, vector
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -24,6 +24,7 @@ BASE = -1
 
 
 @immutable
+@checked("body", VehicleError)
 class Body:
     """Mass distribution of one link, in the link's frame.
 
@@ -39,9 +40,6 @@ class Body:
     com: Annotated[Vec3, Unit("m", "centre of mass, axes of its link", rule=vector, usual=FARTHEST)] = ZERO3
     inertia: Annotated[Sym3, Unit("kg m^2", "about the centre of mass, axes of its link", rule=inertia)] = Sym3(0, 0, 0)
     planar: bool = False
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "body", VehicleError)
 
     @classmethod
     def of_parts(cls, parts: Sequence[Body]) -> Body:
@@ -67,7 +65,7 @@ class Body:
 def _quotient(moment: Vec3, mass: Scalar) -> Vec3:
     """Quotient moment / mass; zero for a massless body, whose moment is zero."""
     divisor = where(mass > 0, mass, 1.0)
-    return Vec3(*(0 if type(c) is int and c == 0 else divide(c, divisor) for c in moment))
+    return Vec3(*(0 if absent(c) else divide(c, divisor) for c in moment))
 
 
 @immutable
@@ -119,7 +117,7 @@ class Joint:
     @property
     def has_stops(self) -> bool:
         """True if a joint has end stops at its limits; also decidable for traced numbers."""
-        return not (type(self.stop_stiffness) is int and self.stop_stiffness == 0)
+        return not absent(self.stop_stiffness)
 
     @property
     def turns(self) -> bool:

@@ -11,6 +11,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
@@ -38,7 +40,7 @@ def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
             _describe(value, field),
             f"must move mass outward of it (the mass matrix is singular at joint values [{at}])",
         )
-    if value.base.mass > 0 and _definite(value.base):
+    if value.base.mass > 0 and _moments(value.base)[0] > 0.0:
         # the base alone moves along and about every axis: only rounding hides that
         allowed = "must not hide the base's inertia (the mass matrix is singular to rounding or overflows)"
         return "base.mass", value.base.mass, allowed
@@ -53,8 +55,6 @@ def immobile(vehicle: Vehicle) -> tuple[str, tuple[float, ...]] | None:
     """
     if all(_solid(body) for body in vehicle.bodies):
         return None
-    import numpy as np
-
     for turn in range(3):
         joints = _joint_values(vehicle, turn)
         with np.errstate(all="ignore"):  # absurd masses overflow; their flight ends as diverged
@@ -68,11 +68,14 @@ def _joint_values(vehicle: Vehicle, turn: int) -> tuple[float, ...]:
     return tuple(_joint_value(link.joint, turn, index) for index, link in enumerate(vehicle.links))
 
 
+def _moments(body: Body) -> Any:
+    """Principal moments of a body's inertia, kg m^2, in ascending order."""
+    return np.linalg.eigvalsh(_matrix(body.inertia.full()))
+
+
 def _solid(body: Body) -> bool:
     """True if a body has positive mass and a positive definite inertia."""
-    import numpy as np
-
-    moments = np.linalg.eigvalsh(_matrix(body.inertia.full()))
+    moments = _moments(body)
     return bool(body.mass > 0 and moments[0] > 1e-9 * moments[2])
 
 
@@ -85,8 +88,6 @@ def _joint_value(joint: Joint, turn: int, index: int) -> float:
 
 def mass_matrix(vehicle: Vehicle, joints: Sequence[float]) -> tuple[Any, list[Any]]:
     """Mass matrix of base (rotation first) and joints, and the 6 x (6 + n) Jacobian of each body in its axes."""
-    import numpy as np
-
     J = [np.eye(6, 6 + vehicle.n)]
     M = J[0].T @ rigid_inertia(vehicle.base) @ J[0]
     rows = [(link, joints[i], 1.0, i) for i, link in enumerate(vehicle.links)]
@@ -107,8 +108,6 @@ def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
 
     The pivot of a joint in the mass matrix is the articulated inertia about it: with the joints after it free.
     """
-    import numpy as np
-
     M, J = mass_matrix(vehicle, joints)
     inertias, moved = [rigid_inertia(body) for body in vehicle.bodies], np.diag(M).copy()
     for k in reversed(range(6, len(M))):
@@ -136,8 +135,6 @@ def joint_mobility(vehicle: Vehicle) -> list[Any]:
 
     The block of the joints in the inverse of the mass matrix, with all that is not a joint free to move.
     """
-    import numpy as np
-
     found = []
     for turn in range(6):
         M, _ = mass_matrix(vehicle, _joint_values(vehicle, turn))
@@ -154,31 +151,23 @@ def _numbers(*values: Any) -> list[float]:
 
 
 def _matrix(m: Mat3) -> Any:
-    import numpy as np
-
     return np.array([list(row) for row in m.rows], dtype=float)
 
 
 def rigid_inertia(body: Body) -> Any:
     """Spatial inertia (6 x 6) of a body about its link's origin."""
-    import numpy as np
-
     S = _matrix(Mat3.cross(body.com))
-    (m,) = _numbers(body.mass)
+    m = float(body.mass)
     return np.block([[_matrix(body.inertia.full()) - m * S @ S, m * S], [-m * S, m * np.eye(3)]])
 
 
 def _direction(joint: Joint) -> Any:
-    import numpy as np
-
     axis = _numbers(*joint.axis)
     return np.array([*axis, 0.0, 0.0, 0.0] if joint.turns else [0.0, 0.0, 0.0, *axis])
 
 
 def _to_child(joint: Joint, value: float) -> Any:
     """Spatial transform (6 x 6) of a motion vector from the parent link's origin to the child link's."""
-    import numpy as np
-
     R, p = _matrix(joint.rotation), np.array(_numbers(*joint.position))
     axis = Vec3(*_numbers(*joint.axis))
     if joint.turns:
@@ -187,13 +176,6 @@ def _to_child(joint: Joint, value: float) -> Any:
     else:
         p = p + R @ np.array(list(axis)) * value
     return np.block([[R.T, np.zeros((3, 3))], [-R.T @ _matrix(Mat3.cross(Vec3(*p))), R.T]])
-
-
-def _definite(value: Body) -> bool:
-    """True if a body has inertia about every axis."""
-    import numpy as np
-
-    return bool(np.linalg.eigvalsh(_matrix(value.inertia.full()))[0] > 0.0)
 
 
 def _describe(value: Vehicle, field: str) -> str:

@@ -12,6 +12,8 @@ import math
 from collections.abc import Collection, Sequence
 from typing import Any
 
+import numpy as np
+
 from skyarm.vehicle.attach import Notes
 from skyarm.vehicle.linkage import Joint, Link
 from skyarm.vehicle.mobility import joint_mobility
@@ -44,8 +46,6 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
     wanted = [_has_limits(k.joint) and k.joint.name not in own and not k.joint.has_stops for k in vehicle.links]
     if not any(wanted):
         return vehicle
-    import numpy as np
-
     ease = np.max([np.diag(each) for each in joint_mobility(vehicle)], axis=0).tolist()
     links = tuple(
         dataclasses.replace(k, joint=_with_stops(k.joint, e)) if asked and math.isfinite(e) and e > 0.0 else k
@@ -134,8 +134,6 @@ def _slopes(links: Sequence[Link]) -> list[float]:
 
 def _fastest(slopes: Sequence[float], mobilities: Sequence[Any]) -> tuple[float, list[float]]:
     """Fastest decay rate (1/s) that friction causes at rest, and how much each joint's friction contributes."""
-    import numpy as np
-
     root = np.sqrt(np.array(slopes))
     with np.errstate(all="ignore"):  # absurd numbers overflow; plants refuse them
         product = root[:, None] * np.array(mobilities) * root[None, :]

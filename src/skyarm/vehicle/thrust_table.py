@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Annotated, Any
 
 from skyarm.algebra.monotone_curve import curve, inverse_curve
@@ -12,7 +11,7 @@ from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.check import VehicleError, refuse, rising
 
 COLUMNS = ("speed", "thrust", "torque", "current")
 
@@ -52,9 +51,7 @@ class ThrustTable:
             refuse(f"thrust_table.{name}", column, "must be at least two numbers")
         if column and len(column) != len(self.speed):
             refuse(f"thrust_table.{name}", column, f"must be {len(self.speed)} numbers, as many as speeds")
-        for i, (a, b) in enumerate(pairwise(column)):
-            if concrete(a, b) and not a < b:
-                refuse(f"thrust_table.{name}[{i + 1}]", b, f"must be above the one before it, {a:g}: a column rises")
+        rising(f"thrust_table.{name}", column, ": a column rises")
         first, speed = column[0] if column else 0.0, self.speed[0]
         if name in ("thrust", "torque") and column and concrete(first, speed) and (first == 0.0) != (speed == 0.0):
             refuse(f"thrust_table.{name}[0]", first, "must be 0 at rest and above 0 at a speed")

@@ -9,7 +9,7 @@ from typing import Annotated
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.coerce import concrete, number, unit_vector
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError, refuse
@@ -21,6 +21,7 @@ NUMBERS = ("lower", "upper", "time_constant", "max_rate")
 
 
 @immutable
+@checked("tilt", VehicleError)
 class Tilt:
     """Servo that tilts a rotor about an axis of the base through its hub, perpendicular to its thrust.
 
@@ -43,9 +44,6 @@ class Tilt:
     max_rate: Annotated[
         Scalar, Unit("rad/s", "largest rate of the angle", low=0.0, strict=True, infinite=True, rule=number)
     ] = math.inf
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "tilt", VehicleError)
 
     def require(self, field: str, thrust_axis: Vec3) -> None:
         """Raise an error for invalid servo numbers, or an axis that is not perpendicular to the thrust."""

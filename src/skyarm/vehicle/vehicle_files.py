@@ -12,6 +12,7 @@ from typing import Any
 from skyarm.records.files import (
     PathLike,
     did_you_mean,
+    errors_as,
     file_name,
     must_be_one_of,
     needs_extra,
@@ -44,10 +45,8 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
     Raises:
         VehicleError: one line, ``file: field = value: what is allowed``.
     """
-    try:
+    with errors_as(VehicleError):
         text = file_name(name_or_path, "vehicle")
-    except ValueError as error:
-        raise VehicleError(str(error)) from None
     path, known = Path(text), ", ".join(list_vehicles())
     if text in list_vehicles():
         entry = LIBRARY / f"{text}.toml"
@@ -82,14 +81,10 @@ def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) 
     """Read a vehicle from the bytes of a TOML file; ``above`` are files that refer to it, to detect cycles."""
     chain = above if file is None else (*above, file.resolve())
     refer = partial(_read, folder=Path() if file is None else file.parent, chain=chain)
-    try:
+    with errors_as(VehicleError):
         document = read_toml(content)
         require_kind(document, "vehicle")
         return vehicle_from(document, refer)
-    except VehicleError:
-        raise
-    except ValueError as error:
-        raise VehicleError(str(error)) from None
 
 
 RIGID = (".urdf", ".xml", ".mjcf")
@@ -146,10 +141,8 @@ def _read(
             refuse(field, name, "must not lead back to a file that refers to it")
     except OSError as error:
         refuse(field, name, error.strerror or "must be readable")
-    try:
+    with errors_as(VehicleError, f"{field} = {name!r}: ", VehicleError):
         return _from_toml(path.read_bytes(), path, chain) if path.suffix == ".toml" else read_rigid(path, mimic)
-    except VehicleError as error:
-        raise VehicleError(f"{field} = {name!r}: {error}") from None
 
 
 PREFIX = "robot:"

@@ -7,16 +7,15 @@ sequences and arrays (:mod:`skyarm.records.coerce`). Concrete numbers are checke
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Collection
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add
 from skyarm.records.coerce import number, pairs, plain_number, proper_rotation, unit_vector, vector
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.notebook import notebook_html
@@ -113,6 +112,7 @@ class Look(Frame):
 
 
 @immutable
+@checked("drag", VehicleError)
 class BodyDrag:
     """Quadratic drag of the airframe in base axes: force_i = -1/2 rho area_i |v| v_i at the base origin.
 
@@ -125,9 +125,6 @@ class BodyDrag:
         ZERO3
     )
     air_density: Annotated[Scalar, Unit("kg/m^3", **SHARE)] = 1.225
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "drag", VehicleError)
 
 
 @immutable
@@ -258,20 +255,20 @@ class Vehicle:
     def with_body(self, link: int, load: Body) -> Vehicle:
         """Vehicle with a load merged into the body of a link, follower or ``BASE``, in that body's axes."""
         if link == BASE:
-            return dataclasses.replace(self, base=self.base.merge(load))
+            return replace(self, base=self.base.merge(load))
         if link >= self.n:
             held, k = list(self.followers), link - self.n
-            moved = dataclasses.replace(held[k].link, body=held[k].link.body.merge(load))
-            held[k] = dataclasses.replace(held[k], link=moved)
-            return dataclasses.replace(self, followers=tuple(held))
+            moved = replace(held[k].link, body=held[k].link.body.merge(load))
+            held[k] = replace(held[k], link=moved)
+            return replace(self, followers=tuple(held))
         links = list(self.links)
-        links[link] = dataclasses.replace(links[link], body=links[link].body.merge(load))
-        return dataclasses.replace(self, links=tuple(links))
+        links[link] = replace(links[link], body=links[link].body.merge(load))
+        return replace(self, links=tuple(links))
 
     def with_joints(self, **values: Any) -> Vehicle:
         """Vehicle with fields of every joint replaced, for example ``with_joints(damping=0.005)``."""
-        links = tuple(dataclasses.replace(k, joint=dataclasses.replace(k.joint, **values)) for k in self.links)
-        return dataclasses.replace(self, links=links)
+        links = tuple(replace(k, joint=replace(k.joint, **values)) for k in self.links)
+        return replace(self, links=links)
 
 
 def undriven_joints(vehicle: Vehicle, driven: Collection[str] = ()) -> tuple[str, ...]:

@@ -326,8 +326,10 @@ def mounted_drives(tables: Mapping[str, Any], where: str) -> tuple[MountedDrive,
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    read = {joint: registered_from("drive", object, table, f"{where}.{joint}") for joint, table in tables.items()}
-    return tuple(MountedDrive(name=joint, drive=drive) for joint, drive in read.items())
+    return tuple(
+        MountedDrive(name=joint, drive=registered_from("drive", object, table, f"{where}.{joint}"))
+        for joint, table in tables.items()
+    )
 
 
 def _with_limits_of_drives(

@@ -13,9 +13,11 @@ from skyarm.records.files.toml import toml_key, toml_value
 from skyarm.records.leaves import field_names
 from skyarm.records.registry.registrations import name_of
 from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.description import quaternion_products
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_records import Frame, MountedDrive, Rotor, Vehicle
+from skyarm.vehicle.vehicle_tables import COEFFICIENTS, ROTOR_NUMBERS
 
 Table = dict[str, Any]
 
@@ -112,10 +114,9 @@ def _rotor(rotor: Rotor) -> Table:
     follows: tuple[str, ...] = ()
     if rotor.table is not None:
         table["thrust_table"] = _thrust_table(rotor, rotor.table)
-        follows = ("thrust_coefficient", "moment_coefficient") if rotor.table.torque else ("thrust_coefficient",)
-    numbers = ("thrust_coefficient", "moment_coefficient", "drag_coefficient", "rolling_moment_coefficient")
-    more = ("time_constant_up", "time_constant_down", "inertia")
-    table |= {name: float(getattr(rotor, name)) for name in (*numbers, *more) if name not in follows}
+        follows = COEFFICIENTS if rotor.table.torque else COEFFICIENTS[:1]
+    stated = (name for name in ROTOR_NUMBERS if name not in (*follows, "max_speed"))
+    table |= {name: float(getattr(rotor, name)) for name in stated}
     table |= _other_than_default(rotor, ("max_speed",))
     if rotor.table is not None and not math.isfinite(float(rotor.max_speed)):
         table["max_speed"] = math.inf  # else it would be the last speed of the table
@@ -216,13 +217,7 @@ def _orientation(rotation: Mat3) -> Table:
     R = [[float(each) for each in row] for row in rotation.rows]
     if R == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]:
         return {}
-    a, b, c = R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1]
-    d, e, f = R[1][0] + R[0][1], R[0][2] + R[2][0], R[2][1] + R[1][2]
-    w, x, y, z = (
-        1.0 + sign[0] * R[0][0] + sign[1] * R[1][1] + sign[2] * R[2][2]
-        for sign in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
-    )
-    rows = ([w, a, b, c], [a, x, d, e], [b, d, y, f], [c, e, f, z])
+    rows = quaternion_products(R)
     row = rows[max(range(4), key=lambda k: rows[k][k])]
     length = math.hypot(*row)
     return {"quaternion_wxyz": [each / length for each in row]}

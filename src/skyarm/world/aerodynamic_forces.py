@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -22,6 +22,7 @@ _STILL = 1e-24
 
 
 @immutable
+@checked("ground_effect")
 class GroundEffect(Force):
     """Ground effect by image rotors: the thrust of each rotor increases near the ground plane z = 0.
 
@@ -38,9 +39,6 @@ class GroundEffect(Force):
     radius: Annotated[Scalar, Unit("m", "of a rotor", low=0.0, strict=True)]
     others: bool = True
     lowest: Annotated[Scalar, Unit("", "radii above the ground", low=0.5)] = 0.5
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "ground_effect")
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
         """Additional upward force at each rotor due to the ground effect, as wrenches on the base."""
@@ -60,6 +58,7 @@ class GroundEffect(Force):
 
 
 @immutable
+@checked("link_drag")
 class LinkDrag(Force):
     """Quadratic aerodynamic drag of the arm's links, acting at each link's centre of mass.
 
@@ -73,9 +72,6 @@ class LinkDrag(Force):
 
     area: Annotated[tuple[Scalar, ...], Unit("m^2", "drag coefficient times reference area", low=0.0)]
     air_density: Annotated[Scalar, Unit("kg/m^3", low=0.0)] = 1.225
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "link_drag")
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
         """Refuse a vehicle whose number of links differs from the number of areas."""
@@ -93,6 +89,7 @@ class LinkDrag(Force):
 
 
 @immutable
+@checked("rotor_drag")
 class RotorDrag(Force):
     """Change of each rotor's thrust with the air speed: loss in climb and gain by translational lift.
 
@@ -104,9 +101,6 @@ class RotorDrag(Force):
 
     inflow: Annotated[Scalar, Unit("N s^2/(rad m)", "thrust lost by climbing", low=0.0)] = 0
     lift: Annotated[Scalar, Unit("N s^2/m^2", "translational lift", low=0.0)] = 0
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "rotor_drag")
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
         """Additional thrust force at each rotor hub, as wrenches on the base."""

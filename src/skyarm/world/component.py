@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, add, mul
+from skyarm.algebra.scalars import Scalar, add, mul, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
@@ -62,6 +62,11 @@ def moved_by(memory: tuple[Vec3, ...], slope: tuple[Vec3, ...], dt: Scalar) -> t
     """Internal state after an explicit Euler step: each number plus ``dt`` times its time derivative."""
     pairs = zip(leaves(memory), leaves(slope), strict=True)
     return rebuild(memory, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
+
+
+def select(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
+    """Vector ``a`` where a condition holds, else ``b``."""
+    return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
 
 
 def require_frame(vehicle: Vehicle, frame: str) -> None:

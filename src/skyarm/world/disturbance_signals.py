@@ -24,7 +24,7 @@ of what its record has: force and torque, or velocity. A wrench moves base and j
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar
@@ -34,14 +34,36 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.component import Air, Force, Wrench, require_frame
+from skyarm.world.component import Air, Component, Force, Wrench, require_frame
 from skyarm.world.signal_vector import NO_SIGNALS, ColouredNoise, SignalVector, scale_noise
 
 AXES = ("world", "frame")
 
 
+class NoisyComponent(Component):
+    """Base of environment models with optional coloured noise of ``noise_count`` components."""
+
+    __slots__ = ()
+
+    noise: ColouredNoise | None
+    noise_count: ClassVar[int]
+
+    @property
+    def uniforms(self) -> int:
+        """Number of uniform random numbers that the noise draws per control period, an even one."""
+        return 0 if self.noise is None else self.noise_count + self.noise_count % 2
+
+    def start(self, period: float, draws: Sequence[Any]) -> Any:
+        """Initial noise state, drawn from its stationary distribution."""
+        return () if self.noise is None else self.noise.first(draws, self.noise_count)
+
+    def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
+        """Noise state in the next control period."""
+        return memory if self.noise is None else self.noise.next(memory, dt, draws)
+
+
 @immutable
-class Disturbance(Force):
+class Disturbance(NoisyComponent, Force):
     """Force and torque on one body of the vehicle as functions of time, with optional coloured noise.
 
     Attributes:
@@ -55,6 +77,8 @@ class Disturbance(Force):
     torque: SignalVector = NO_SIGNALS
     noise: ColouredNoise | None = None
 
+    noise_count: ClassVar[int] = 6
+
     def __post_init__(self) -> None:
         accept_fields(self, "disturbance")
         if self.axes not in AXES:
@@ -66,19 +90,6 @@ class Disturbance(Force):
         """Refuse a vehicle that lacks the disturbance's frame."""
         if self.frame:
             require_frame(vehicle, self.frame)
-
-    @property
-    def uniforms(self) -> int:
-        """Number of uniform random numbers that the disturbance draws per control period."""
-        return 0 if self.noise is None else 6
-
-    def start(self, period: float, draws: Sequence[Any]) -> Any:
-        """Initial noise state of the disturbance, drawn from its stationary distribution."""
-        return () if self.noise is None else self.noise.first(draws, 6)
-
-    def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """Noise state of the disturbance in the next control period."""
-        return memory if self.noise is None else self.noise.next(memory, dt, draws)
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
         """Force and torque of the disturbance on the vehicle at time ``t`` (s)."""
@@ -97,29 +108,18 @@ class Disturbance(Force):
 
 
 @immutable
-class AirSignals(Air):
+class AirSignals(NoisyComponent, Air):
     """Uniform air velocity as a function of time, with optional coloured noise."""
 
     velocity_W: SignalVector = NO_SIGNALS
     noise: ColouredNoise | None = None
 
+    noise_count: ClassVar[int] = 3
+
     def __post_init__(self) -> None:
         accept_fields(self, "air")
         if self.noise is not None:
             self.noise.require_only("velocity")
-
-    @property
-    def uniforms(self) -> int:
-        """Number of uniform random numbers that the wind noise draws per control period."""
-        return 0 if self.noise is None else 4
-
-    def start(self, period: float, draws: Sequence[Any]) -> Any:
-        """Initial state of the wind noise, drawn from its stationary distribution."""
-        return () if self.noise is None else self.noise.first(draws, 3)
-
-    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """State of the wind noise in the next control period."""
-        return memory if self.noise is None else self.noise.next(memory, dt, draws)
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
         """Air velocity (m/s, world axes): time signals plus noise."""

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, mul, where
-from skyarm.records.coerce import concrete
+from skyarm.records.coerce import absent, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -50,6 +50,6 @@ class Gust:
         return Vec3(*(self._in_window(t, mul(peak, shape)) for peak in self.peak))
 
     def _in_window(self, t: Scalar, value: Scalar) -> Scalar:
-        if type(value) is int and value == 0:
+        if absent(value):
             return 0  # a direction without a gust stays structure
         return where(t < self.start, 0.0, where(t < self.start + self.duration, value, 0.0))

@@ -23,7 +23,7 @@ from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.component import Column, Wrench, require_frame
+from skyarm.world.component import Column, Wrench, require_frame, select
 from skyarm.world.timed_payload import TimedPayload
 
 SUBSTEPS = 20
@@ -112,20 +112,17 @@ class HangingPayload(TimedPayload):
         holder, speed = motion.position(*at), motion.velocity(*at)
         held, caught, gone, place = self.next_status(memory, t, holder)
         below = holder + Vec3(0.0, 0.0, -1.0) * (self.cord * (1.0 + self.stretch))
-        first = Vec3(*(where(caught > 0.5, b, p) for b, p in zip(below, memory.position, strict=True)))
-        still = Vec3(*(where(caught > 0.5, 0.0, v) for v in memory.velocity))
-        swing = Swing(position=first, velocity=still, holder=holder, pull=Vec3(0.0, 0.0, 0.0))
+        nothing = Vec3(0.0, 0.0, 0.0)
+        first = select(caught > 0.5, below, memory.position)
+        still = select(caught > 0.5, nothing, memory.velocity)
+        swing = Swing(position=first, velocity=still, holder=holder, pull=nothing)
         step = dt / SUBSTEPS
         swing = repeat(SUBSTEPS, lambda now: self._advance_swing(now, speed, motion.gravity, step), swing)
-
-        def where_held(new: Vec3, old: Vec3) -> Vec3:
-            return Vec3(*(where(held > 0.5, a, b) for a, b in zip(new, old, strict=True)))
-
         return HangingMemory(
             held=held, caught=caught, gone=gone, place=place,
-            position=where_held(swing.position, memory.position),
-            velocity=where_held(swing.velocity, memory.velocity),
-            pull=where_held(swing.pull * (1.0 / SUBSTEPS), Vec3(0.0, 0.0, 0.0)),
+            position=select(held > 0.5, swing.position, memory.position),
+            velocity=select(held > 0.5, swing.velocity, memory.velocity),
+            pull=select(held > 0.5, swing.pull * (1.0 / SUBSTEPS), nothing),
         )  # fmt: skip
 
     @property

@@ -8,13 +8,14 @@ from typing import Annotated, Any
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, cos, maximum, minimum, sin, where
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.world.component import Force, Wrench
 
 
 @immutable
+@checked("launch_stand")
 class LaunchStand(Force):
     """Stand under the base origin: a spring that pushes up only, and holds place and attitude while it is loaded.
 
@@ -35,9 +36,6 @@ class LaunchStand(Force):
     inertia: Annotated[Scalar, Unit("kg m^2", "of its base", low=0.0, strict=True)]
     frequency: Annotated[Scalar, Unit("rad/s", "of the vehicle on its spring", low=0.0, strict=True)] = 40.0
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, strict=True)] = 9.81
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "launch_stand")
 
     @property
     def largest_step(self) -> float | None:  # type: ignore[override]

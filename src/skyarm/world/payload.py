@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
@@ -15,6 +15,7 @@ LOAD = Unit("kg", low=0.0, high=1e4)
 
 
 @immutable
+@checked("payload")
 class Payload:
     """Point mass fixed to a frame of the vehicle for the whole episode.
 
@@ -24,9 +25,6 @@ class Payload:
 
     mass: Annotated[Scalar, LOAD]
     frame: str = ""
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "payload")
 
     def held_by(self, vehicle: Vehicle) -> Vehicle:
         """Return the vehicle with this payload attached; raises VehicleError for an unknown frame."""

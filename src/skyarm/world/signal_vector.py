@@ -10,7 +10,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, exp, mul, sqrt
 from skyarm.algebra.scalars.philox import normals
 from skyarm.records.coerce import concrete
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -22,15 +22,13 @@ NONE = Constant(0)
 
 
 @immutable
+@checked("vector of signals")
 class SignalVector:
     """Vector of three time signals; in a file a list of three entries, each a number, a table or a list."""
 
     x: Signal = NONE
     y: Signal = NONE
     z: Signal = NONE
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "vector of signals")
 
     @classmethod
     def from_table(cls, entry: Any, where: str) -> SignalVector:
@@ -57,6 +55,7 @@ DEVIATIONS = ("force", "torque", "velocity")
 
 
 @immutable
+@checked("noise")
 class ColouredNoise:
     """First-order Gauss-Markov noise added to a force, torque or air velocity.
 
@@ -70,9 +69,6 @@ class ColouredNoise:
     torque: Annotated[Vec3, Unit("N m", "standard deviation of the torque", low=0.0, folds=True)] = ZERO3
     velocity: Annotated[Vec3, Unit("m/s", "standard deviation of the velocity of the air", low=0.0, folds=True)] = ZERO3
     bandwidth_hz: Annotated[Scalar, Unit("Hz", "where its spectrum has fallen to a half", low=0.0, strict=True)]
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "noise")
 
     def require_only(self, *own: str) -> None:
         """Refuse noise of other quantities than those named, such as a force noise of the wind.

@@ -20,13 +20,13 @@ from skyarm.algebra import ZERO3, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar, logical_and, mul, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.component import Column, Component, Event, require_frame
+from skyarm.world.component import Column, Component, Event, require_frame, select
 from skyarm.world.payload import LOAD
 
 if TYPE_CHECKING:
@@ -34,14 +34,12 @@ if TYPE_CHECKING:
 
 
 @immutable
+@checked("reach")
 class Reach:
     """Sphere in the world that the gripping frame must enter before a payload is grasped or released."""
 
     within: Annotated[Scalar, Unit("m", "largest distance", low=0.0, strict=True)]
     of: Annotated[Vec3, Unit("m", "world axes")]
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "reach")
 
     def holds(self, position_W: Vec3) -> Any:
         """True if a position (m, world axes) lies within the sphere."""
@@ -148,7 +146,7 @@ class TimedPayload(Component):
         caught = where(held, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
         dropped = where(held, where(drop, 1.0, 0.0), 0.0)
         now = where(dropped > 0.5, 0.0, where(caught > 0.5, 1.0, memory.held))
-        place = Vec3(*(where(dropped > 0.5, p, q) for p, q in zip(position_W, memory.place, strict=True)))
+        place = select(dropped > 0.5, position_W, memory.place)
         return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
 
     def events_reached(self, t: Scalar, position_W: Vec3) -> tuple[Scalar, Scalar]:

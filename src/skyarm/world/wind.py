@@ -11,7 +11,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -46,8 +46,28 @@ class WindSample(Component):
         return (Wrench(force_W=self.force_W, point=self.point_B),)
 
 
+class GustyWind(Component):
+    """Base of winds with gusts."""
+
+    __slots__ = ()
+
+    gust: Gust | None
+    gusts: tuple[Gust, ...]
+
+    @property
+    def all_gusts(self) -> tuple[Gust, ...]:
+        """All gusts of the wind."""
+        return self.gusts if self.gust is None else (self.gust, *self.gusts)
+
+    @property
+    def events(self) -> tuple[Event, ...]:  # type: ignore[override]
+        """Time intervals of the gusts, for pictures of a flight."""
+        blowing = (gust for gust in self.all_gusts if any(float(c) for c in gust.peak))
+        return tuple(("gust", float(gust.start), float(gust.start + gust.duration)) for gust in blowing)
+
+
 @immutable
-class ForceWind(Force):
+class ForceWind(GustyWind, Force):
     """Wind as a force on the base and an independent air velocity, like the wind plugin of RotorS.
 
     A gust is an additional force, a step; it never changes the velocity of the air. Several add up.
@@ -63,14 +83,9 @@ class ForceWind(Force):
 
     def __post_init__(self) -> None:
         accept_fields(self, "wind")
-        for gust in all_gusts(self):
+        for gust in self.all_gusts:
             if gust.shape != "step":
                 raise ValueError(f"gust.shape = {gust.shape!r}: a gust of force is a 'step' as in RotorS")
-
-    @property
-    def events(self) -> tuple[Event, ...]:  # type: ignore[override]
-        """Time intervals of the gusts, for pictures of a flight."""
-        return gust_events(self)
 
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
         """Constant air velocity at the rotors, world axes, m/s."""
@@ -79,13 +94,14 @@ class ForceWind(Force):
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
         """Wind force of mean and gusts on the base."""
         force = self.force_W
-        for gust in all_gusts(self):
+        for gust in self.all_gusts:
             force = force + gust.at(t)
         return (Wrench(force_W=force, point=self.point_B),)
 
 
 @immutable
-class MovingAir(Air):
+@checked("wind")
+class MovingAir(GustyWind, Air):
     """Wind as an air velocity, which acts on the vehicle only through rotor drag and body drag.
 
     Attributes:
@@ -97,9 +113,6 @@ class MovingAir(Air):
     gust: Gust | None = None
     turbulence: Dryden | None = None
     gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "wind")
 
     @property
     def uniforms(self) -> int:
@@ -119,28 +132,12 @@ class MovingAir(Air):
             return memory
         return dryden.step(memory, Vec3(*normals(draws)[:3]), dt, par=self.turbulence)[0]
 
-    @property
-    def events(self) -> tuple[Event, ...]:  # type: ignore[override]
-        """Time intervals of the gusts, for pictures of a flight."""
-        return gust_events(self)
-
     def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
         """Air velocity (m/s, world axes): mean wind, gusts and turbulence."""
         velocity = self.velocity_W
-        for gust in all_gusts(self):
+        for gust in self.all_gusts:
             velocity = velocity + gust.at(t)
         return velocity if self.turbulence is None else velocity + dryden.velocity(memory, par=self.turbulence)
-
-
-def all_gusts(wind: Any) -> tuple[Gust, ...]:
-    """All gusts of a wind model."""
-    return wind.gusts if wind.gust is None else (wind.gust, *wind.gusts)
-
-
-def gust_events(wind: Any) -> tuple[Event, ...]:
-    """Time intervals of the gusts of a wind model, for pictures of a flight."""
-    blowing = (gust for gust in all_gusts(wind) if any(float(c) for c in gust.peak))
-    return tuple(("gust", float(gust.start), float(gust.start + gust.duration)) for gust in blowing)
 
 
 Wind = ForceWind | MovingAir

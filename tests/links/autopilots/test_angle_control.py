@@ -170,7 +170,7 @@ def test_filter_forgets_a_wrong_velocity_with_two_equal_poles():
     pole, dt = 8.0, 0.01
     found = MotionFilter(GRAVITY, pole)
     found.correct(ORIGIN, dt)
-    found.velocity = (1.0, 0.0, 0.0)
+    found.velocity = Vec3(1.0, 0.0, 0.0)
     beta = math.exp(-pole * dt)
     matrix = np.array([[1.0, dt], [0.0, 1.0]])
     gain = np.array([[1.0 - beta**2, 0.0], [(1.0 - beta) ** 2 / dt, 0.0]])

@@ -8,7 +8,8 @@ from dataclasses import replace
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.world.contact import Contact, FreeObject, Material, Surface
+from skyarm.world.contact import Contact, FreeObject, Material, Surface, static_equilibrium
+from skyarm.world.contact.meetings import meetings_of
 from skyarm.world.contact.static_equilibrium import with_standing_objects
 
 PERIOD, GRAVITY = 0.005, 9.81
@@ -34,8 +35,8 @@ def test_what_is_too_heavy_to_stand_is_told_its_mass_at_once(monkeypatch, mass, 
     """On a ground it sinks in by half its height; through a thin plate it falls."""
     under = GROUND if thick is None else replace(GROUND, shape="box", size=(2.0, 2.0, thick))
     box = replace(BOX, mass=mass, standing=True, angles=Vec3(0.0, 0.0, 0.0))
-    looks, meetings = [], Contact.meet
-    monkeypatch.setattr(Contact, "meet", lambda *given: looks.append(1) or meetings(*given))
+    looks = []
+    monkeypatch.setattr(static_equilibrium, "meetings_of", lambda *given: looks.append(1) or meetings_of(*given))
     with pytest.raises(ValueError, match=r"^world.objects\[0\].mass = .*: must be about \S+ kg or less") as error:
         with_standing_objects(Contact(surfaces=(under,), objects=(box,)), GRAVITY)
     assert len(looks) < 250

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Annotated
 
-from skyarm.algebra import Quaternion
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links.autopilots.autopilot import Goal
 from skyarm.records.immutable import immutable
@@ -75,35 +75,27 @@ class MotionFilter:
 
     def __init__(self, gravity: float, pole: float = 8.0) -> None:
         self._gravity, self._pole = gravity, pole
-        self.position: Vector = (0.0, 0.0, 0.0)
-        self.velocity: Vector = (0.0, 0.0, 0.0)
-        self._measured: Vector | None = None
+        self.position = self.velocity = Vec3(0.0, 0.0, 0.0)
+        self._begun = False
 
     def predict(self, quaternion: Sequence[float], specific_force: Sequence[float], dt: float) -> None:
         """Advance by ``dt`` with the measured attitude (w, x, y, z) and specific force (base axes)."""
-        a = rotate(quaternion, specific_force)
-        push = (a[0], a[1], a[2] - self._gravity)
-        p, v = self.position, self.velocity
-        self.position = (
-            p[0] + dt * (v[0] + 0.5 * dt * push[0]),
-            p[1] + dt * (v[1] + 0.5 * dt * push[1]),
-            p[2] + dt * (v[2] + 0.5 * dt * push[2]),
-        )
-        self.velocity = (v[0] + dt * push[0], v[1] + dt * push[1], v[2] + dt * push[2])
+        x, y, z = rotate(quaternion, specific_force)
+        push = Vec3(x, y, z - self._gravity)
+        self.position += (self.velocity + push * (0.5 * dt)) * dt
+        self.velocity += push * dt
 
     def correct(self, measured: Sequence[float], dt: float) -> None:
         """Correct by a measured position that came ``dt`` after the one before; the first sets the position."""
-        x, y, z = measured
-        if self._measured is None:
-            self.position, self.velocity, self._measured = (x, y, z), (0.0, 0.0, 0.0), (x, y, z)
+        if not self._begun:
+            self.position, self.velocity, self._begun = Vec3(*measured), Vec3(0.0, 0.0, 0.0), True
             return
         # poles of the sampled observer at exp(-w dt), twice: exact for any dt
         keep = math.exp(-self._pole * dt)
         first, second = 1.0 - keep * keep, (1.0 - keep) ** 2 / dt
-        p, v = self.position, self.velocity
-        error = (x - p[0], y - p[1], z - p[2])
-        self.position = (p[0] + first * error[0], p[1] + first * error[1], p[2] + first * error[2])
-        self.velocity = (v[0] + second * error[0], v[1] + second * error[1], v[2] + second * error[2])
+        error = Vec3(*measured) - self.position
+        self.position += error * first
+        self.velocity += error * second
 
 
 class AngleControl:
@@ -122,7 +114,14 @@ class AngleControl:
         self.integral: Vector = (0.0, 0.0, 0.0)
 
     def command(
-        self, position: Vector, velocity: Vector, quaternion: Sequence[float], goal: Goal, dt: float, *, flying: bool
+        self,
+        position: Iterable[float],
+        velocity: Iterable[float],
+        quaternion: Sequence[float],
+        goal: Goal,
+        dt: float,
+        *,
+        flying: bool,
     ) -> Attitude:
         """Set point for a set point of the base; the integral goes on while the vehicle is ``flying``."""
         gains = self._gains

@@ -54,8 +54,7 @@ FRAMES = (
     Frame("hexarotor +", 2, 0, _HEXA),
     Frame("hexarotor X", 2, 1, ((90, -1), (-90, 1), (-30, -1), (150, 1), (30, 1), (-150, -1))),
     Frame("octorotor +", 3, 0, _OCTA),
-    Frame("octorotor X", 3, 1, tuple((each + 22.5, spin) for each, spin in (
-        (0, -1), (180, -1), (45, 1), (135, 1), (-45, 1), (-135, 1), (-90, -1), (90, -1)))),
+    Frame("octorotor X", 3, 1, tuple((angle + 22.5, spin) for angle, spin in _OCTA)),
     Frame("coaxial octorotor +", 4, 0, _COAXIAL),
     Frame("coaxial octorotor X", 4, 1, tuple((angle + 45, spin) for angle, spin in _COAXIAL)),
 )  # fmt: skip

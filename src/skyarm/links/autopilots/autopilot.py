@@ -157,7 +157,6 @@ class Autopilot(ABC):
 
     def outside_options(self, vehicle: Vehicle) -> str:
         """Options that ``skyarm fly`` needs for the parameters that follow from a vehicle."""
-        del vehicle
         return ""
 
     @property
@@ -203,7 +202,6 @@ def move_arm(
 
     Source: Siciliano, Sciavicco, Villani, Oriolo 2009, Robotics, section 8.5.2, on a base that moves.
     """
-    del dt
     vehicle = par.model.vehicle
     feedback = joint_pd(par.joint_gains, measurement, reference)
     desired = tuple(add(a, b) for a, b in zip(feedback, reference.joint_accelerations, strict=True))

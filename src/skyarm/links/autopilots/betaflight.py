@@ -234,16 +234,16 @@ class BetaflightLink(ProgramLink):
     @property
     def facts(self) -> dict[str, Any]:
         """States sent and answered, and how late they went out and were answered by the wall clock."""
-        late = np.array(self._late or [0.0]) * 1e3
-        waits = np.array(self._waits or [0.0]) * 1e3
+        times = {"late_ms": self._late, "answer_ms": self._waits}
         return {
             "steps": self._states,
             "answered": self._answered,
             "bad_frames": self._bad,
-            "late_ms_p50": float(np.percentile(late, 50)),
-            "late_ms_p99": float(np.percentile(late, 99)),
-            "answer_ms_p50": float(np.percentile(waits, 50)),
-            "answer_ms_p99": float(np.percentile(waits, 99)),
+            **{
+                f"{name}_p{share}": float(np.percentile(np.array(seconds or [0.0]) * 1e3, share))
+                for name, seconds in times.items()
+                for share in (50, 99)
+            },
             "halts": 0 if self._guard is None else self._guard.halts,
         }
 
@@ -259,8 +259,10 @@ class BetaflightLink(ProgramLink):
         velocity = self._filter.velocity
         self._pace()
         self._states += 1
-        self._tape.send("radio", RADIO.pack(now.time, *channels), self._write_radio)
-        self._tape.send("state", state_message(now.time + WARM, imu, pose, velocity), self._write_state)
+        self._tape.send("radio", RADIO.pack(now.time, *channels), partial(self._send, port=RADIO_PORT))
+        self._tape.send(
+            "state", state_message(now.time + WARM, imu, pose, velocity), partial(self._send, port=STATE_PORT)
+        )
         answer = self._tape.receive("motors", self._read)
         if answer:
             self._take(answer)
@@ -319,12 +321,6 @@ class BetaflightLink(ProgramLink):
         before, self._sent = self._sent, time.monotonic()
         self._apart.append(self._sent - before if before else 0.0)
         self._late.append(self._sent - due)
-
-    def _write_radio(self, data: bytes) -> None:
-        self._send(data, RADIO_PORT)
-
-    def _write_state(self, data: bytes) -> None:
-        self._send(data, STATE_PORT)
 
     def _send(self, data: bytes, port: int) -> None:
         assert self._out is not None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -181,7 +181,7 @@ def _stick(part: float) -> int:
     return round(1500.0 + 500.0 * min(max(part, -1.0), 1.0))
 
 
-def state_message(seconds: float, imu: Numbers, pose: Numbers, velocity: Numbers) -> bytes:
+def state_message(seconds: float, imu: Numbers, pose: Numbers, velocity: Iterable[float]) -> bytes:
     """State of the vehicle for Betaflight, by readings of the inertial unit and of motion capture."""
     _, p, q, r, fx, fy, fz = imu
     _, x, y, z, qw, qx, qy, qz = pose

@@ -91,8 +91,8 @@ def turning_inertia(vehicle: Vehicle) -> tuple[float, float, float]:
     lies between, and so does the mean.
     """
     limp, locked = inertias(vehicle)
-    x, y, z = np.sqrt(limp * locked)
-    return float(x), float(y), float(z)
+    x, y, z = np.sqrt(limp * locked).tolist()
+    return x, y, z
 
 
 def proportional_gains(

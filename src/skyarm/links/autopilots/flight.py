@@ -21,6 +21,7 @@ from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.arrays import Array
+from skyarm.records.files import errors_as
 from skyarm.reference import Reference, Trajectory, hover
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Environment, NamedSensor, Rates, Scenario, ScenarioError, first_state
@@ -120,9 +121,8 @@ def require_no_push(scenario: Scenario, title: str) -> None:
 def hover_at_start(scenario: Scenario) -> Trajectory:
     """Reference that holds the base and the joints of a scenario's first state."""
     start = first_state(scenario)
-    yaw = float(yaw_of(start.quaternion))
     x, y, z = (float(c) for c in start.position)
-    return hover((x, y, z), yaw=yaw, joints=tuple(float(q) for q in start.joints))
+    return hover((x, y, z), yaw=float(yaw_of(start.quaternion)), joints=tuple(float(q) for q in start.joints))
 
 
 def take_off_scenario(scenario: Scenario) -> Scenario:
@@ -264,10 +264,8 @@ class PilotedSession(Session):
         autopilot = self._autopilot
         if not autopilot.outside:
             return
-        try:
+        with errors_as(ScenarioError, of=JointPortError):
             self._joint_port = JointServer(autopilot.outside_ports[1], self.scenario.plant.vehicle.n)
-        except JointPortError as error:
-            raise ScenarioError(str(error)) from None
 
     def _keep_pace(self) -> None:
         """Wait until the wall clock is as far as the flight; time that was lost is not caught up."""

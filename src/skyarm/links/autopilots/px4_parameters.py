@@ -140,7 +140,8 @@ def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
     torques = np.diag(shape[:3] @ mix) / np.maximum(scales, 1e-12) * most
     if not (np.all(np.isfinite(torques)) and np.all(torques > 1e-9)):
         raise ScenarioError("plant.vehicle: rotors must have torques about all three axes for PX4")
-    return float(torques[0]), float(torques[1]), float(torques[2])
+    x, y, z = torques.tolist()
+    return x, y, z
 
 
 def sensor_parameters(scenario: Scenario) -> dict[str, float]:

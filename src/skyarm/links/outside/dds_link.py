@@ -36,7 +36,7 @@ from skyarm.links.ros.message_types import MessageError, decode
 from skyarm.links.ros.node import RosError
 from skyarm.links.ros.ros2_node import MOST_DOMAIN, Ros2Node
 from skyarm.log.ros.messages import encode
-from skyarm.records.files import shown
+from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
 
 FORM = re.compile(r"dds://(\d{1,3})((?:/[A-Za-z_]\w*)*)/?", re.ASCII)
@@ -89,10 +89,8 @@ class DdsLink(Estimates):
     def __init__(self, url: str) -> None:
         super().__init__()
         domain, self._space = parse_domain(url)
-        try:
+        with errors_as(OffboardError, f"--link = {shown(url)}: ", RosError):
             self._node = Ros2Node(domain, DEFINITIONS)
-        except RosError as error:
-            raise OffboardError(f"--link = {shown(url)}: {error}") from None
         try:
             for topic, kind in OUT.items():
                 self._node.subscribe(self._space + topic, kind)
@@ -136,7 +134,6 @@ class DdsLink(Estimates):
         Raises:
             OffboardError: more than one publishes its estimate.
         """
-        del rate
         count, topic = self._node.publishers(self._space + ODOMETRY), self._space + ODOMETRY
         if count > 1:
             raise OffboardError(f"--link: {count} vehicles publish {topic}: must be one; add its namespace")

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm.links.outside.joint_port import FRESH, JointLink, JointPortError, JointReading
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.files import needs_extra, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -44,6 +44,7 @@ WATCHDOG = 25
 
 
 @immutable
+@checked("--joints", JointPortError)
 class ServoBus:
     """Settings of a bus of servos.
 
@@ -59,9 +60,6 @@ class ServoBus:
     baud: Annotated[int, Unit("1/s", low=9600)] = 1_000_000
     torque: Annotated[float | None, Unit("N m/A", low=0.0, strict=True)] = None
     most: Annotated[float, Unit("A", low=0.0, strict=True)] = 1.2
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "--joints", JointPortError)
 
 
 class DynamixelJoints(JointLink):
@@ -100,7 +98,6 @@ class DynamixelJoints(JointLink):
 
     def send(self, setpoints: Sequence[float], at: float) -> None:
         """Hand setpoints to the bus: torques in N m, or positions in rad."""
-        del at
         with self._lock:
             self._setpoints, self._given = tuple(setpoints), time.monotonic()
 
@@ -197,7 +194,7 @@ class DynamixelJoints(JointLink):
         """Angle and rate of a servo; None where it did not answer."""
         if not self._states.isAvailable(number, PRESENT, 8):
             return None
-        velocity, position = (_twos_complement(self._states.getData(number, at, 4), 4) for at in (PRESENT, PRESENT + 4))
+        velocity, position = (_twos_complement(self._states.getData(number, at, 4)) for at in (PRESENT, PRESENT + 4))
         return (position - ZERO) * TICK, velocity * RATE
 
     def _ticks(self, setpoint: float) -> int:
@@ -208,6 +205,6 @@ class DynamixelJoints(JointLink):
         return round(amperes / CURRENT)
 
 
-def _twos_complement(value: int, size: int) -> int:
-    """Whole number of ``size`` bytes in two's complement."""
-    return value - (1 << 8 * size) if value >= 1 << 8 * size - 1 else value
+def _twos_complement(value: int) -> int:
+    """Whole number of four bytes in two's complement."""
+    return value - (1 << 32) if value >= 1 << 31 else value

@@ -209,7 +209,9 @@ class JointServer:
 
     def exchange(self, at: float, joints: Sequence[float], joint_rates: Sequence[float]) -> tuple[float, ...] | None:
         """Send the joint state of a time (s) to the commander; return its setpoints, None without a fresh commander."""
-        self._receive(at)
+        with contextlib.suppress(ConnectionError):
+            for data, sender in drain(self._socket):
+                self._take(data, sender, at)
         if self._partner is None:
             return None
         if time.monotonic() - self._heard > FRESH:
@@ -218,11 +220,6 @@ class JointServer:
         with contextlib.suppress(OSError):
             self._socket.sendto(pack(STATE, self._count, at, (*joints, *joint_rates)), self._partner)
         return self._setpoints
-
-    def _receive(self, now: float) -> None:
-        with contextlib.suppress(ConnectionError):
-            for data, sender in drain(self._socket):
-                self._take(data, sender, now)
 
     def _take(self, data: bytes, sender: tuple[str, int], now: float) -> None:
         found = unpack(data, self._count)

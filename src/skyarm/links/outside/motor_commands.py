@@ -42,14 +42,12 @@ class MotorSettings:
 
     def begin(self, vehicle: Vehicle, speeds: Sequence[float]) -> Vec3:
         """Zero: no loop of the autopilot has an integral."""
-        del vehicle, speeds
         return Vec3(0.0, 0.0, 0.0)
 
     def set_point(
         self, model: Model, integral: Vec3, measurement: Measurement, reference: Reference, command: Command
     ) -> tuple[Vec3, MotorCommand]:
         """Shares of thrust at the law's rotor speeds, and the integral as it is."""
-        del measurement, reference
         pairs = zip(model.vehicle.rotors, command.rotor_speeds, strict=True)
         shares = (clip(push(rotor, speed) / push(rotor, rotor.max_speed), 0.0, 1.0) for rotor, speed in pairs)
         return integral, MotorCommand(thrusts=tuple(shares))

@@ -14,7 +14,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any
 
 from skyarm.control.controller import autopilot_of
 from skyarm.links.outside.autopilot_link import AutopilotLink
@@ -26,16 +26,15 @@ from skyarm.links.outside.offboard_link import OffboardError
 from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw
 from skyarm.links.outside.rate_commands import Three
 from skyarm.links.outside.rate_settings import ParameterReader, rate_settings
-from skyarm.links.outside.state_frames import AutopilotState, WorldFrame, with_rotor_speeds
+from skyarm.links.outside.state_frames import AutopilotState, WorldFrame
 from skyarm.log.flight_log import Log
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import episode_inputs
 
@@ -62,6 +61,7 @@ LINK_LOST, TAKEN_BACK, DIVERGED, STOPPED = "link_lost", "taken_back", "diverged"
 
 
 @immutable
+@checked("", OffboardError)
 class OffboardSettings:
     """Settings of a flight outside of the simulator.
 
@@ -81,9 +81,6 @@ class OffboardSettings:
     patience: Annotated[float, Unit("s", low=0.1)] = 60.0
     stale: Annotated[float, Unit("s", low=0.02, high=2.0)] = 0.25
     leash: Annotated[float, Unit("m", low=0.0, strict=True)] = 1.5
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "", OffboardError)
 
 
 class HandBackError(Exception):
@@ -161,7 +158,7 @@ class OffboardFlight:
         self._scenario, self._link, self._arm, self._settings, self._tell = scenario, link, arm, settings, tell
         self._inputs = episode_inputs(scenario)
         self._rows = self._inputs.held_leaves
-        self._example: Any = self._inputs.reference_example
+        self._example: Reference = self._inputs.reference_example
         self._rate, self._steps = scenario.rates.control, scenario.steps
         self._rotors = len(scenario.controller.par.model.vehicle.rotors)
         self._gravity = float(scenario.controller.par.model.gravity)
@@ -172,7 +169,7 @@ class OffboardFlight:
         self._alive = math.inf
         self._missed, self._ours, self._asked = 0, False, math.inf
         self.interrupted: BaseException | None = None
-        self._law: OutsideLaw | None = None
+        self._law: OutsideLaw  # made when the autopilot's settings are known
 
     def run(self) -> Log:
         """Take over a vehicle that hovers, fly the scenario, and hand the vehicle back; returns the flight's log.
@@ -264,7 +261,8 @@ class OffboardFlight:
                 link.request_estimates(min(max(self._rate, 100), 250))
             return link.state is not None and self._joints is not None
 
-        self._until(settings.patience, has_state, f"{self._silent_part()} sent nothing")
+        silent = "--joints: the arm" if self._joints is None else "--link: the autopilot's estimator"
+        self._until(settings.patience, has_state, f"{silent} sent nothing")
         loop = self._loop_settings()
         self._law = OutsideLaw(self._scenario.controller, loop, self._reference(0))
 
@@ -278,9 +276,6 @@ class OffboardFlight:
             return MotorSettings(period=1.0 / self._rate)
         reader = ParameterReader(link, self._pump)
         return rate_settings(reader, model, 1.0 / self._rate, settings.rate_bandwidth, settings.hover_share)
-
-    def _silent_part(self) -> str:
-        return "--joints: the arm" if self._joints is None else "--link: the autopilot's estimator"
 
     def _await_hover(self) -> None:
         """Wait until the vehicle is armed, in the air, slow, and commanded by no other program."""
@@ -299,8 +294,7 @@ class OffboardFlight:
 
     def _take_over(self) -> None:
         """Send set points at the start's reference, ask for the mode that takes them, and begin once it is entered."""
-        link, law = self._link, self._require_law()
-        state = link.state
+        link, law, state = self._link, self._law, self._link.state
         assert state is not None
         assert link.modes is not None
         start = self._reference(0)
@@ -340,16 +334,16 @@ class OffboardFlight:
             now = time.monotonic()
             if now - begun > MODE_KNOWN and not link.modes.is_outside(link.mode):
                 self._ours = False
-                self._end(TAKEN_BACK, f"{link.modes.title} left the mode that takes set points")
+                raise HandBackError(TAKEN_BACK, f"{link.modes.title} left the mode that takes set points")
             if now - begun > MODE_KNOWN and not link.armed:
                 self._ours = False
-                self._end(TAKEN_BACK, f"{link.modes.title} is no longer armed")
+                raise HandBackError(TAKEN_BACK, f"{link.modes.title} is no longer armed")
             state = link.take()
             if state is None:
                 continue
             jump, before = state.time - before, state.time
             if jump > self._settings.stale:
-                self._end(LINK_LOST, f"the autopilot's clock went on by {jump:.3g} s between two estimates")
+                raise HandBackError(LINK_LOST, f"the autopilot's clock went on by {jump:.3g} s between two estimates")
             tick = round((state.time - record.first) * self._rate)
             if tick <= last:
                 continue
@@ -361,18 +355,18 @@ class OffboardFlight:
             self._answer(state, tick, reference, record)
             error = math.dist(record.states[-1][:3], tuple(float(c) for c in reference.position))
             if error > self._settings.leash:
-                self._end(DIVERGED, f"the base is {error:.2f} m from its reference")
+                raise HandBackError(DIVERGED, f"the base is {error:.2f} m from its reference")
 
     def _answer(
         self, state: AutopilotState, tick: int, reference: Reference, record: FlightRecord | None = None
     ) -> None:
         """Evaluate the law for an estimate and send what it commands."""
-        law, link, arm = self._require_law(), self._link, self._joints
+        law, link, arm = self._law, self._link, self._joints
         assert arm is not None
-        measured = self._measurement(state, arm, tick)
+        measured = self._frame.measurement(state, arm, tick / self._rate, self._gravity, self._rotors)
         found = law.step(measured, reference)
         if not all(map(math.isfinite, leaves(found))):
-            self._end(DIVERGED, "the law's command is not finite")
+            raise HandBackError(DIVERGED, "the law's command is not finite")
         link.send(found.base)
         if record is None:
             return
@@ -380,33 +374,23 @@ class OffboardFlight:
         record.computing.append(time.monotonic() - link.heard)
         record.add(tick, measured, found)
 
-    def _measurement(self, state: AutopilotState, arm: JointReading, tick: int) -> Measurement:
-        measured = self._frame.measurement(state, arm, tick / self._rate, self._gravity)
-        return with_rotor_speeds(measured, self._rotors)
-
     def _require_alive(self) -> None:
         """Hand back if estimates, heartbeats or joints are silent, or this process stood still meanwhile."""
         link, now, stale = self._link, time.monotonic(), self._settings.stale
         stood, self._alive = now - self._alive, now
         if stood > stale:
-            self._end(LINK_LOST, f"this process stood still for {stood:.2f} s")
+            raise HandBackError(LINK_LOST, f"this process stood still for {stood:.2f} s")
         if now - link.heard > stale:
-            self._end(LINK_LOST, f"no estimate from the autopilot for {stale:g} s")
+            raise HandBackError(LINK_LOST, f"no estimate from the autopilot for {stale:g} s")
         if now - link.beaten > BEAT_LOST:
-            self._end(LINK_LOST, f"no heartbeat from the autopilot for {BEAT_LOST:g} s")
+            raise HandBackError(LINK_LOST, f"no heartbeat from the autopilot for {BEAT_LOST:g} s")
         if now - self._joints_heard > stale:
-            self._end(LINK_LOST, f"no joint reading for {stale:g} s{self._arm.problem and ': '}{self._arm.problem}")
-
-    def _end(self, status: str, cause: str) -> NoReturn:
-        raise HandBackError(status, cause)
-
-    def _require_law(self) -> OutsideLaw:
-        assert self._law is not None
-        return self._law
+            raise HandBackError(
+                LINK_LOST, f"no joint reading for {stale:g} s{self._arm.problem and ': '}{self._arm.problem}"
+            )
 
     def _reference(self, tick: int) -> Reference:
-        found: Reference = rebuild(self._example, iter(self._rows[min(tick, self._steps - 1)].tolist()))
-        return found
+        return rebuild(self._example, iter(self._rows[min(tick, self._steps - 1)].tolist()))
 
     def _hand_back(self) -> None:
         """Stop the set points, return the arm, and ask an autopilot that still obeys to hold its place."""

@@ -147,7 +147,7 @@ class OutsideLaw:
             return self._period(memory, *given)
 
         loop = trace_loop(period, self._first, (), row, loops=True)
-        shape: Any = loop.result[1]
+        shape: OutsideCommand = loop.result[1]
         try:
             stepper = Stepper(Kernel(loop, Lanes(1), logging=True), first)
         except NoMachineCodeError:
@@ -159,13 +159,12 @@ class OutsideLaw:
         def step(measurement: Measurement, reference: Reference) -> OutsideCommand:
             stepper.row[:] = (*leaves(measurement), *leaves(reference))
             stepper.step()
-            found: OutsideCommand = rebuild(shape, iter(stepper.output.tolist()))
-            return found
+            return rebuild(shape, iter(stepper.output.tolist()))
 
         self._begin = begin
         return step
 
-    def _operation_by_operation(self, loop: Loop, first: Any, shape: Any) -> Callable[..., OutsideCommand]:
+    def _operation_by_operation(self, loop: Loop, first: Any, shape: OutsideCommand) -> Callable[..., OutsideCommand]:
         program = loop.stepper()
 
         def begin() -> None:
@@ -174,8 +173,7 @@ class OutsideLaw:
         def step(measurement: Measurement, reference: Reference) -> OutsideCommand:
             out = program((*self._carry, *leaves(measurement), *leaves(reference)))
             self._carry = out[: loop.carry]
-            found: OutsideCommand = rebuild(shape, iter(out[loop.carry :]))
-            return found
+            return rebuild(shape, iter(out[loop.carry :]))
 
         self._begin = begin
         return step

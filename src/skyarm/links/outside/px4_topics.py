@@ -21,24 +21,12 @@ DEFINITIONS: Mapping[str, str] = {
     ),
     "px4_msgs/VehicleControlMode": (
         "uint64 timestamp\nbool flag_armed\nbool flag_multicopter_position_control_enabled\n"
-        + "".join(
-            f"bool flag_control_{name}_enabled\n"
-            for name in (
-                "manual",
-                "auto",
-                "offboard",
-                "position",
-                "velocity",
-                "altitude",
-                "climb_rate",
-                "acceleration",
-                "attitude",
-                "rates",
-                "allocation",
-                "termination",
-            )
-        )
-        + "uint8 source_id"
+        "bool flag_control_manual_enabled\nbool flag_control_auto_enabled\nbool flag_control_offboard_enabled\n"
+        "bool flag_control_position_enabled\nbool flag_control_velocity_enabled\n"
+        "bool flag_control_altitude_enabled\nbool flag_control_climb_rate_enabled\n"
+        "bool flag_control_acceleration_enabled\nbool flag_control_attitude_enabled\n"
+        "bool flag_control_rates_enabled\nbool flag_control_allocation_enabled\n"
+        "bool flag_control_termination_enabled\nuint8 source_id"
     ),
     "px4_msgs/VehicleLandDetected": (
         "uint64 timestamp\nbool freefall\nbool ground_contact\nbool maybe_landed\nbool landed\n"

@@ -23,7 +23,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.actuators.rotor import push
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -46,22 +46,18 @@ class RateLoop(Protocol):
 
 
 @immutable
+@checked("rate_loop")
 class IdealRateLoop:
     """Rate loop whose angular acceleration is its bandwidth times the rate error, whatever the torques from outside."""
 
     bandwidth: Annotated[Three, Unit("rad/s", "about x, y and z", low=0.0, strict=True)]
 
-    def __post_init__(self) -> None:
-        accept_fields(self, "rate_loop")
-
     def begin(self, torque: Vec3) -> Vec3:
         """Zero: an ideal loop has no integral that counts."""
-        del torque
         return Vec3(0.0, 0.0, 0.0)
 
     def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
         """Angular acceleration over bandwidth, rad/s."""
-        del torque, dt
         return integral, Vec3(*(a / k for a, k in zip(angular_acceleration, self.bandwidth, strict=True)))
 
 
@@ -78,13 +74,13 @@ class GuidedRateLoop(IdealRateLoop):
 
     def rate_error(self, integral: Vec3, torque: Vec3, angular_acceleration: Vec3, dt: Scalar) -> tuple[Vec3, Vec3]:
         """Angle (rad) of the desired attitude after ``dt`` in the integral's place, and the rate error."""
-        del torque
         rows = zip(integral, angular_acceleration, self.bandwidth, self.gain, strict=True)
         error = Vec3(*(a / k - gain * z for z, a, k, gain in rows))
         return integral + error * dt, error
 
 
 @immutable
+@checked("rate_loop")
 class PidRateLoop:
     """Rate loop of torque p e + z - d dw/dt about each axis, with dz/dt = i e within a limit, and e the rate error."""
 
@@ -92,9 +88,6 @@ class PidRateLoop:
     integral: Annotated[Three, Unit("N m/rad", "i", low=0.0)]
     derivative: Annotated[Three, Unit("N m s^2/rad", "d", low=0.0)]
     limit: Annotated[Three, Unit("N m", "of the integral torque", low=0.0)]
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "rate_loop")
 
     def begin(self, torque: Vec3) -> Vec3:
         """The whole torque, within the limit: the rate error of a vehicle that hovers is zero on average."""

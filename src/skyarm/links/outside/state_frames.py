@@ -6,7 +6,6 @@ scenario's world differs from the autopilot's local frame by a shift and a turn 
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Annotated
@@ -61,8 +60,10 @@ class WorldFrame:
         x, y, z = (float(c) for c in position)
         return cls(origin=state.position, start=Vec3(x, y, z), turn=yaw - float(yaw_of(state.quaternion)))
 
-    def measurement(self, state: AutopilotState, arm: JointReading, time: float, gravity: float) -> Measurement:
-        """Measurement of a law, s after its start, in the scenario's world.
+    def measurement(
+        self, state: AutopilotState, arm: JointReading, time: float, gravity: float, rotors: int = 0
+    ) -> Measurement:
+        """Measurement of a law, s after its start, in the scenario's world, with a place for each rotor's speed.
 
         Without an accelerometer the specific force is that of a base without acceleration.
         """
@@ -81,12 +82,8 @@ class WorldFrame:
             specific_force=_floats(force),
             joints=arm.joints,
             joint_rates=arm.joint_rates,
+            rotor_speeds=(0.0,) * rotors,
         )
-
-
-def with_rotor_speeds(measurement: Measurement, count: int) -> Measurement:
-    """Measurement with a place for the speed of each rotor, which a law's loop fills in."""
-    return dataclasses.replace(measurement, rotor_speeds=(0.0,) * count)
 
 
 def _floats(v: Vec3) -> Vec3:

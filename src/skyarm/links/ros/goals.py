@@ -127,8 +127,7 @@ def changes_to(reference: Trajectory, time: float, goals: Mapping[str, float]) -
     signals = _signals(reference)
     groups = [[word for word in (*BASE, HEADING) if word in goals], *([word] for word in goals if "." in word)]
     for group in groups:
-        moved = _move_together({word: signals[word] for word in group}, time, goals)
-        signals |= moved
+        signals |= _move_together({word: signals[word] for word in group}, time, goals)
     return {
         f"reference.{word}.{field}": float(getattr(each, field)) for word, each in signals.items() for field in FIELDS
     }

@@ -64,6 +64,11 @@ class Ros1Node:
         host: name or address of this machine that other nodes connect to; that of ROS_HOSTNAME or ROS_IP, else
             loopback, if left out.
 
+    Attributes:
+        problem: reason for which the node has lost its master; empty while it has not.
+        end_reason: reason for which ROS has ended the node (rosnode kill); empty while it has not.
+        master: address of the master.
+
     Raises:
         RosError: there is no master, or no socket can be opened.
     """
@@ -72,12 +77,12 @@ class Ros1Node:
     definitions: Mapping[str, str] = ROS1_DEFINITIONS
 
     def __init__(self, master: str | None = None, host: str | None = None) -> None:
-        self._master = _address(master or os.environ.get(MASTER, "") or USUAL_MASTER)
+        self.master = _address(master or os.environ.get(MASTER, "") or USUAL_MASTER)
         self._host = host or next((os.environ[name] for name in ADDRESSES if os.environ.get(name)), LOOPBACK)
         self.name = f"/skyarm_{os.getpid()}"
         self._publications: dict[str, Publication] = {}
         self._subscriptions: dict[str, Subscription] = {}
-        self._problem = self._end_reason = ""
+        self.problem = self.end_reason = ""
         self._closing = threading.Event()
         self._welcomes = threading.BoundedSemaphore(MOST_CONNECTIONS)
         self._ask("getPid")  # before any socket is open
@@ -97,16 +102,6 @@ class Ros1Node:
         ]
         for thread in self._threads:
             thread.start()
-
-    @property
-    def problem(self) -> str:
-        """Reason for which the node has lost its master; empty while it has not."""
-        return self._problem
-
-    @property
-    def end_reason(self) -> str:
-        """Reason for which ROS has ended the node (rosnode kill); empty while it has not."""
-        return self._end_reason
 
     def advertise(self, topic: str, kind: str, *, latched: bool = False) -> None:
         """Offer a topic.
@@ -145,9 +140,9 @@ class Ros1Node:
             return
         self._closing.set()
         with contextlib.suppress(RosError):
-            for topic in self._publications if not self._problem else ():
+            for topic in self._publications if not self.problem else ():
                 self._ask("unregisterPublisher", topic, self.address)
-            for topic in self._subscriptions if not self._problem else ():
+            for topic in self._subscriptions if not self.problem else ():
                 self._ask("unregisterSubscriber", topic, self.address)
         self._api.shutdown()
         self._api.server_close()
@@ -159,10 +154,6 @@ class Ros1Node:
             each.close()
         for thread in self._threads:
             thread.join(timeout=PATIENCE)
-
-    def lose(self, reason: str) -> None:
-        """Note that the master has ended this node."""
-        self._end_reason = reason
 
     def update(self, topic: str, publishers: list[str]) -> None:
         """Connect to the publishers of a topic that the master lists."""
@@ -182,11 +173,6 @@ class Ros1Node:
         """List topic and type of every subscription."""
         return [[each.identity.topic, each.identity.kind] for each in self._subscriptions.values()]
 
-    @property
-    def master(self) -> str:
-        """Address of the master."""
-        return self._master
-
     def _find(self, publisher: str, topic: str) -> tuple[str, int]:
         """Host and port at which another node gives out a topic."""
         answer = call(publisher, "requestTopic", self.name, topic, [[PROTOCOL]])
@@ -196,7 +182,7 @@ class Ros1Node:
         raise RosError(f"ROS 1 node {publisher}: offers {shown(answer)}, must be {PROTOCOL}, host and port")
 
     def _ask(self, method: str, *words: Any) -> Any:
-        return call(self._master, method, self.name, *words)
+        return call(self.master, method, self.name, *words)
 
     def _serve(self) -> None:
         self._api.serve_forever(poll_interval=0.05)
@@ -233,7 +219,7 @@ class Ros1Node:
             except RosError as error:
                 silent += 1
                 if silent == 2:
-                    self._problem = str(error)
+                    self.problem = str(error)
                     return
 
 
@@ -274,7 +260,7 @@ class _Api:
         return 0
 
     def _end(self, _caller: str, reason: str = "") -> int:
-        self._node.lose(f"ended by ROS ({' '.join(str(reason).split()) or 'shutdown'})")
+        self._node.end_reason = f"ended by ROS ({' '.join(str(reason).split()) or 'shutdown'})"
         return 0
 
 

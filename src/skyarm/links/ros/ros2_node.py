@@ -56,6 +56,8 @@ class Ros2Node:
     """
 
     packed = False
+    problem = end_reason = ""
+    """DDS has no server that could be lost, and ROS 2 ends no other process."""
 
     def __init__(self, domain: int | None = None, definitions: Mapping[str, str] = DEFINITIONS) -> None:
         try:
@@ -90,16 +92,6 @@ class Ros2Node:
         except self._dds.core.DDSException as error:
             self.close()
             raise RosError(f"ROS 2 domain {self._number}: cannot be joined ({_words(error)})") from None
-
-    @property
-    def problem(self) -> str:
-        """Empty: DDS has no server that could be lost."""
-        return ""
-
-    @property
-    def end_reason(self) -> str:
-        """Empty: ROS 2 ends no other process."""
-        return ""
 
     def advertise(self, topic: str, kind: str, *, latched: bool = False) -> None:
         """Offer a topic: reliable, the last 100 messages; a latched one keeps its last for later subscribers."""

@@ -104,7 +104,9 @@ class RosLink:
             log = session.log
             self._info = log.info
             self._definitions = node.definitions
-            self._topics = (*live_topics(FlightTopics(log)), *_own_topics(session, log))
+            # of the table of every number only a file explains the type
+            of_log = (topic for topic in FlightTopics(log).topics if topic.kind != FLIGHT)
+            self._topics = (*of_log, *_own_topics(session, log))
             self._register()
         except BaseException:
             node.close()
@@ -236,11 +238,6 @@ def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Co
         efforts=tuple(numbers[rotors : rotors + joints]),
         tilts=tuple(numbers[rotors + joints :]),
     )
-
-
-def live_topics(topics: FlightTopics) -> tuple[Topic, ...]:
-    """Topics of a log that are published live: all but the table of every number, whose type only a file explains."""
-    return tuple(topic for topic in topics.topics if topic.kind != FLIGHT)
 
 
 def _own_topics(session: Session, log: Any) -> tuple[Topic, ...]:

@@ -1,7 +1,7 @@
 """File access: read tables field by field, and write files atomically."""
 
 from skyarm.records.files.fields import Fields, number
-from skyarm.records.files.messages import did_you_mean, must_be_one_of, nearest, one_line, printable, shown
+from skyarm.records.files.messages import did_you_mean, errors_as, must_be_one_of, nearest, one_line, printable, shown
 from skyarm.records.files.names import file_name, unreadable
 from skyarm.records.files.packages import how_to_install, needs_extra, versions
 from skyarm.records.files.paths import PathLike
@@ -22,6 +22,7 @@ __all__ = [
     "Fields",
     "PathLike",
     "did_you_mean",
+    "errors_as",
     "file_name",
     "file_names",
     "how_to_install",

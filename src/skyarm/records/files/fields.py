@@ -51,6 +51,12 @@ class Fields:
         there += f"there are {comma_list(sorted(self.table))}" if self.table else "there are no fields"
         raise ValueError(f"{self.at(name)}: is missing; {there}")
 
+    def require_schema(self) -> None:
+        """Raise an error unless ``schema`` is 1 or left out."""
+        schema = self.take("schema", 1)
+        if schema != 1 or isinstance(schema, bool):
+            raise ValueError(f"schema = {shown(schema)}: must be 1")
+
     def number(
         self,
         name: str,
@@ -127,10 +133,8 @@ def list_of_tables(value: object, where: str, named: bool = False) -> list[Field
 
 def number(value: object, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:
     """Check that a value is a number: finite by default, not below ``low`` (above it if strict)."""
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):  # NumPy's numbers are Real too
-        raise ValueError(f"{at} = {shown(value)}: must be a {'number' if infinite else 'finite number'}")
-    try:
-        held = float(value)
+    try:  # NumPy's numbers are Real too
+        held = math.nan if isinstance(value, bool) or not isinstance(value, numbers.Real) else float(value)
     except OverflowError:  # a whole number beyond 1e308
         held = math.inf
     if math.isnan(held) or (math.isinf(held) and not infinite):

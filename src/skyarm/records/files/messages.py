@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,15 @@ def shown(value: object) -> str:
     except (ValueError, RecursionError):  # a whole number of over 4300 digits; lists in lists
         text = f"({type(value).__name__} too large to show)"
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
+@contextmanager
+def errors_as(kind: type[ValueError], before: str = "", of: type[Exception] = ValueError) -> Iterator[None]:
+    """Context in which errors of a class become errors of another one, with some words before their own."""
+    try:
+        yield
+    except of as error:
+        raise kind(f"{before}{error}") from None
 
 
 LIKE = 0.6

@@ -10,7 +10,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from skyarm.records.files.messages import did_you_mean, must_be_one_of, printable, shown
+from skyarm.records.files.messages import did_you_mean, errors_as, must_be_one_of, printable, shown
 from skyarm.records.files.own_inputs import note_input
 from skyarm.records.files.toml import read_toml
 from skyarm.records.files.writing import output_file
@@ -172,11 +172,9 @@ def read_named(text: str, kind: str, library: Traversable, others: str = "") -> 
             content, folder = path.read_bytes(), path.parent
         except OSError as error:
             raise ValueError(f"{field}: must be readable ({error.strerror}); {known}") from None
-    try:
+    with errors_as(ValueError, f"{text}: "):
         document = read_toml(content)
         require_kind(document, kind)
-    except ValueError as error:
-        raise ValueError(f"{text}: {error}") from None
     return document, folder
 
 

@@ -9,6 +9,7 @@ import os
 import types
 from collections.abc import Iterable
 from pathlib import Path
+from traceback import walk_tb
 from typing import Any
 
 from skyarm.records.files.messages import one_line, shown
@@ -157,25 +158,22 @@ COMMAND_LINE = f"{os.path.basename(os.path.dirname(PACKAGE))}.cli."
 
 def _frames(error: BaseException) -> list[tuple[str, str, str]]:
     """Owner (user or library), function and module of each stack frame of an error."""
-    trace, found = error.__traceback__, []
-    while trace is not None:
-        code, module = trace.tb_frame.f_code, str(trace.tb_frame.f_globals.get("__name__", ""))
+    found = []
+    for frame, _ in walk_tb(error.__traceback__):
+        code, module = frame.f_code, str(frame.f_globals.get("__name__", ""))
         if code.co_filename.startswith(PACKAGE):
             found.append(("ours", code.co_name, module))
         elif is_own(code, module):
             found.append(("own", code.co_name, module))
-        trace = trace.tb_next
     return found
 
 
 def place_of_error(error: BaseException) -> str:
     """File and line of the innermost user code in an error's stack trace; empty without any."""
-    trace, found = error.__traceback__, ""
-    while trace is not None:
-        frame = trace.tb_frame
+    found = ""
+    for frame, line in walk_tb(error.__traceback__):
         if is_own(frame.f_code, str(frame.f_globals.get("__name__", ""))):
-            found = f"{frame.f_code.co_filename}:{trace.tb_lineno}"
-        trace = trace.tb_next
+            found = f"{frame.f_code.co_filename}:{line}"
     return found
 
 

@@ -10,7 +10,6 @@ _AERODYNAMIC = "skyarm.world.aerodynamic_forces"
 _MOTION = "skyarm.reference.reference_tables"
 _TASKS = "skyarm.reference.waypoints"
 _SENSORS = "skyarm.sensing.sensor_kinds"
-_FORCE = "skyarm.sensing.sensor_kinds"
 _NAVIGATION = "skyarm.sensing.navigation_sensors"
 _LAWS = "skyarm.control.laws"
 _AUTOPILOTS = "skyarm.links.autopilots"
@@ -39,8 +38,8 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "magnetometer": (f"{_NAVIGATION}:Magnetometer", "magnetic field of the Earth in base axes"),
         "barometer": (f"{_NAVIGATION}:Barometer", "static pressure and temperature of the air"),
         "encoders": (f"{_SENSORS}:Encoders", "positions and rates of the joints"),
-        "force_torque": (f"{_FORCE}:ForceTorque", "force and torque that push at the tip or another frame"),
-        "tactile_switch": (f"{_FORCE}:TactileSwitch", "whether anything pushes there"),
+        "force_torque": (f"{_SENSORS}:ForceTorque", "force and torque that push at the tip or another frame"),
+        "tactile_switch": (f"{_SENSORS}:TactileSwitch", "whether anything pushes there"),
     },
     "estimator": {
         "pass_through": ("skyarm.sensing.estimate.estimator:PassThrough", "the full state as it was read"),

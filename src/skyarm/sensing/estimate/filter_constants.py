@@ -123,42 +123,6 @@ def only(kind: type, readings: Mapping[str, Any]) -> Any:
     return next((each for each in readings.values() if isinstance(each, kind)), None)
 
 
-def require_filter_sensors(sensors: Mapping[str, Sensor], aiding: str, lag: float, joints: int) -> None:
-    """Refuse sensors that are missing, there twice, or too late for the error-state filter.
-
-    Args:
-        sensors: all but the full state, by name.
-        aiding: of the filter.
-        lag: s, by which it lags the present.
-        joints: of the vehicle.
-
-    Raises:
-        ValueError: one line: a kind of sensor that is missing or there twice, or readings that come too late, or whose
-            instant has passed before the inertial unit's reading of it comes.
-    """
-    found = dict[type, str]()
-    needed = (Imu, *NEEDED[aiding], *((Encoders,) if joints else ()))
-    for kind in needed:
-        names = [name for name, sensor in sensors.items() if isinstance(sensor, kind)]
-        if len(names) != 1:
-            word = kind.__name__.lower()
-            raise ValueError(
-                f"estimator: needs one sensor of kind {word!r} ([sensors.NAME] with kind = {word!r}); "
-                f"there are {len(names)} of kind {word!r}"
-            )
-        found[kind], sensor = names[0], sensors[names[0]]
-        if kind in NEEDED[aiding] and sensor.latency > lag + 1e-9:
-            raise ValueError(
-                f"estimator.delay_periods: lags {lag:g} s, must be at least sensors.{names[0]}.latency = "
-                f"{sensor.latency:g} s, or those readings are never used"
-            )
-        if kind in NEEDED[aiding] and sensor.latency < sensors[found[Imu]].latency - 1e-9:
-            raise ValueError(
-                f"sensors.{found[Imu]}.latency = {sensors[found[Imu]].latency:g} s: must be at most sensors."
-                f"{names[0]}.latency = {sensor.latency:g} s, or the filter never uses those readings"
-            )
-
-
 FORCES = ("measured", "modelled")
 
 
@@ -219,9 +183,35 @@ class FilterNumbers(Estimator):
         return self.force == "modelled"
 
     def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
-        """Refuse sensors that the filter cannot use or whose delays the filter does not cover."""
+        """Refuse sensors that the filter cannot use or whose delays the filter does not cover.
+
+        Raises:
+            ValueError: one line: a kind of sensor that is missing or there twice, or readings that come too late, or
+                whose instant has passed before the inertial unit's reading of it comes.
+        """
         self.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
-        require_filter_sensors(sensors, self.aiding, self.delay_periods / rate, vehicle.n)
+        lag = self.delay_periods / rate
+        found = dict[type, str]()
+        needed = (Imu, *NEEDED[self.aiding], *((Encoders,) if vehicle.n else ()))
+        for kind in needed:
+            names = [name for name, sensor in sensors.items() if isinstance(sensor, kind)]
+            if len(names) != 1:
+                word = kind.__name__.lower()
+                raise ValueError(
+                    f"estimator: needs one sensor of kind {word!r} ([sensors.NAME] with kind = {word!r}); "
+                    f"there are {len(names)} of kind {word!r}"
+                )
+            found[kind], sensor = names[0], sensors[names[0]]
+            if kind in NEEDED[self.aiding] and sensor.latency > lag + 1e-9:
+                raise ValueError(
+                    f"estimator.delay_periods: lags {lag:g} s, must be at least sensors.{names[0]}.latency = "
+                    f"{sensor.latency:g} s, or those readings are never used"
+                )
+            if kind in NEEDED[self.aiding] and sensor.latency < sensors[found[Imu]].latency - 1e-9:
+                raise ValueError(
+                    f"sensors.{found[Imu]}.latency = {sensors[found[Imu]].latency:g} s: must be at most sensors."
+                    f"{names[0]}.latency = {sensor.latency:g} s, or the filter never uses those readings"
+                )
 
     def require_torques(self, vehicle: str, drives: Mapping[str, Any]) -> None:
         """Refuse the modelled specific force for joints whose drives take no torque setpoint.

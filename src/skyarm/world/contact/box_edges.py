@@ -65,12 +65,12 @@ def box_of(surface: Surface, frame: CarriedFrame | None, clock: Any) -> PlacedBo
     return PlacedBox(middle, frame.rotation @ surface.rotation, (x, y, z))
 
 
-def pairs_with_edges(surfaces: Sequence[Surface], carriers: Sequence[Carrier]) -> Iterator[tuple[int, Surface, int]]:
+def pairs_with_edges(
+    surfaces: Sequence[tuple[int, Surface]], carriers: Sequence[Carrier]
+) -> Iterator[tuple[int, Surface, int]]:
     """Boxes whose edges may touch: carrier and surface of one, carrier of the other; each two of them once."""
-    boxes = [(NOBODY, each) for each in surfaces]
-    boxes += [(of, each) for of, carrier in enumerate(carriers) for each in carrier.surfaces]
     for by, carrier in enumerate(carriers):
-        for of, surface in boxes:
+        for of, surface in surfaces:
             again = of != NOBODY and carriers[of].has_edges and of >= by
             if carrier.has_edges and surface.shape == "box" and of != by and not again:
                 yield of, surface, by

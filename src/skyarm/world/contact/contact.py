@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +19,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.files import shown
+from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
@@ -26,8 +27,8 @@ from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import MOST_STEPS, Column, Force, Wrench, moved_by
 from skyarm.world.contact.box_edges import EDGE_PAIRS, pairs_with_edges
-from skyarm.world.contact.carrier import Carrier, untouched_after
-from skyarm.world.contact.contact_point import ContactPoint, Moving, Touch, moving_points, wrenches_on
+from skyarm.world.contact.carrier import NOBODY, Carrier, untouched_after
+from skyarm.world.contact.contact_point import ContactPoint, Touch, moving_points, wrenches_on
 from skyarm.world.contact.contact_steps import least_of, steps_of_carriers
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.gripper import UNCHANGED, Grasps, Grip, Gripper
@@ -71,7 +72,8 @@ class ContactMemory:
     Attributes:
         finer: steps in the place of one in this interval; empty where hits take no more.
         clock: s, of surfaces that move; empty where none does.
-        bristles: deflection of each pair's bristle, m, world axes, in the order of :meth:`Contact.meet`.
+        bristles: deflection of each pair's bristle, m, world axes, in the order of
+            :func:`skyarm.world.contact.meetings.meetings_of`.
         carried: memories of the carriers. grips: of the grippers.
     """
 
@@ -129,6 +131,12 @@ class Contact(Force):
         return (*self.objects, *self.mechanisms)
 
     @property
+    def every_surface(self) -> tuple[tuple[int, Surface], ...]:
+        """All surfaces with the number of the movable body that carries each; ``NOBODY`` for those of the world."""
+        carried = ((of, each) for of, carrier in enumerate(self.carriers) for each in carrier.surfaces)
+        return (*((NOBODY, each) for each in self.surfaces), *carried)
+
+    @property
     def grasps(self) -> Grasps:
         """Grippers of the vehicle combined with the movable bodies that they can grasp."""
         return Grasps(grippers=self.grippers, carriers=self.carriers)
@@ -169,15 +177,14 @@ class Contact(Force):
     @property
     def logged_pairs(self) -> int:
         """Number of surface-point pairs whose contact forces are logged."""
-        carried = sum(len(carrier.surfaces) for carrier in self.carriers)
-        return (len(self.surfaces) + carried) * len(self.points)
+        return len(self.every_surface) * len(self.points)
 
     @property
     def meeting_count(self) -> int:
         """Number of all contact pairs of surfaces with points of the vehicle and of movable bodies."""
-        every = len(self.surfaces) + sum(len(each.surfaces) for each in self.carriers)
+        every = len(self.every_surface)
         spots = sum(each.spot_count * (every - len(each.surfaces)) for each in self.carriers)
-        edges = EDGE_PAIRS * sum(1 for _ in pairs_with_edges(self.surfaces, self.carriers))
+        edges = EDGE_PAIRS * sum(1 for _ in pairs_with_edges(self.every_surface, self.carriers))
         return self.logged_pairs + spots + edges
 
     @property
@@ -204,10 +211,8 @@ class Contact(Force):
                 where = f"world.mechanisms[{i}].parts"
                 raise RecordError(f"{where}: is missing; nothing of {mechanism.name!r} can be touched")
         for i, gripper in enumerate(self.grippers):
-            try:
+            with errors_as(RecordError, f"world.grippers[{i}].frame = {shown(gripper.frame)}: ", VehicleError):
                 vehicle.frame(gripper.frame or None)
-            except VehicleError as error:
-                raise RecordError(f"world.grippers[{i}].frame = {shown(gripper.frame)}: {error}") from None
             if not carriers:
                 raise RecordError("world.grippers: must be left out of a world without objects")
         self.require_steps(period / MOST_STEPS)
@@ -246,23 +251,7 @@ class Contact(Force):
         """Contact state of every pair at the vehicle's present motion."""
         step = self.largest_step if motion.step is None else motion.step
         moving, clock = moving_points(self.points, motion), (*memory.clock, 0.0)[0]
-        return self.meet(memory.carried, moving, clock, memory.bristles, step, motion.step)
-
-    def meet(
-        self, memories: Sequence[Any], moving: Sequence[Moving], clock: Scalar, bristles: Sequence[Vec3], step: Scalar,
-        mean: Scalar | None = None,
-    ) -> list[Meeting]:  # fmt: skip
-        """Contact state of every surface with every point of the vehicle and of other movable bodies.
-
-        Args:
-            memories: of the carriers.
-            moving: position (m), velocity (m/s), angular velocity (rad/s) of the vehicle's points, world axes.
-            clock: s, of the world's surfaces.
-            bristles: of the pairs, m.
-            step: longest integration step of the whole contact, s.
-            mean: s, of the vehicle's points on the world's surfaces, as :func:`touch_of` has it.
-        """
-        return meetings_of(self, memories, moving, clock, bristles, step, mean)
+        return meetings_of(self, memory.carried, moving, clock, memory.bristles, step, motion.step)
 
     def on_points(self, memory: ContactMemory, motion: PointMotion) -> Sequence[Touch]:
         """Contact state of every surface with every point of the vehicle, surface by surface."""
@@ -361,10 +350,7 @@ class Contact(Force):
         """
         found = [grip.taken < 0.5 for grip in memory.grips]
         found += [misses(each.touch, seconds) for each in self.meetings(memory, motion)]
-        whole: Any = found[0] if found else True
-        for each in found[1:]:
-            whole = logical_and(whole, each)
-        return whole
+        return reduce(logical_and, found) if found else True
 
     @property
     def most_hit_steps(self) -> int:  # type: ignore[override]
@@ -398,8 +384,7 @@ class Contact(Force):
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
         """Log columns of contact forces, movable bodies and grippers."""
-        surfaces = [*self.surfaces, *(surface for carrier in self.carriers for surface in carrier.surfaces)]
-        labels = [f"{surface.name}/{point.name}" for surface in surfaces for point in self.points]
+        labels = [f"{surface.name}/{point.name}" for _, surface in self.every_surface for point in self.points]
         found = [Column(f"contact_{array}", label, *words) for label in labels for array, *words in LOGGED]
         found += [column for carrier in self.carriers for column in carrier.columns]
         return (*found, *(column for gripper in self.grippers for column in gripper.columns))

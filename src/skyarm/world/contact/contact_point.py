@@ -10,8 +10,8 @@ from typing import Annotated, Any
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.records.coerce import RecordError, concrete, fold_zeros
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.coerce import RecordError, absent, concrete, fold_zeros
+from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Name, Unit
@@ -28,6 +28,7 @@ MOST = 64
 
 
 @immutable
+@checked("ring")
 class Ring:
     """Equally spaced contact points on a circle about the z axis, such as the rim of a peg.
 
@@ -37,9 +38,6 @@ class Ring:
 
     radius: Annotated[Scalar, Unit("m", "of the circle", low=0.0, strict=True)]
     count: Annotated[int, Unit("", "of points", low=3, high=MOST)]
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "ring")
 
     def offsets(self) -> list[Vec3]:
         """Positions of the ring's points relative to its centre, m."""
@@ -189,7 +187,7 @@ def moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[M
     axes = {body: _axes(motion, body) for body in shared}
     found = list[Moving]()
     for point, (at, body) in zip(points, places, strict=True):
-        ball = not (type(point.radius) is int and point.radius == 0)
+        ball = not absent(point.radius)
         if body in shared:
             lever, turning = axes[body].apply(at), motion.to_world(motion.angular_velocity(body), body)
             position, velocity = motion.position(ZERO3, body), motion.velocity(ZERO3, body)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra.scalars import minimum
@@ -31,7 +32,5 @@ def steps_of_carriers(contact: Contact) -> Iterator[tuple[str, Any]]:
 
 def least_of(steps: Iterable[Any]) -> Any:
     """Smallest of some steps (s); None for an empty sequence."""
-    smallest = None
-    for each in steps:
-        smallest = each if smallest is None else minimum(smallest, each)
-    return smallest
+    found = list(steps)
+    return reduce(minimum, found) if found else None

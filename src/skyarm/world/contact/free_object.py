@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import field, replace
+from functools import reduce
 from itertools import product
 from typing import Annotated, Any
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, add, data, divide, maximum, minimum, mul, sqrt
 from skyarm.records import coerce
-from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
@@ -115,7 +116,7 @@ class FreeObject(Carrier):
     @property
     def moments(self) -> Vec3:
         """Moments of inertia about the centre of mass and the object's axes, kg m^2."""
-        given = all(type(each) is int and each == 0 for each in self.inertia)
+        given = all(map(absent, self.inertia))
         return uniform_moments(self.shape, self.size, self.mass) if given else self.inertia
 
     @property
@@ -286,10 +287,8 @@ def largest_mobility(shape: str, size: Sequence[Any], com: Vec3, mass: Any, mome
                   moments[b])
             for a, b in ((0, 1), (1, 2), (2, 0))
         ]  # fmt: skip
-    found = faces[0]
-    for each in (*faces[1:], *(1.0 / mass + _reach(half, Vec3(0, 0, com[i])) / least for i, half in enumerate(halves))):
-        found = maximum(found, each)
-    return found
+    ends = [1.0 / mass + _reach(half, Vec3(0, 0, com[i])) / least for i, half in enumerate(halves)]
+    return reduce(maximum, [*faces, *ends])
 
 
 def _reach(distance: Any, com: Vec3) -> Any:
@@ -328,4 +327,4 @@ def _face(
 
 def _size(value: Any) -> Scalar:
     """Absolute value of a number; an integer 0 stays an integer for constant folding."""
-    return 0 if type(value) is int and value == 0 else absolute(value)
+    return 0 if absent(value) else absolute(value)

@@ -27,13 +27,13 @@ from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, asin, divide, logical_and, logical_or, maximum, minimum, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
-from skyarm.records.coerce import RecordError
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.coerce import RecordError, absent
+from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Name, Unit
 from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.signals import Constant, Signal
-from skyarm.world.component import Column, Wrench
+from skyarm.world.component import Column, Wrench, select
 from skyarm.world.contact.carrier import CarriedFrame, Carrier, both
 from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, ROUGHEST, euler_step_of
 
@@ -50,13 +50,11 @@ ADHESIVE = ("magnet", "suction")
 
 
 @immutable(kw_only=False)
+@checked("command")
 class Command:
     """Command of a gripper over time: closed while its signal is above one half."""
 
     signal: Signal = Constant(1)
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "command")
 
     @classmethod
     def from_table(cls, entry: Any, where: str) -> Command:
@@ -166,7 +164,7 @@ class Gripper:
     @property
     def holds_attitude(self) -> bool:
         """True if something resists a rotation of what is held."""
-        free = type(self.radius) is int and self.radius == 0
+        free = absent(self.radius)
         return self.kind in POSE or (self.kind == "ball" and not free)
 
     @property
@@ -210,7 +208,7 @@ class Gripper:
         if self.kind == "hook":  # it carries, and does not press down
             force = Vec3(force.x, force.y, maximum(force.z, 0.0))
         torque, twist = ZERO3, None
-        if self.holds_attitude and not (type(gyration) is int and gyration == 0):
+        if self.holds_attitude and not absent(gyration):
             wanted, has = frame.rotation @ grip.turn, body.rotation
             error = ZERO3
             for i in range(3):
@@ -266,8 +264,8 @@ class Gripper:
                 rising = frame.velocity.z - body.velocity_at(frame.position).z
                 takes = _both(takes, rising > 0.0)
             taken = where(takes, i + 1.0, taken)
-            place = _select(takes, body.rotation.apply_T(frame.position - body.position), place)
-            normal = _select(takes, body.rotation.apply_T(outward), normal)
+            place = select(takes, body.rotation.apply_T(frame.position - body.position), place)
+            normal = select(takes, body.rotation.apply_T(outward), normal)
             now = frame.rotation.T @ body.rotation
             if hold.twist is not None:  # the ball has turned in its socket by what friction did not bear
                 slipped = frame.rotation.T @ Quaternion.of_small_rotation(hold.twist).rotation() @ body.rotation
@@ -302,12 +300,8 @@ def _any(a: Scalar, b: Scalar) -> Any:
     return b if a is False else a if b is False else logical_or(a, b)
 
 
-def _select(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
-    return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
-
-
 def _select_rows(condition: Scalar, a: Mat3, b: Mat3) -> Mat3:
-    return Mat3(*(_select(condition, x, y) for x, y in zip(a.rows, b.rows, strict=True)))
+    return Mat3(*(select(condition, x, y) for x, y in zip(a.rows, b.rows, strict=True)))
 
 
 def _within_length(vector: Vec3, most: Scalar) -> Vec3:
@@ -441,7 +435,7 @@ def _skin(carrier: Carrier, body: CarriedFrame, place: Vec3) -> tuple[Any, Vec3]
     for depth, outward in depths[1:]:
         nearer = depth > deepest
         deepest = where(nearer, depth, deepest)
-        normal = _select(nearer, outward, normal)
+        normal = select(nearer, outward, normal)
     return -deepest, normal
 
 

@@ -22,7 +22,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, divide, exp, maximum, minimum, same, sqrt, where
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
@@ -72,6 +72,7 @@ ROUGHEST = 100.0
 
 
 @immutable
+@checked("material")
 class Material:
     """Contact material of a surface: stiffness, dissipation and friction."""
 
@@ -81,9 +82,6 @@ class Material:
     ] = 1.0
     friction: Annotated[Scalar, Unit("", "coefficient, of sticking and of sliding", low=0.0, high=ROUGHEST)] = 0.3
     bristle_length: Annotated[Scalar, Unit("m", "slip at which friction is whole", low=0.0, strict=True)] = 2e-4
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "material")
 
     @property
     def largest_step(self) -> Any:

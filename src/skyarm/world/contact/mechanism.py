@@ -14,8 +14,8 @@ from skyarm.algebra import E_X, E_Z, ZERO3, Vec3
 from skyarm.algebra.matrix import axis_rotation
 from skyarm.algebra.scalars import Scalar, absolute, add, clip, data, divide, maximum, minimum, mul, neg, sqrt
 from skyarm.records import coerce
-from skyarm.records.coerce import RecordError, concrete
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.coerce import RecordError, absent, concrete
+from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Name, Unit
@@ -76,7 +76,7 @@ class Mechanism(Carrier):
             words = " or ".join(f"{len(each)} numbers, {', '.join(each)}" for each in options)
             allowed = f"must be {words}" if options else f"must be left out of a {self.kind}, which is made of parts"
             raise RecordError(f"mechanism.size = {shown(list(self.size))}: {allowed}")
-        none = all(type(c) is int and c == 0 for c in self.axis)
+        none = all(map(absent, self.axis))
         if said.axis is None and none:
             raise RecordError(f"mechanism.axis: is missing; a {self.kind} has none of its own")
         if said.axis is not None and not none:
@@ -250,6 +250,7 @@ STEEPEST = 16.0 / 3.0**1.5
 
 
 @immutable
+@checked("detent")
 class Detent:
     """Detent of a mechanism: an interval of the coordinate with an opposing force, as of a latch or click.
 
@@ -260,9 +261,6 @@ class Detent:
     force: Annotated[Scalar, Unit("N m or N", "largest, against growing coordinates", low=0.0)]
     width: Annotated[Scalar, Unit("rad or m", "from its beginning to its end", low=0.0, strict=True)]
     place: Annotated[Scalar, Unit("rad or m", "where it begins")] = 0.0
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "detent")
 
     def at(self, coordinate: Any) -> Any:
         """Force or torque of the detent at a coordinate, N or N m."""
@@ -286,10 +284,16 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any
     effort = -of.stiffness * (q - of.rest) - of.damping * rate
     if of.detent is not None:
         effort = effort - of.detent.at(q)
+
+    def push(depth: Scalar, speed: Scalar) -> Scalar:
+        """Effort of an end stop on what comes into it, N or N m."""
+        stop = stop_of(of)
+        return stop.normal_force(depth, speed, stop.step_of(of.generalized_inertia))
+
     if _at_stop(of.lower):
-        effort = effort + stop_of(of).normal_force(of.lower - q, -rate, stop_of(of).step_of(of.generalized_inertia))
+        effort = effort + push(of.lower - q, -rate)
     if _at_stop(of.upper):
-        effort = effort - stop_of(of).normal_force(q - of.upper, rate, stop_of(of).step_of(of.generalized_inertia))
+        effort = effort - push(q - of.upper, rate)
     if not memory.bristle:
         return effort, ()
     length, (z,) = bristle_of(of), memory.bristle

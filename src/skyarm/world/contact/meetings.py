@@ -74,9 +74,19 @@ def meetings_of(
     clock: Scalar,
     bristles: Sequence[Vec3],
     step: Scalar,
-    mean: Scalar | None,
+    mean: Scalar | None = None,
 ) -> list[Meeting]:
-    """Contact state of every pair of a contact model, as :meth:`Contact.meet` has the arguments."""
+    """Contact state of every surface with every point of the vehicle and of other movable bodies.
+
+    Args:
+        contact: surfaces, points and movable bodies.
+        memories: of the carriers.
+        moving: position (m), velocity (m/s), angular velocity (rad/s) of the vehicle's points, world axes.
+        clock: s, of the world's surfaces.
+        bristles: of the pairs, m.
+        step: longest integration step of the whole contact, s.
+        mean: s, of the vehicle's points on the world's surfaces, as :func:`touch_of` has it.
+    """
     frames = [carrier.frame(memory) for carrier, memory in zip(contact.carriers, memories, strict=True)]
     masses = [1.0 / carrier.mobility for carrier in contact.carriers]
     held, found = iter(bristles), list[Meeting]()
@@ -96,8 +106,7 @@ def meetings_of(
         frame = None if of == NOBODY else frames[of]
         meet(surface, of, by, index, at, *_depth(surface, frame, at.position, at.radius, clock))
 
-    every = [(NOBODY, surface) for surface in contact.surfaces]
-    every += [(of, surface) for of, carrier in enumerate(contact.carriers) for surface in carrier.surfaces]
+    every = contact.every_surface
     points = [_Place(*each, point.radius, LIGHTEST) for point, each in zip(contact.points, moving, strict=True)]
     for of, surface in every:
         for index, at in enumerate(points):
@@ -115,7 +124,7 @@ def meetings_of(
             for index, (place, radius) in enumerate(carrier.spots(own, toward)):
                 at = _Place(place, own.velocity_at(place), own.turning, radius, masses[by])
                 touch(surface, of, by, index, at)
-    for of, surface, by in pairs_with_edges(contact.surfaces, contact.carriers):
+    for of, surface, by in pairs_with_edges(every, contact.carriers):
         own, other = frames[by], box_of(surface, None if of == NOBODY else frames[of], clock)
         for place, depth, normal in edge_touches(box_of(contact.carriers[by].surfaces[0], own, clock), other):
             at = _Place(place, own.velocity_at(place), own.turning, 0, masses[by])

@@ -36,8 +36,7 @@ def with_standing_bristles(
     if not weights:
         return memory
     meetings, bristles = contact.meetings(memory, motion), list(memory.bristles)
-    materials = {each.name: each.material for each in contact.surfaces}
-    materials |= {each.name: each.material for carrier in contact.carriers for each in carrier.surfaces}
+    materials = {each.name: each.material for _, each in contact.every_surface}
     for by, weight in weights.items():
         force, pressed = ZERO3, 0.0
         for each in meetings:

@@ -25,7 +25,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact import Contact
 from skyarm.world.contact.free_object import FreeObject, ObjectMotion
-from skyarm.world.contact.meetings import Meeting
+from skyarm.world.contact.meetings import Meeting, meetings_of
 
 Residual = Callable[[Array], Array]
 
@@ -271,4 +271,4 @@ def _meetings_of(contact: Contact) -> Callable[[Sequence[Any]], list[Meeting]]:
     bodies, step = replace(contact, points=()), contact.largest_step
     memory = bodies.start(1.0, ())
     clock = (*memory.clock, 0.0)[0]
-    return lambda motions: bodies.meet(motions, (), clock, memory.bristles, step)
+    return lambda motions: meetings_of(bodies, motions, (), clock, memory.bristles, step)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field
+from functools import reduce
 from typing import Annotated, Any
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
@@ -26,7 +27,7 @@ from skyarm.algebra.scalars import (
     where,
 )
 from skyarm.records import coerce
-from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
@@ -90,7 +91,7 @@ class Surface:
     def moves(self) -> bool:
         """True if the surface has a prescribed motion."""
         signals = (self.motion.x, self.motion.y, self.motion.z)
-        return any(type(each) is not Constant or type(each.value) is not int or each.value != 0 for each in signals)
+        return any(type(each) is not Constant or not absent(each.value) for each in signals)
 
     @property
     def rotation(self) -> Mat3:
@@ -151,7 +152,7 @@ class Surface:
             return radius - height, R.apply(normal)
         faces = self._faces(p)
         height, normal = _nearest(faces)
-        if len(faces) > 1 and not (type(radius) is int and radius == 0):
+        if len(faces) > 1 and not absent(radius):
             height, normal = _nearest_edge(faces, height, normal)
         return radius - height, R.apply(normal)
 
@@ -171,11 +172,7 @@ class Surface:
         R = self.rotation
         axis, faces = R.apply_T(axis_W), self._faces(R.apply_T(centre_W - self.place(t)[0]))
         known = [*faces, _nearest_edge(faces, *_nearest(faces))] if len(faces) > 1 else faces
-        found = [height - _half_width(axis, normal, radius) for height, normal in known]
-        widest = found[0]
-        for each in found[1:]:
-            widest = maximum(widest, each)
-        return widest
+        return reduce(maximum, [height - _half_width(axis, normal, radius) for height, normal in known])
 
 
 def require_size(where: str, shape: str, size: Sequence[Scalar]) -> None:
@@ -191,14 +188,14 @@ def rotation_of(angles: Vec3) -> Mat3:
     """Rotation matrix of roll, pitch and yaw (rad) about fixed x, y and z axes, in this order."""
     R = Mat3.identity()
     for axis, angle in zip((E_X, E_Y, E_Z), angles, strict=True):
-        if not (type(angle) is int and angle == 0):
+        if not absent(angle):
             R = axis_rotation(axis, angle) @ R
     return R
 
 
 def _half_width(axis: Vec3, normal: Vec3, radius: Scalar) -> Scalar:
     """Half the extent (m) of a disc along a unit vector."""
-    if type(radius) is int and radius == 0:
+    if absent(radius):
         return 0
     along = axis.dot(normal)
     return radius * sqrt(maximum(1.0 - along * along, 0.0) + _CENTRE)

@@ -19,6 +19,7 @@ from skyarm.compile.tracing.program import Program
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.vehicle.description import quaternion_products
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Look, Vehicle
 from skyarm.world.scene.shapes import Shape, Vector, floats, own_mesh, shape_between, turn_onto
@@ -40,8 +41,8 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
         meshes: whether links are drawn as the meshes that their file names, where these are there.
     """
     reach = longest_boom(vehicle)
-    drawn = [(look, _mesh_shape(i, look)) for i, look in enumerate(vehicle.looks) if meshes]
-    drawn = [(look, shape) for look, shape in drawn if own_mesh(shape)]
+    looks = enumerate(vehicle.looks if meshes else ())
+    drawn = [(look, shape) for i, look in looks if own_mesh(shape := _mesh_shape(i, look))]
     # what a fixed joint merged into a body, as the mount of an arm, is a frame of it: it covers a part alone
     merged = {frame.name for frame in vehicle.frames}
     covered = {look.link for look, _ in drawn if look.name not in merged}
@@ -105,11 +106,11 @@ def _rods(vehicle: Vehicle, body: int, name: str, radius: float) -> list[Shape]:
     role = "boom" if body == BASE else "link"
     if body != BASE and not ends:
         ends = [("com", vehicle.moving[body].body.com)]
-    rods = []
-    for carried, end in ends:
-        if math.hypot(*floats(end)) > 1e-6:
-            rods.append(shape_between(f"{name}/{carried}", role, "capsule", body, radius, _ORIGIN, floats(end)))
-    return rods
+    return [
+        shape_between(f"{name}/{carried}", role, "capsule", body, radius, _ORIGIN, floats(end))
+        for carried, end in ends
+        if math.hypot(*floats(end)) > 1e-6
+    ]
 
 
 def _mesh_shape(number: int, look: Look) -> Shape:
@@ -191,14 +192,8 @@ def quaternions_of(rotations: Array) -> Array:
 
     Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four components.
     """
-    R = rotations
-    xx, yy, zz = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
-    squares = np.stack([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=1)
-    a, b, c = R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]
-    d, e, f = R[:, 1, 0] + R[:, 0, 1], R[:, 0, 2] + R[:, 2, 0], R[:, 2, 1] + R[:, 1, 2]
-    w, x, y, z = squares.T
-    products = np.array([[w, a, b, c], [a, x, d, e], [b, d, y, f], [c, e, f, z]]).transpose(2, 0, 1)
-    found: Array = products[np.arange(len(R)), squares.argmax(axis=1)]
+    products = np.array(quaternion_products(np.moveaxis(rotations, 0, -1)))
+    found: Array = products[np.einsum("iin->in", products).argmax(axis=0), :, np.arange(len(rotations))]
     upper = found * np.where(found[:, :1] < 0.0, -1.0, 1.0)
     return np.asarray(upper / np.linalg.norm(upper, axis=1, keepdims=True))
 
