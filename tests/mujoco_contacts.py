@@ -37,7 +37,7 @@ from skyarm.algebra.scalars import data, mul
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.interface import Flat, Truth, number, whole_steps
+from skyarm.plant.interface import Flat, Truth, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
 from skyarm.plant.loads import with_lag
 from skyarm.plant.mujoco import QUIET
@@ -541,7 +541,7 @@ class MujocoContactPlant:
         turned, leaning = lagged.rotor_speeds, lagged.tilts
         memories = leaves(after_euler_step(around, slopes, self._step))
         surfaces = *places, *velocities, *accelerations
-        return tuple(number(each) for each in (*forces, *on_bodies, *surfaces, *turned, *leaning, *memories))
+        return tuple(data(each) for each in (*forces, *on_bodies, *surfaces, *turned, *leaning, *memories))
 
     def _without_touches(self, around: Surroundings) -> Surroundings:
         """The surroundings without what the last period's contacts did."""

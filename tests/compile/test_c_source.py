@@ -16,8 +16,9 @@ from c_compiler import CAREFUL, LIBM, c_function, library, needs_cc, object_file
 from skyarm.algebra import scalars
 from skyarm.algebra.scalars import floats
 from skyarm.compile import Graph, trace
-from skyarm.compile.c_source import CONDITIONS, Floats
+from skyarm.compile.c_source import Floats
 from skyarm.compile.tracing.lower import live, lower
+from skyarm.compile.tracing.tracer import CONDITIONS
 
 pytestmark = needs_cc
 NO_CONTRACTION = ("-O1", "-ffp-contract=off")

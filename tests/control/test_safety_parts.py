@@ -27,8 +27,9 @@ from skyarm.control.safety.bounds import (
     with_priorities,
 )
 from skyarm.control.safety.limits import limits_for
-from skyarm.control.safety.recovery import Confidence, steep_error, stow_position, update_confidence
+from skyarm.control.safety.recovery import Confidence, steep_error, update_confidence
 from skyarm.dynamics.actuators import Command, allocation_matrix, make_mixer
+from skyarm.dynamics.workspace import middle_position
 
 LIMITS = limits_for(controller("hybrid_computed_torque"), step=1e-6, step_speed=1e-6)
 CASES = cases(200, seed=5)
@@ -210,9 +211,9 @@ def test_the_steep_attitude_error_grows_up_to_180_degrees():
 
 def test_an_arm_is_stowed_in_the_middle_of_its_range_or_hanging():
     joint = ARM2.links[0].joint
-    assert stow_position(joint) == 0.0
-    assert stow_position(dataclasses.replace(joint, lower=-0.2, upper=1.0)) == pytest.approx(0.4)
-    assert stow_position(dataclasses.replace(joint, lower=0.3)) == 0.3
+    assert middle_position(joint) == 0.0
+    assert middle_position(dataclasses.replace(joint, lower=-0.2, upper=1.0)) == pytest.approx(0.4)
+    assert middle_position(dataclasses.replace(joint, lower=0.3)) == 0.3
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,13 +4,14 @@ from skyarm.algebra.linear_solve import ldl_solve
 from skyarm.algebra.matrix import Mat3, Sym3, axis_rotation
 from skyarm.algebra.quaternion import Quaternion
 from skyarm.algebra.spatial import ArticulatedInertia, Force, Motion, SpatialInertia, centripetal
-from skyarm.algebra.vector import E_X, E_Y, E_Z, ZERO3, Vec3, inner_product
+from skyarm.algebra.vector import E_X, E_Y, E_Z, ZERO3, ZERO3_DATA, Vec3, inner_product
 
 __all__ = [
     "E_X",
     "E_Y",
     "E_Z",
     "ZERO3",
+    "ZERO3_DATA",
     "ArticulatedInertia",
     "Force",
     "Mat3",

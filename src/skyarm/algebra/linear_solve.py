@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra.scalars import Scalar, divide, mul, sub
+from skyarm.algebra.scalars import Scalar, divide, mul, same, sub
 
 
 def ldl_solve(A: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Scalar]:
@@ -28,7 +28,7 @@ def _groups(A: Sequence[Sequence[Any]]) -> list[list[int]]:
     """Groups of unknowns of a linear system that are coupled directly or indirectly."""
     groups: list[list[int]] = []
     for i, row in enumerate(A):
-        coupled = [g for g in groups if any(not (type(row[j]) is int and row[j] == 0) for j in g)]
+        coupled = [g for g in groups if any(not same(row[j], 0) for j in g)]
         groups = [g for g in groups if g not in coupled]
         groups.append(sorted([i, *(j for g in coupled for j in g)]))
     return groups

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.algebra.scalars import Scalar, add, cos, mul, neg, sin, sub
+from skyarm.algebra.scalars import Scalar, add, cos, mul, neg, same, sin, sub
 from skyarm.algebra.vector import ArrayLike, Vec3
 
 
@@ -103,7 +103,7 @@ class Mat3(ArrayLike):
         rows = [tuple(row) for row in self.rows]
         for k, (i, j) in enumerate(_OTHERS):
             beside = (rows[k][i], rows[k][j], rows[i][k], rows[j][k])
-            still = type(rows[k][k]) is int and rows[k][k] == 1 and all(type(c) is int and c == 0 for c in beside)
+            still = same(rows[k][k], 1) and all(same(c, 0) for c in beside)
             if still and type(rows[i][i]) is not int:
                 return k
         return None

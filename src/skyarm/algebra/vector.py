@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar, add, mul, neg, sqrt, structural, sub, total
+from skyarm.algebra.scalars import Scalar, add, mul, neg, same, sqrt, structural, sub, total
 
 
 class ArrayLike:
@@ -102,7 +102,7 @@ class Vec3(ArrayLike):
     def coordinate_axis(self) -> int | None:
         """Index of the coordinate axis along a constant vector, of either sign; None for other vectors."""
         marks = [type(c) is int and abs(c) for c in self]
-        zeros = sum(1 for c in self if type(c) is int and c == 0)
+        zeros = sum(same(c, 0) for c in self)
         return marks.index(1) if zeros == 2 and 1 in marks else None
 
     def norm(self) -> Scalar:
@@ -111,6 +111,9 @@ class Vec3(ArrayLike):
 
 
 ZERO3 = Vec3(0, 0, 0)
+ZERO3_DATA = Vec3(0.0, 0.0, 0.0)
+"""The zero vector as data, which a program keeps; ``ZERO3`` is structure and folds away."""
+
 E_X = Vec3(1, 0, 0)
 E_Y = Vec3(0, 1, 0)
 E_Z = Vec3(0, 0, 1)

@@ -17,14 +17,13 @@ from typing import Any
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.algebra.scalars.floats import to_single
 from skyarm.compile.tracing.lower import Lowered
-from skyarm.compile.tracing.tracer import Node
+from skyarm.compile.tracing.tracer import Node, is_condition
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, is_leaf, is_record, parts, walk
 from skyarm.records.units import Unit, units
 
 INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "and": "&&", "or": "||"}
 LIBRARY = {"abs": "fabs", "sqrt": "sqrt", "floor": "floor", "copysign": "copysign"}
-CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})
 
 HELPERS = {
     "power_of_two": """\
@@ -144,7 +143,6 @@ def statements(
         outputs: C place of each output. All reading is done before the first writing, so places may be inputs too.
     """
     names: dict[int, str] = {}
-    conditions: set[int] = set()
     lines: list[str] = []
     live = {node.index for node in program.nodes}
     for node, expression in zip(program.inputs, inputs, strict=True):
@@ -152,24 +150,16 @@ def statements(
             names[node.index] = f"v{node.index}"
             lines.append(f"const {floats.kind} v{node.index} = {expression};")
     for node in program.nodes:
-        if _is_condition(node, conditions):
-            conditions.add(node.index)
         if node.op == "const":
             truth = isinstance(node.value, bool)
             names[node.index] = str(int(node.value)) if truth else floats.literal(node.value)
         elif node.op != "input":
-            kind = "int" if node.index in conditions else floats.kind
+            kind = "int" if is_condition(node) else floats.kind
             value = _expression(node, [names[arg.index] for arg in node.args], floats, prefix)
             names[node.index] = f"v{node.index}"
             lines.append(f"const {kind} v{node.index} = {value};")
     lines += [f"{place} = {names[node.index]};" for node, place in zip(program.outputs, outputs, strict=True)]
     return lines
-
-
-def _is_condition(node: Node, known: set[int]) -> bool:
-    if node.op == "where":
-        return node.args[1].index in known
-    return node.op in CONDITIONS or isinstance(node.value, bool)
 
 
 def _expression(node: Node, args: list[str], floats: Floats, prefix: str) -> str:

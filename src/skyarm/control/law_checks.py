@@ -65,7 +65,11 @@ def wrong(controller: Controller, words: str, place: str = "") -> LawError:
         words: the fault and the requirement.
         place: file and line; where the law begins if left out.
     """
-    return LawError(f"{place or place_of(controller.law)}: law {controller.name!r} {words}")
+    return _fault(controller.law, controller.name, words, place)
+
+
+def _fault(law: Law, name: str, words: str, place: str = "") -> LawError:
+    return LawError(f"{place or place_of(law)}: law {name!r} {words}")
 
 
 def check_controller(controller: Controller) -> None:
@@ -147,10 +151,7 @@ def _check_step(
     counts: Mapping[str, int],
 ) -> tuple[Any, Command]:
     """One step of a user-defined law, with its result checked."""
-
-    def fault(words: str, place: str = "") -> LawError:
-        return LawError(f"{place or place_of(law)}: law {name!r} {words}")
-
+    fault = partial(_fault, law, name)
     try:
         result = law(memory, measurement, reference, dt, par=par)
     except (TypeError, AttributeError, RecordError) as error:

@@ -191,10 +191,7 @@ def finite_numbers(name: str, value: Any, allowed: str = "finite numbers") -> Ar
             array = array.astype(float)
     except (TypeError, ValueError, OverflowError) as error:  # ragged rows; values of a trace
         raise ValueError(f"{name} = {shown(value)}: must be {allowed}") from error
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"{name} = {shown(value)}: must be {allowed}")
-    array = array.astype(float, copy=False)
-    if not np.isfinite(array).all():
+    if array.dtype.kind not in "fiu" or not np.isfinite(array := array.astype(float, copy=False)).all():
         raise ValueError(f"{name} = {shown(value)}: must be {allowed}")
     return array
 

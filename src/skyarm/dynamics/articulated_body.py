@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra import ArticulatedInertia, Force, Mat3, Motion, Vec3, ldl_solve
-from skyarm.algebra.scalars import Scalar, add, divide, mul, sub
+from skyarm.algebra import ZERO3, ArticulatedInertia, Force, Mat3, Motion, Vec3, ldl_solve
+from skyarm.algebra.scalars import Scalar, add, divide, mul, same, sub
 from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.dynamics.newton_euler import inverse_dynamics, motions
@@ -47,7 +47,7 @@ def forward_dynamics(
     biases = [body.velocity_force(motion.rate) for body, motion in zip(rigid, moving, strict=True)]
     base = spatial_inertia(vehicle.base)
     base_inertia, base_bias = base.as_articulated(), base.velocity_force(rate)
-    U: list[Force] = [Force(Vec3(0, 0, 0), Vec3(0, 0, 0))] * n
+    U: list[Force] = [Force(ZERO3, ZERO3)] * n
     inverse_d: list[Scalar] = [0] * n
     u: list[Scalar] = [0] * n
     for i in reversed(range(n)):
@@ -56,7 +56,7 @@ def forward_dynamics(
         armature = links[i].joint.armature
         inverse_d[i] = divide(1.0, add(S.dot(U[i]), armature))
         u[i] = sub(joint_torques[i], S.dot(biases[i]))
-        reduced = inertias[i].without(S, U[i], inverse_d[i], free=type(armature) is int and armature == 0)
+        reduced = inertias[i].without(S, U[i], inverse_d[i], free=same(armature, 0))
         bias = biases[i] + reduced.apply(moving[i].products) + U[i] * mul(u[i], inverse_d[i])
         carried = reduced.into_parent(places[i].R, places[i].p)
         force = bias.into_parent(places[i].R, places[i].p)
@@ -86,7 +86,7 @@ def _by_mass_matrix(
     joint_torques: Sequence[Scalar],
 ) -> tuple[Motion, tuple[Scalar, ...]]:
     """Forward dynamics of a vehicle with coupled joints, by solving M a = f - bias."""
-    still = Motion(Vec3(0, 0, 0), Vec3(0, 0, 0))
+    still = Motion(ZERO3, ZERO3)
     bias, holding = inverse_dynamics(vehicle, joints, rate, joint_rates, still, (0,) * vehicle.n)
     pushed = applied - bias
     efforts = [sub(a, b) for a, b in zip(joint_torques, holding, strict=True)]

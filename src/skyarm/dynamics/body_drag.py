@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import mul, sqrt
+from skyarm.algebra.scalars import mul, same, sqrt
 from skyarm.vehicle import BodyDrag
 
 _STILL = 1e-24
@@ -20,7 +20,7 @@ def body_drag(par: BodyDrag, velocity_B: Vec3) -> Vec3:
         velocity_B: velocity of the base relative to the air, base axes, m/s.
     Source: Hoerner 1965, chapter 1 (quadratic drag), with one area per axis.
     """
-    if all(type(area) is int and area == 0 for area in par.area):
+    if all(same(area, 0) for area in par.area):
         return par.area  # no drag in the description: structure
     speed: Any = sqrt(velocity_B.dot(velocity_B) + _STILL)
     factor = mul(mul(-0.5, par.air_density), speed)

@@ -100,6 +100,16 @@ def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar], *
     return columns
 
 
+def chain(vehicle: Vehicle, index: int) -> list[int]:
+    """Indices of the joints from the base to a link."""
+    found: list[int] = []
+    while index != BASE:
+        own = index < vehicle.n
+        found.insert(0, index if own else vehicle.followers[index - vehicle.n].leader)
+        index = vehicle.moving[index].parent
+    return found
+
+
 def every_joint(vehicle: Vehicle, joints: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Positions of all joints, coupled ones included, from those of the independent joints, rad or m."""
     return (*joints, *(add(mul(each.ratio, joints[each.leader]), each.offset) for each in vehicle.followers))

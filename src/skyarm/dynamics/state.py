@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import field
 from typing import Annotated
 
-from skyarm.algebra import E_Z, Mat3, Motion, Quaternion, Vec3
+from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
@@ -39,10 +39,10 @@ class State:
 def example_state(joints: int, rotors: int, tilts: int = 0) -> State:
     """State at rest and level at the origin, with this many joints, rotors and tilting rotors."""
     return State(
-        position=Vec3(0.0, 0.0, 0.0),
+        position=ZERO3_DATA,
         quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
-        velocity=Vec3(0.0, 0.0, 0.0),
-        rate=Vec3(0.0, 0.0, 0.0),
+        velocity=ZERO3_DATA,
+        rate=ZERO3_DATA,
         joints=(0.0,) * joints,
         joint_rates=(0.0,) * joints,
         rotor_speeds=(0.0,) * rotors,

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import E_Z, ZERO3, Motion
-from skyarm.dynamics.kinematics import Pose, link_poses
+from skyarm.dynamics.kinematics import Pose, chain, link_poses
 from skyarm.dynamics.newton_euler import inverse_dynamics
 from skyarm.records.arrays import Array
-from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Quantities = Callable[[Array], list[Any]]
@@ -23,6 +23,17 @@ SAMPLES, ROUNDS, AROUND = 4096, 60, 256
 MANY, FEW = 27, 400_000
 """Joints up to which that takes 2 s at most. Of more, as many values as make this many links are tried, and no rounds.
 """
+
+
+def nearest_to_zero(joint: Joint) -> float:
+    """Position of a joint nearest to zero within its limits, rad or m."""
+    return min(max(0.0, float(joint.lower)), float(joint.upper))
+
+
+def middle_position(joint: Joint) -> float:
+    """Middle of a joint's range, or the allowed position nearest to zero if unbounded, rad or m."""
+    low, high = float(joint.lower), float(joint.upper)
+    return 0.5 * (low + high) if math.isfinite(high - low) else nearest_to_zero(joint)
 
 
 def samples_of(joints: int) -> int:
@@ -69,12 +80,10 @@ def reach(vehicle: Vehicle) -> float:
     if not vehicle.links or not vehicle.end_effector:
         return 0.0
     frame = vehicle.frame(vehicle.end_effector)
-    first = frame.link
-    while first != BASE and vehicle.links[first].parent != BASE:
-        first = vehicle.links[first].parent
-    if first == BASE:
+    if frame.link == BASE:
         return 0.0
 
+    first = chain(vehicle, frame.link)[0]
     local = Pose(frame.rotation, frame.position)
 
     def distance(joints: Array) -> list[Array]:

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import floor, where
+from skyarm.algebra.scalars import data, floor, where
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
 from skyarm.compile.tracing.program import trace_loop
@@ -16,7 +16,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import example_state
-from skyarm.plant.interface import Flat, Truth, number, whole_steps
+from skyarm.plant.interface import Flat, Truth, whole_steps
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
@@ -119,7 +119,7 @@ class RigidBodyPlant:
     def _reading(self, state: State, command: Command, around: Surroundings) -> Vec3:
         base, _ = accelerate(self._world, state, command, around)
         # without rotors, drag and wind nothing pushes: the reading is a structural zero
-        return Vec3(*(number(c) for c in base.linear))
+        return Vec3(*(data(c) for c in base.linear))
 
     def substeps(self, seconds: float) -> Steps:
         """Number of integration steps that the plant takes in an interval of ``seconds``."""

@@ -62,11 +62,6 @@ def flat(state: State) -> tuple[float, ...]:
     return tuple(float(value) for value in leaves(state))
 
 
-def number(value: Scalar) -> Any:
-    """Convert an integer to a float, so that a traced program returns it as an output."""
-    return float(value) if type(value) is int else value
-
-
 def whole_steps(seconds: float, physics_step: float) -> int:
     """Number of physics steps in ``seconds``; raises ValueError unless it is whole."""
     ratio = seconds / physics_step

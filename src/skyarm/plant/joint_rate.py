@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from skyarm.dynamics.array_front import mass_matrix
+from skyarm.dynamics.workspace import nearest_to_zero
 from skyarm.plant.largest_step import FRICTION_STEP
 from skyarm.records.arrays import Array
 from skyarm.records.coerce import concrete
@@ -74,7 +75,7 @@ def _steepest(joint: Joint) -> float:
 
 def _configurations(joints: list[Joint]) -> Array:
     """Sampled joint positions (SAMPLES + 1, n) within limits, beginning with those nearest to zero."""
-    middle = np.array([min(max(0.0, float(j.lower)), float(j.upper)) for j in joints])
+    middle = np.array([nearest_to_zero(j) for j in joints])
     reach = np.array([REACH[j.kind] for j in joints])
     low = np.maximum(middle - reach, [float(j.lower) for j in joints])
     high = np.minimum(middle + reach, [float(j.upper) for j in joints])

@@ -68,11 +68,6 @@ def verlet_step(around: Surroundings) -> float | None:
     return None if None in steps else _least(steps)
 
 
-def drives_step(around: Surroundings) -> float | None:
-    """Longest integration step (s) that is stable for all joint drives; None for no limit."""
-    return _least(drive.largest_step for drive in around.drives)
-
-
 def _least(steps: Iterable[Any]) -> float | None:
     return min((float(step) for step in steps if step is not None), default=None)
 

@@ -15,17 +15,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra.scalars import Scalar, data
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
-from skyarm.plant.interface import Flat, Truth, number, whole_steps
+from skyarm.plant.interface import Flat, Truth, whole_steps
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
     HELD_FRICTION_STEP,
     INTEGRATORS,
     divisions,
-    drives_step,
     largest_step,
 )
 from skyarm.plant.loads import changes_inertia, rigid_loads, with_lag
@@ -78,8 +77,8 @@ def _with_loads_at_stages(integrator: str, vehicle: Vehicle, around: Surrounding
     With its force held for a step h an undamped oscillator of frequency w grows by sqrt(1 + (w h)^2 / 2) each step of
     "rk4"; in "euler", which moves positions with the new velocities, it does not grow.
     """
-    springs = any(link.joint.has_stops for link in vehicle.links) or drives_step(around) is not None
-    springs = springs or bool(around.coupled_memories())
+    springs = any(link.joint.has_stops for link in vehicle.links) or bool(around.coupled)
+    springs = springs or any(drive.largest_step is not None for drive in around.drives)
     return "rk4_staged" if integrator == "rk4" and springs else integrator
 
 
@@ -143,14 +142,13 @@ class MujocoPlant:
         self._around = self._loads.inputs[layout.end + layout.driven + world.vehicle.n :]
         self._commanded = self._loads.inputs[layout.end :][: layout.driven + world.vehicle.n]
         self._written: tuple[Any, Any] = NOTHING
+        dofs = joint_addresses(world.vehicle, self.model)[1]
         # followers are held from step to step; without them nothing is
         self._forward = mujoco.mj_forward
         if world.vehicle.followers:
-            dofs = joint_addresses(world.vehicle, self.model)[1]
             self._forward = Coupling(world.vehicle, self.model, self._data, dofs).forward
         self._carried: Loads | None = None
         if changes_inertia(around):
-            dofs = joint_addresses(world.vehicle, self.model)[1]
             self._carried = Loads(world.vehicle, self.model, self._data, around, dofs)
         self._staged: StagedRungeKutta | None = None
         if integrator == "rk4_staged":
@@ -174,7 +172,7 @@ class MujocoPlant:
         lagged = with_lag(self.vehicle, state, command, self._physics_step, around)
         slopes = slopes_of(self._world, state, around)
         memories = leaves(after_euler_step(around, slopes, self._physics_step))
-        return tuple(number(value) for value in (*forces, *lagged.rotor_speeds, *lagged.tilts, *memories))
+        return tuple(data(value) for value in (*forces, *lagged.rotor_speeds, *lagged.tilts, *memories))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """Vehicle state, then contact states, after ``seconds`` (whole integration steps) with constant inputs.

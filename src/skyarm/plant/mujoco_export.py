@@ -20,7 +20,8 @@ from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.dynamics.kinematics import every_joint
 from skyarm.dynamics.state import State
-from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor
+from skyarm.dynamics.workspace import nearest_to_zero
+from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor, unused_name
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
@@ -90,8 +91,7 @@ def _finish_joint(joint: Any, vehicle: Vehicle) -> None:
         return
     far = 1e3  # MuJoCo has no limit on one side only
     joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
-    low, high = max(lower, -far), min(upper, far)
-    joint.range = [low, high]
+    joint.range = [max(lower, -far), min(upper, far)]
 
 
 def _like(held: Any, value: float) -> Any:
@@ -124,9 +124,7 @@ def _add_actuators(spec: Any, vehicle: Vehicle) -> tuple[str, ...]:
         effort = float(link.joint.effort_limit)
         if effort == 0.0:
             continue
-        name = link.joint.name
-        while name in names:
-            name += "_"
+        name = unused_name(link.joint.name, names)
         actuator = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=link.joint.name)
         _bound(actuator, -effort, effort)
         names.append(name)
@@ -146,16 +144,16 @@ def _bound(actuator: Any, low: float, high: float) -> None:
 
 def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gravity: float) -> None:
     """Add the initial state with hover thrusts to the exported model as a keyframe."""
-    joints = tuple(float(each) for each in start.joints) if start is not None else _next_to_zero(vehicle)
+    positions = start.joints if start is not None else (nearest_to_zero(link.joint) for link in vehicle.links)
+    joints = tuple(map(float, positions))
     qpos, qvel, ctrl = np.array(model.qpos0), np.zeros(model.nv), np.zeros(model.nu)
     qpos[:7] = (0.0, 0.0, HEIGHT, 1.0, 0.0, 0.0, 0.0)
     at, rates = joint_addresses(vehicle, model)
-    qpos[at] = [float(each) for each in every_joint(vehicle, joints)]
+    qpos[at] = every_joint(vehicle, joints)
     speeds = _hover_speeds(vehicle, joints, gravity)
     if start is not None:
-        qpos[:3], qpos[3:7] = list(map(float, start.position)), list(map(float, start.quaternion))
-        qvel[:3], qvel[3:6] = list(map(float, start.velocity)), list(map(float, start.rate))
-        qvel[rates[: vehicle.n]] = [float(each) for each in start.joint_rates]
+        qpos[:3], qpos[3:7] = start.position, start.quaternion
+        qvel[:3], qvel[3:6], qvel[rates[: vehicle.n]] = start.velocity, start.rate, start.joint_rates
         speeds = [float(speed) for speed in start.rotor_speeds]
     ctrl[: len(speeds)] = [_thrust(rotor, speed) for rotor, speed in zip(vehicle.rotors, speeds, strict=True)]
     spec.add_key(name=START, qpos=qpos, qvel=qvel, ctrl=ctrl)
@@ -169,8 +167,3 @@ def _hover_speeds(vehicle: Vehicle, joints: tuple[float, ...], gravity: float) -
     except AllocationError:
         return still
     return [float(speed) for speed in trim.speeds] if all(float(each) >= 0.0 for each in trim.squared) else still
-
-
-def _next_to_zero(vehicle: Vehicle) -> tuple[float, ...]:
-    """Joint positions nearest to zero within the limits."""
-    return tuple(min(max(0.0, float(each.joint.lower)), float(each.joint.upper)) for each in vehicle.links)

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from operator import itemgetter
 from typing import Any
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import every_joint, every_rate
-from skyarm.dynamics.state import State
+from skyarm.dynamics.state import State, example_state
 from skyarm.plant.loads import applied_force
 from skyarm.plant.mujoco_model import joint_addresses
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.leaves import rebuild
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -52,17 +53,7 @@ class Layout:
 
     def state(self, x: Sequence[Scalar]) -> State:
         """State dataclass from state variables in MuJoCo's order."""
-        ours, n = self.to_ours(x), self.vehicle.n
-        return State(
-            position=Vec3(*ours[0:3]),
-            quaternion=Quaternion(*ours[3:7]),
-            velocity=Vec3(*ours[7:10]),
-            rate=Vec3(*ours[10:13]),
-            joints=tuple(ours[13 : 13 + n]),
-            joint_rates=tuple(ours[13 + n : 13 + 2 * n]),
-            rotor_speeds=tuple(ours[13 + 2 * n :][: self.rotors]),
-            tilts=tuple(ours[13 + 2 * n + self.rotors :]),
-        )
+        return rebuild(example_state(*self.vehicle.sizes), iter(self.to_ours(x)))
 
     def accelerations(self, qacc: Sequence[Scalar]) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
         """Accelerations of base (world axes) and joints, from MuJoCo's generalised accelerations."""

@@ -18,8 +18,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from skyarm.algebra.scalars import data
 from skyarm.compile.llvm.lane_stepper import Quick
-from skyarm.plant.interface import Flat, number
+from skyarm.plant.interface import Flat
 from skyarm.plant.loads import LOCKED, rigid_loads, stuck_of
 from skyarm.plant.mujoco_model import load_name
 from skyarm.plant.surroundings import Surroundings
@@ -82,8 +83,7 @@ class Loads:
 
     def __init__(self, vehicle: Vehicle, model: Any, data: Any, around: Surroundings, dofs: Sequence[int]) -> None:
         self._model, self._data, self._dofs = model, data, np.array(dofs[: vehicle.n], dtype=int)
-        self._count = len(rigid_loads(around))
-        self._bodies = [model.body(load_name(i)).id for i in range(self._count)]
+        self._bodies = [model.body(load_name(i)).id for i in range(len(rigid_loads(around)))]
         self._armature = model.dof_armature.copy()
         self._numbers = Quick(_numbers, around)
         self._given: tuple[float, ...] = ()
@@ -95,7 +95,7 @@ class Loads:
         self._numbers.inputs[:] = around
         self._numbers.step()
         found = np.array(self._numbers.outputs)
-        ends = OF_A_LOAD * self._count
+        ends = OF_A_LOAD * len(self._bodies)
         return found[:ends].reshape(-1, OF_A_LOAD), found[ends:]
 
     def carry(self, around: Flat) -> None:
@@ -132,8 +132,7 @@ class Loads:
         self._put(loads, stuck)
         mujoco.mj_fwdPosition(model, data)
         whole = np.zeros((model.nv, model.nv))
-        columns = np.eye(model.nv)
-        for column, moved in zip(columns, whole, strict=True):
+        for column, moved in zip(np.eye(model.nv), whole, strict=True):
             mujoco.mj_mulM(model, data, moved, column)
         return self._G.T @ whole @ self._G
 
@@ -143,4 +142,4 @@ def _numbers(around: Surroundings) -> tuple[Any, ...]:
     found: list[Any] = []
     for load, memory in rigid_loads(around):
         found += [load.mass * memory.held, *(each * memory.held for each in load.inertia), memory.caught]
-    return tuple(number(value) for value in (*found, *stuck_of(around)))
+    return tuple(data(value) for value in (*found, *stuck_of(around)))

@@ -76,7 +76,8 @@ def build_spec(
         off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT | off.mjDSBL_EULERDAMP | off.mjDSBL_AUTORESET
     )
     bodies = {BASE: spec.worldbody.add_body(name=body_name(vehicle, BASE))}
-    bodies[BASE].add_freejoint(name=_free_joint_name(vehicle), align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
+    free = unused_name(BASE_NAME, [link.joint.name for link in vehicle.moving])
+    bodies[BASE].add_freejoint(name=free, align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
     _give_inertia(bodies[BASE], vehicle.base)
     for i, link in enumerate(vehicle.moving):
         at = link.joint
@@ -112,11 +113,11 @@ def site_of_rotor(vehicle: Vehicle) -> list[str]:
     """Name of the site at each rotor's hub."""
     taken, found = [frame.name for frame in vehicle.frames], list[str]()
     for rotor in vehicle.rotors:
-        found.append(_unused_name(rotor.name, [*taken, *found]))
+        found.append(unused_name(rotor.name, [*taken, *found]))
     return found
 
 
-def _unused_name(name: str, taken: list[str]) -> str:
+def unused_name(name: str, taken: list[str]) -> str:
     """Unique name: the given one, with underscores appended if it is taken."""
     while name in taken:
         name += "_"
@@ -126,11 +127,7 @@ def _unused_name(name: str, taken: list[str]) -> str:
 def body_name(vehicle: Vehicle, link: int) -> str:
     """Name of the body of a link, or of the base."""
     names = [each.name for each in vehicle.moving]
-    return _unused_name(BASE_NAME, names) if link == BASE else names[link]
-
-
-def _free_joint_name(vehicle: Vehicle) -> str:
-    return _unused_name(BASE_NAME, [link.joint.name for link in vehicle.moving])
+    return unused_name(BASE_NAME, names) if link == BASE else names[link]
 
 
 def _add_joint(body: Any, joint: Joint) -> None:
@@ -144,8 +141,7 @@ def _give_inertia(body: Any, source: Body) -> None:
 
     MuJoCo's own diagonalisation of ``fullinertia`` stops at an absolute 1e-12 kg m^2, which small links would feel.
     """
-    rows = np.array([_array(row) for row in source.inertia.full().rows])
-    moments, axes = np.linalg.eigh(rows)
+    moments, axes = np.linalg.eigh(np.array(source.inertia.full()))
     if np.linalg.det(axes) < 0.0:
         axes[:, 2] *= -1.0
     moments = np.maximum(moments, LEAST)
@@ -189,7 +185,7 @@ def _array(v: Vec3) -> Array:
 
 
 def _quaternion(R: Mat3) -> Array:
-    return _mat2quat(np.array([_array(row) for row in R.rows]))
+    return _mat2quat(np.array(R))
 
 
 def _mat2quat(R: Array) -> Array:

@@ -16,11 +16,11 @@ import mujoco
 import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, add, mul
+from skyarm.algebra.scalars import Scalar, add, data, mul
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
-from skyarm.plant.interface import Truth, number
+from skyarm.plant.interface import Truth
 from skyarm.plant.loads import with_lag
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.surroundings import Surroundings, places_in, slopes_of
@@ -94,7 +94,7 @@ class StagedRungeKutta:
         sums = [add(s, mul(share, k)) for s, k in zip(total, slope, strict=True)]
         loads = self._layout.generalized_forces(following, command, around)
         numbers = self._layout.to_mujoco(leaves(following))
-        return tuple(number(value) for value in (*numbers, *memory, *change[3:6], *sums, *rates, *loads))
+        return tuple(data(value) for value in (*numbers, *memory, *change[3:6], *sums, *rates, *loads))
 
     def _slope(self, x: State, u: Vec3, qacc: tuple[Scalar, ...]) -> list[Scalar]:
         """Time derivatives of position, rotation vector, joint positions and velocities."""

@@ -31,7 +31,6 @@ from skyarm.plant.loads import (
 from skyarm.plant.surroundings import (
     Memories,
     Surroundings,
-    advance_memories,
     after_euler_step,
     before_euler_step,
     bend_coupled,
@@ -41,6 +40,7 @@ from skyarm.plant.surroundings import (
 )
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.component import moved_by
 
 
 @immutable
@@ -95,29 +95,30 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundin
         return derivative(world, at, command, now), slopes_of(world, at, now)
 
     k1, m1 = slope(state, first)
-    k2, m2 = slope(_move_state(half, k1, 0.5 * dt), advance_memories(first, m1, 0.5 * dt))
-    k3, m3 = slope(_move_state(half, k2, 0.5 * dt), advance_memories(first, m2, 0.5 * dt))
-    k4, m4 = slope(_move_state(whole, k3, dt), advance_memories(first, m3, dt))
+    k2, m2 = slope(_move_state(half, k1, 0.5 * dt), moved_by(first, m1, 0.5 * dt))
+    k3, m3 = slope(_move_state(half, k2, 0.5 * dt), moved_by(first, m2, 0.5 * dt))
+    k4, m4 = slope(_move_state(whole, k3, dt), moved_by(first, m3, dt))
     after, memories = whole, first
     for k, m, part in ((k1, m1, dt / 6.0), (k2, m2, dt / 3.0), (k3, m3, dt / 3.0), (k4, m4, dt / 6.0)):
-        after, memories = _move_state(after, k, part), advance_memories(memories, m, part)
+        after, memories = _move_state(after, k, part), moved_by(memories, m, part)
     return replace(after, quaternion=after.quaternion.normalized()), memories
+
+
+def _along(values: Sequence[Scalar], slopes: Sequence[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
+    """Numbers, each plus ``dt`` times its time derivative."""
+    return tuple(add(x, mul(dx, dt)) for x, dx in zip(values, slopes, strict=True))
 
 
 def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
     """Vehicle state after an explicit Euler increment: ``dt`` times a time derivative."""
-
-    def line(values: Sequence[Scalar], slopes: Sequence[Scalar]) -> tuple[Scalar, ...]:
-        return tuple(add(x, mul(dx, dt)) for x, dx in zip(values, slopes, strict=True))
-
     return replace(
         state,
         position=state.position + rate.position * dt,
         quaternion=state.quaternion.plus(rate.quaternion, dt),
         velocity=state.velocity + rate.velocity * dt,
         rate=state.rate + rate.rate * dt,
-        joints=line(state.joints, rate.joints),
-        joint_rates=line(state.joint_rates, rate.joint_rates),
+        joints=_along(state.joints, rate.joints, dt),
+        joint_rates=_along(state.joint_rates, rate.joint_rates, dt),
     )
 
 
@@ -133,7 +134,7 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Surround
     rate = derivative(world, state, command, around)
     velocity = state.velocity + rate.velocity * dt
     w = state.rate + rate.rate * dt
-    joint_rates = tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joint_rates, rate.joint_rates, strict=True))
+    joint_rates = _along(state.joint_rates, rate.joint_rates, dt)
     slopes = slopes_of(world, state, around)
     after = replace(
         with_lag(world.vehicle, state, command, dt, around),
@@ -141,7 +142,7 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Surround
         quaternion=state.quaternion.renormalized() * Quaternion.of_small_rotation(w, dt),
         velocity=velocity,
         rate=w,
-        joints=tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joints, joint_rates, strict=True)),
+        joints=_along(state.joints, joint_rates, dt),
         joint_rates=joint_rates,
     )
     return after, after_euler_step(around, slopes, dt)
@@ -168,12 +169,11 @@ def coupled_verlet(world: Truth, state: State, command: Command, around: Surroun
         force, torques = applied_force(vehicle, at, command, beside, step=dt)
         base, joints = dynamics.forward_dynamics(moving, at.joints, at.rate, at.joint_rates, force, torques)
         linear, angular = coordinate_acceleration(R, base, world.gravity)
-        rates = zip(middle.joint_rates, joints, strict=True)
         return replace(
             middle,
             velocity=middle.velocity + linear * seconds,
             rate=middle.rate + angular * seconds,
-            joint_rates=tuple(add(x, mul(dx, seconds)) for x, dx in rates),
+            joint_rates=_along(middle.joint_rates, joints, seconds),
         )
 
     pushed = push(middle, there, half), push_coupled(there, there, motion, half)
@@ -190,7 +190,7 @@ def _drift(state: State, dt: Scalar) -> State:
         state,
         position=state.position + state.velocity * dt,
         quaternion=state.quaternion * Quaternion.of_small_rotation(state.rate, dt),
-        joints=tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joints, state.joint_rates, strict=True)),
+        joints=_along(state.joints, state.joint_rates, dt),
     )
 
 
@@ -247,7 +247,7 @@ def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
             pushed[i] = sub(pushed[i], mul(mul(LOCKED, share), state.joint_rates[i]))
     still = (0,) * vehicle.n
     jump, joints = dynamics.forward_dynamics(
-        loaded_vehicle(vehicle, around), state.joints, Vec3(0, 0, 0), still, total, tuple(pushed)
+        loaded_vehicle(vehicle, around), state.joints, ZERO3, still, total, tuple(pushed)
     )
     return replace(
         state,

@@ -16,7 +16,6 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.vehicle_records import Rotor
 from skyarm.world import Component, Effectiveness, Wrench
-from skyarm.world.component import moved_by
 
 Memories = tuple[Any, ...]
 """Of the coupled components, in their order."""
@@ -122,12 +121,6 @@ def slopes_of(world: Truth, state: State, around: Surroundings) -> Memories:
         return ()
     motion = PointMotion(world.vehicle, state, around.air_velocity, gravity=world.gravity)
     return around.slopes(motion, state.rotor_speeds)
-
-
-def advance_memories(memories: Memories, slopes: Memories, dt: Scalar) -> Memories:
-    """Internal states of the contact models after an explicit Euler increment."""
-    found: Memories = moved_by(memories, slopes, dt)
-    return found
 
 
 def before_euler_step(world: Truth, state: State, around: Surroundings, dt: Scalar) -> Surroundings:

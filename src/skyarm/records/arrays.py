@@ -1,7 +1,8 @@
-"""Types of arrays."""
+"""Types of arrays, and tables of numbers that stand for every instant or have one for each."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -24,3 +25,9 @@ Pixels = npt.NDArray[np.uint8]
 
 AnyArray = npt.NDArray[Any]
 """Array of doubles, integers or booleans."""
+
+
+def stacked(count: int, values: Iterable[Any]) -> Array:
+    """Stack scalars and arrays of length ``count`` into one array (values, count)."""
+    rows = [np.broadcast_to(np.asarray(value, dtype=float), count) for value in values]
+    return np.stack(rows) if rows else np.zeros((0, count))

@@ -245,7 +245,10 @@ def _in_front(task: Task, phase: Fields, place: Place, *, near: bool) -> Place:
     clearance = number_within(phase, "clearance", CLEARANCE if near else 0.0, low=0.0)
     if clearance and task.normal is None:
         raise ValueError(f"{phase.at('clearance')} = {clearance:g}: must be left out without a normal")
-    return place if task.normal is None else _along(place, task.normal, clearance)
+    if task.normal is None:
+        return place
+    x, y, z = (p + clearance * d for p, d in zip(place, task.normal, strict=True))
+    return x, y, z
 
 
 def _tell_normal(task: Task, phase: Fields) -> None:
@@ -267,11 +270,6 @@ def _tell_push(task: Task, phase: Fields) -> None:
         task.force = positive(phase, "force", high=STRONGEST)
     if task.normal is None:
         raise ValueError(f"{phase.at('normal')}: is missing; must be a vector out of the surface that is touched first")
-
-
-def _along(place: Place, direction: Place, length: float) -> Place:
-    x, y, z = (p + length * d for p, d in zip(place, direction, strict=True))
-    return x, y, z
 
 
 def _across(normal: Place) -> tuple[Vec3, Vec3]:

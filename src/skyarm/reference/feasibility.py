@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
 from skyarm.dynamics.array_front import frame_jacobian
 from skyarm.dynamics.workspace import reach
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, stacked
 from skyarm.records.immutable import immutable
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import Arm
 from skyarm.reference.tip_plan import MARGIN
-from skyarm.reference.trajectory import Trajectory
+from skyarm.reference.trajectory import VECTORS, Trajectory
 from skyarm.reference.waypoints import FlightLimits, peaks
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -101,12 +100,8 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
     count = min(max(math.ceil(setting.duration * LOOKS), 1), MOST_LOOKS)
     times = np.linspace(0.0, setting.duration, count, endpoint=False)
     reference = trajectory.at(times)
-
-    def table(values: Any) -> Array:
-        return np.stack([np.broadcast_to(np.asarray(c, dtype=float), times.shape) for c in values])
-
-    derivatives = [table(getattr(reference, name)) for name in ("velocity", "acceleration", "jerk", "snap")]
-    q = table(reference.joints)
+    derivatives = [stacked(count, getattr(reference, name)) for name in VECTORS[1:]]
+    q = stacked(count, reference.joints)
     weakest, weakest_at = _weakest(vehicle, tip.arm.carriers, times, q)
     return Feasibility(
         at_limits=tuple(_at_limits(tip.arm, q, setting.duration / count)),

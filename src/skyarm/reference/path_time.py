@@ -9,7 +9,6 @@ so that points which do not fall make a time that never runs backwards.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -22,7 +21,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Derivatives
-from skyarm.reference.splines import CARDINAL, ORDERS, minimum_snap
+from skyarm.reference.splines import CARDINAL, ORDERS, minimum_snap, polynomial
 from skyarm.reference.trajectory import JOINTS, VECTORS, Reference, Trajectory
 
 PLANNED = "must stay as it is where the reference has a governor, which has planned for it"
@@ -65,13 +64,7 @@ class PathTime:
         left = u - piece
         window = [points[piece + i] for i in range(FEWEST)]
         rows = [np.asarray(sum(w * p for w, p in zip(row, window, strict=True)) / 120.0) for row in CARDINAL]
-        found = []
-        for order in range(ORDERS):
-            total: Scalar = 0.0
-            for power in range(len(rows) - 1, order - 1, -1):
-                total = total * left + rows[power] * float(math.perm(power, order))
-            found.append(total / step**order)
-        return tuple(found)
+        return tuple(polynomial(rows, left, order) / step**order for order in range(ORDERS))
 
     def check(self, duration: float, waits: bool) -> None:
         """Refuse a flight that the time scaling was not planned for.

@@ -41,6 +41,7 @@ from skyarm.reference.signals import (
     Windowed,
     sequence,
 )
+from skyarm.reference.waypoints import samples_signal, spline_signal
 
 SIGNAL = "must be a finite number, a list of signals of time or a table with a kind of signal"
 """What stands for a signal."""
@@ -105,12 +106,6 @@ def _clip_to_window(signal: Signal, start: float, stop: float) -> Signal:
     return signal if math.isinf(start) and math.isinf(stop) else Windowed(signal, start, stop)
 
 
-def _of_waypoints(kind: str, fields: Fields) -> Signal:
-    from skyarm.reference import waypoints
-
-    return waypoints.spline_signal(fields) if kind == "spline" else waypoints.samples_signal(fields)
-
-
 _SIGNALS: dict[str, type[Signal] | Callable[[Fields], Signal]] = {
     "constant": _constant,
     "sine": _sine,
@@ -121,8 +116,8 @@ _SIGNALS: dict[str, type[Signal] | Callable[[Fields], Signal]] = {
     "shifted": Shifted,
     "product": Product,
     "pulses": Pulses,
-    "spline": lambda fields: _of_waypoints("spline", fields),
-    "samples": lambda fields: _of_waypoints("samples", fields),
+    "spline": spline_signal,
+    "samples": samples_signal,
 }
 """Kind -> the record whose fields are the keys of its table, or the function that reads it."""
 

@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from typing import Annotated, Any, Literal, TypeVar
 
-from skyarm.algebra.scalars import Scalar, add, cos, floor, logical_and, mul, sin, where
+from skyarm.algebra.scalars import Scalar, add, cos, floor, logical_and, mul, same, sin, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
@@ -175,7 +175,7 @@ class Windowed(Signal):
         return tuple(self._inside(t, value) for value in self.signal.derivatives(t))
 
     def _inside(self, t: Scalar, value: Scalar) -> Scalar:
-        if type(value) is int and value == 0:
+        if same(value, 0):
             return 0
         return where(t < self.start, 0.0, where(t < self.stop, value, 0.0))
 

@@ -60,15 +60,15 @@ class Polynomials(Signal):
                 t, [(*row, knot) for row, knot in zip(self.coefficients, numbers, strict=False)], numbers
             )
         s = where(t < first, first, where(t < last, t, last)) - begin
-        inside = [_polynomial(c, s, order) for order in range(1, ORDERS)]
-        return (_polynomial(c, s, 0), *(where(t < first, 0.0, where(t < last, each, 0.0)) for each in inside))
+        inside = [polynomial(c, s, order) for order in range(1, ORDERS)]
+        return (polynomial(c, s, 0), *(where(t < first, 0.0, where(t < last, each, 0.0)) for each in inside))
 
     def switch_times(self) -> tuple[float, ...]:
         """Times (s) of the first and the last knot, where a derivative may jump."""
         return float(self.knots[0]), float(self.knots[-1])
 
 
-def _polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
+def polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
     """Derivative of given order of a polynomial, by Horner's rule."""
     total: Scalar = 0.0
     for power in range(len(c) - 1, order - 1, -1):

@@ -169,7 +169,7 @@ class Task:
         self.force: float | None = None
         self.arc: Arc | None = None
         self.known_arc: Arc | None = None
-        self._grips: list[tuple[float, float | None, float]] = []
+        self._grips: list[tuple[float, float, float]] = []
         self._limits = limits
         self._pieces: list[tuple[Points, tuple[float, ...]]] = []
         self._turns: list[tuple[Turning, ...]] = []
@@ -249,16 +249,15 @@ class Task:
         """
         if self.force is None or self.normal is None:
             raise AssertionError("a force needs its size and direction")
-        number = len(self.setting.phases)
         if self._forces and self.follows_a_press:  # it holds on while the tip rests between two phases
             self._forces[-1] = (self._forces[-1][0], begin, self._forces[-1][2])
         self._forces.append((begin, end, self.force))
-        self._pressed = number
+        self._pressed = len(self.setting.phases)
 
     def grip(self, arc: Arc) -> None:
         """Record that the tip holds a handle from the time at which the gripper closes."""
         self.arc = self.known_arc = arc
-        self._grips.append((self.handled[1], None, arc.force))
+        self._grips.append((self.handled[1], math.inf, arc.force))
 
     def let_go(self, gripper: str) -> None:
         """Record that the tip releases the handle if the gripper that opens is the one that holds it."""
@@ -271,8 +270,7 @@ class Task:
         until = guard_from(phase, self.normal, usual)
         if until is None:
             return
-        number = len(self.setting.phases)
-        guard = Guard(at=self.time, begin=min(self.begun, self.time), phase=number, **until)
+        guard = Guard(at=self.time, begin=min(self.begun, self.time), phase=len(self.setting.phases), **until)
         self.setting.guards.append(guard)
         self._strays = self._strays or guard.early
 
@@ -316,9 +314,9 @@ class Task:
         )
 
 
-def _during(value: float, begin: float, end: float | None) -> Windowed:
+def _during(value: float, begin: float, end: float) -> Windowed:
     """Signal that is constant between two times (s) and zero outside."""
-    return Windowed(Constant(value), begin) if end is None else Windowed(Constant(value), begin, end)
+    return Windowed(Constant(value), begin, end)
 
 
 def _apart(a: Place, b: Place) -> float:

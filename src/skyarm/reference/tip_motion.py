@@ -24,7 +24,7 @@ import numpy as np
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, data, divide, logical_and, logical_or, sin, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.dynamics.kinematics import joint_placement
+from skyarm.dynamics.kinematics import chain, joint_placement
 from skyarm.records.arrays import Array
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
@@ -32,7 +32,7 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant, Signal
-from skyarm.vehicle.linkage import BASE, Joint
+from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
 ORDER = 4
@@ -77,11 +77,7 @@ def arm_of(vehicle: Vehicle) -> Arm:
     held = vehicle.frame(vehicle.end_effector)
     if held.link >= vehicle.n:
         raise ValueError(f"vehicle {vehicle.name!r}: frame {held.name!r} is carried by a follower, not by a joint")
-    carriers: list[int] = []
-    index = held.link
-    while index != BASE:
-        carriers.insert(0, index)
-        index = vehicle.links[index].parent
+    carriers = chain(vehicle, held.link)
     joints = tuple(vehicle.links[i].joint for i in carriers)
     return Arm(carriers=tuple(carriers), joints=joints, tip=held.position)
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from skyarm.algebra import Mat3, Vec3, ldl_solve
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
-from skyarm.dynamics.workspace import reach
+from skyarm.dynamics.workspace import middle_position, reach
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields
 from skyarm.records.immutable import immutable
@@ -359,9 +359,7 @@ def _posture(given: tuple[float, ...], vehicle: Vehicle, fields: Fields) -> tupl
     """Preferred joint positions of the arm within their limits; mid-range if none are given."""
     bounds = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
     if not given and "posture" not in fields.table:
-        return tuple(
-            0.5 * (low + high) if math.isfinite(high - low) else min(max(0.0, low), high) for low, high in bounds
-        )
+        return tuple(middle_position(link.joint) for link in vehicle.links)
     if len(given) != vehicle.n:
         raise ValueError(f"{fields.at('posture')} = {len(given)} numbers: must be one for each of {vehicle.n} joints")
     for i, (q, (low, high), link) in enumerate(zip(given, bounds, vehicle.links, strict=True)):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
@@ -68,21 +68,14 @@ class Reference:
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")
 
-    def map_scalars(self, function: Callable[[Any], Any]) -> Reference:
-        """Copy of the reference with a function applied to every number."""
-        values: dict[str, Any] = {}
-        for name, value in parts(self).items():
-            if isinstance(value, Vec3):
-                values[name] = Vec3(*(function(c) for c in value))
-            elif isinstance(value, tuple):
-                values[name] = tuple(function(c) for c in value)
-            else:
-                values[name] = function(value)
-        return Reference(**values)
-
     def dense(self) -> Reference:
         """Copy of the reference with all integers as floats, so that one compiled program fits every reference."""
-        return self.map_scalars(lambda value: float(value) if isinstance(value, (int, float)) else value)
+        values: dict[str, Any] = {}
+        for name, value in parts(self).items():
+            row = value if isinstance(value, (Vec3, tuple)) else (value,)
+            kept = tuple(float(c) if isinstance(c, (int, float)) else c for c in row)
+            values[name] = Vec3(*kept) if isinstance(value, Vec3) else kept if isinstance(value, tuple) else kept[0]
+        return Reference(**values)
 
 
 PLAIN_NUMBERS = {float, int}
@@ -182,6 +175,11 @@ class Trajectory:
             guards=tuple(sorted((*self.guards, *other.guards), key=lambda guard: guard.at)),
             phases=tuple(sorted((*self.phases, *other.phases), key=lambda phase: phase.end)),
         )
+
+
+def resting_arm(joints: int) -> dict[str, Any]:
+    """Fields of a reference for so many joints that rest at zero."""
+    return dict.fromkeys(JOINTS, (0.0,) * joints)
 
 
 def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, stacked
 from skyarm.records.files import Fields, number, shown, unreadable
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Signal
@@ -89,7 +89,7 @@ def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[floa
     """
     spans = [max(math.dist(a, b), SHORTEST) ** 0.5 for a, b in itertools.pairwise(points)]
     shares = _shares(points, [s / sum(spans) for s in spans])
-    unit = _times(shares)
+    unit = tuple(itertools.accumulate(shares, initial=0.0))
     derivatives = sample_derivatives(through(points, unit), unit)
 
     def meets(stretch: float) -> bool:
@@ -131,24 +131,15 @@ def _shares(points: Points, shares: list[float]) -> list[float]:
 
 
 def _cost(points: Points, shares: Sequence[float]) -> float:
-    times = _times(shares)
+    times = tuple(itertools.accumulate(shares, initial=0.0))
     return sum(snap_cost(minimum_snap(times, [p[axis] for p in points])) for axis in range(3))
-
-
-def _times(spans: Sequence[float]) -> tuple[float, ...]:
-    times = [0.0]
-    for span in spans:
-        times.append(times[-1] + span)
-    return tuple(times)
 
 
 def sample_derivatives(motion: Trajectory, times: Sequence[float]) -> list[Array]:
     """Velocity, acceleration, jerk and snap of a trajectory at many times, as four arrays (3, N)."""
     at = np.concatenate([np.linspace(a, b, LOOKS, endpoint=False) for a, b in itertools.pairwise(times)])
     rows = [signal.derivatives(at) for signal in (motion.x, motion.y, motion.z)]
-    return [
-        np.stack([np.broadcast_to(np.asarray(row[k], dtype=float), at.shape) for row in rows]) for k in (1, 2, 3, 4)
-    ]
+    return [stacked(len(at), [row[k] for row in rows]) for k in (1, 2, 3, 4)]
 
 
 def peaks(derivatives: Sequence[Array], gravity: float) -> FlightLimits:

@@ -27,11 +27,10 @@ from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import cos, divide, sin
+from skyarm.algebra.scalars import cos, data, divide, sin
 from skyarm.control.actuator_layer import with_believed_queues
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import make_mixer
-from skyarm.plant.interface import number
 from skyarm.records import coerce
 from skyarm.records.field_rules import rules
 from skyarm.records.files import errors_as, shown
@@ -214,11 +213,11 @@ def start_with(scenario: Scenario, values: Mapping[str, Any]) -> State:
     """Initial state of a scenario after parameters such as initial.position.x are replaced."""
     held = scenario.initial
     if held is None:
-        joints = [number(q) for q in first_state(scenario).joints]
+        joints = [data(q) for q in first_state(scenario).joints]
         for i in range(len(joints)):
             joints[i] = values.get(f"initial.joints.{i}", joints[i])
         at = scenario.reference.at(0.0)
-        held = trimmed_state(scenario.plant, at.position, number(at.yaw), tuple(joints))
+        held = trimmed_state(scenario.plant, at.position, data(at.yaw), tuple(joints))
     # places are read from a scenario whose numbers are plain, as any initial state has them
     shape = scenario.with_words(initial=held)
     changed: Any = shape.initial

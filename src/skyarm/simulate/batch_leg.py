@@ -66,7 +66,7 @@ class Feed:
         """Desired positions of base, joints and tip at every control instant, from a reference given as arrays."""
         vehicle = self._scenario.plant.vehicle
         dense = reference.dense()
-        program = trace(lambda one: goal_of(vehicle, one), rebuild(dense, iter([0.0] * len(leaves(dense)))))
+        program = trace(lambda one: goal_of(vehicle, one), structure_of(dense))
         goal: Goal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
         return goal
 

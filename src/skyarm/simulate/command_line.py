@@ -62,7 +62,7 @@ def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[
     return [(first, before), (maximum(rotors, joints) - first, blend(rotors < joints, rotors_first, joints_first))]
 
 
-def command_in_force(queue: tuple[Command, ...], whole: Any) -> Command:
+def command_in_force(queue: Sequence[Command], whole: Any) -> Command:
     """Command of ``whole`` periods ago from a queue of past commands; the oldest if ``whole`` is None."""
     if whole is None:
         return queue[0]

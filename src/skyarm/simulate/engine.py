@@ -333,9 +333,8 @@ class Engine:
     @cached_property
     def reading_columns(self) -> dict[str, slice]:
         """Columns of each sensor's reading in a row of the log, by the sensor's name."""
-        sample = self.code.sample
-        begin = sum(len(leaves(part)) for part in (sample.alive, sample.state, sample.command, sample.measurement))
-        found = {}
+        sample, found = self.code.sample, {}
+        begin = self._marks[2] + len(leaves(sample.measurement))
         for name, reading in sample.readings:
             found[name] = slice(begin, begin := begin + len(leaves(reading)))
         return found
@@ -343,11 +342,10 @@ class Engine:
     @cached_property
     def joint_columns(self) -> slice:
         """Columns of the measured joint positions and rates in a row of the log."""
-        sample = self.code.sample
-        measured = sample.measurement
-        before = (sample.alive, sample.state, sample.command, measured.time, measured.position, measured.quaternion,
-                  measured.velocity, measured.rate, measured.specific_force)  # fmt: skip
-        begin = sum(len(leaves(part)) for part in before)
+        measured = self.code.sample.measurement
+        before = (measured.time, measured.position, measured.quaternion, measured.velocity, measured.rate,
+                  measured.specific_force)  # fmt: skip
+        begin = self._marks[2] + len(leaves(before))
         return slice(begin, begin + len(measured.joints) + len(measured.joint_rates))
 
     def row(self, tick: int) -> Array:

@@ -12,13 +12,12 @@ from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import example_state
 from skyarm.records.coerce import concrete
-from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import blank_measurement
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import start_draws
-from skyarm.simulate.loop_state import LoopState, SensorState
+from skyarm.simulate.loop_state import LoopState, SensorState, structure_of
 from skyarm.simulate.reference_clock import Waits
 from skyarm.simulate.stages import Stages
 
@@ -70,7 +69,7 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
     state, draws = example_state(*vehicle.sizes), (0.5,) * sensor.uniforms(vehicle)
     period = 1.0 / (sensor.frequency or scenario.rates.control)
     _, example = sensor.take(memory, 0.0, state, state.velocity, NO_PUSH, draws, period)
-    reading = rebuild(example, iter([0.0] * len(leaves(example))))
+    reading = structure_of(example)
     slow = sensor.frequency and sensor.frequency < scenario.rates.control
     return SensorState(memory=memory, held=reading if slow else (), waiting=(reading,) * waiting)
 

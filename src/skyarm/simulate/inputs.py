@@ -45,9 +45,7 @@ class EpisodeInputs:
 
     def reference_between(self, start: int, stop: int) -> Reference:
         """Continuous reference at control instants ``start`` to ``stop``, as a Reference of arrays."""
-        program, times = self._program, self.times[start:stop]
-        sampled: Reference = program.record(list(evaluate(program, [times], len(times))))
-        return sampled
+        return _sampled(self._program, self.times[start:stop])
 
     @cached_property
     def _program(self) -> Program:
@@ -75,12 +73,10 @@ class EpisodeInputs:
         rates = self.scenario.rates
         publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
         times = publisher.held_time(np.arange(self.scenario.steps))
-        program = self._program
 
         def at(lead: Scalar) -> Reference:
             s = path.derivatives(times + lead)
-            sampled: Reference = program.record(list(evaluate(program, [s[0]], self.scenario.steps)))
-            return by_flight_time(sampled, s)
+            return by_flight_time(_sampled(self._program, s[0]), s)
 
         return with_preview(at(0.0), preview_leads(self.scenario.controller.par), at)
 
@@ -114,9 +110,7 @@ class EpisodeInputs:
         return self._at(np.asarray(held), its_offset), self._at(times, offset), times
 
     def _at(self, times: Array, offset: Sequence[Scalar]) -> Reference:
-        program = self._shifted_motion if offset else self._program
-        found: Reference = program.record(list(evaluate(program, [times, *offset], len(times))))
-        return found
+        return _sampled(self._shifted_motion if offset else self._program, times, *offset)
 
     @cached_property
     def _shifted_motion(self) -> Program:
@@ -159,8 +153,7 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     held: Reference = program.record(list(samples[:, instants]))
 
     def at(lead: Scalar) -> Reference:
-        found: Reference = program.record(list(evaluate(program, [times[instants] + lead], scenario.steps)))
-        return found
+        return _sampled(program, times[instants] + lead)
 
     held = with_preview(held, preview_leads(scenario.controller.par), at)
     if held.load:  # no sample of a motion: the hand's command goes out in each control period
@@ -172,6 +165,12 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
 def _motion(scenario: Scenario) -> Program:
     """Traced program from a time (s) to the scenario's reference at that time."""
     return trace(lambda clock: scenario.reference.at(clock[0]), (0.0,))
+
+
+def _sampled(program: Program, times: Array, *others: Scalar) -> Reference:
+    """Reference of arrays that a program computes from times (s) and other inputs."""
+    found: Reference = program.record(list(evaluate(program, [times, *others], len(times))))
+    return found
 
 
 def table_of(record: Any, count: int) -> Array:

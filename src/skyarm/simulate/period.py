@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.law_estimates import numbers_found
+from skyarm.plant.loads import wind_at
 from skyarm.records.leaves import blend
 from skyarm.simulate.loop_state import LoopState, Row, Sample
 
@@ -47,7 +48,7 @@ def measure(stages: Any, plant: PlantSteps, now: LoopState, row: Row, uniforms: 
     """Evaluate winds, contacts, sensors and estimator at the start of a control period."""
     components, around = stages.surround(now.components, now.drives, now.state, row.time, uniforms, row.path_time)
     acting = stages.acting(now.queue)
-    wind, pushes = stages.wind_sample(around, now.state), stages.pushes(around, now.state)
+    wind, pushes = wind_at(around, stages.scenario.plant, now.state), stages.pushes(around, now.state)
     force = plant.specific_force(now.state, acting, around)
     read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, acting, row.time, uniforms, pushes)
     return Measured(components, around, acting, wind, stages.with_grasp(read, components))

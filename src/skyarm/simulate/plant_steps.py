@@ -183,9 +183,9 @@ class CalledPlant:
         self._plant, self._period, self._late = plant, stages.period, stages.late
         scenario, vehicle = stages.scenario, stages.scenario.plant.vehicle
         for name in ("command", "rotors", "joints"):
-            steps = getattr(scenario.delays, name) * scenario.rates.physics
+            delay = getattr(scenario.delays, name)
+            steps = delay * scenario.rates.physics
             if abs(steps - round(steps)) > 1e-6:
-                delay = getattr(scenario.delays, name)
                 raise ScenarioError(
                     f"delays.{name} = {delay!r}: must be a whole number of physics steps on the plant {scenario.kind}"
                 )

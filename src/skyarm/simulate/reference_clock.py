@@ -13,7 +13,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import (
     Scalar,
     absolute,
@@ -163,18 +163,17 @@ class Waits:
         """Initial state of the reference clock; () for a task without guards."""
         if not self.guards:
             return ()
-        zero = Vec3(0.0, 0.0, 0.0)
         return PathClock(
             place=0.0,
             held=0.0,
             guard=0.0,
             waited=0.0,
             reached=0.0,
-            origin=zero if self._measures else (),
+            origin=ZERO3_DATA if self._measures else (),
             failed=0.0,
-            offset=zero if self._moves else (),
+            offset=ZERO3_DATA if self._moves else (),
             since=0.0 if self._moves else (),
-            held_offset=zero if self._moves else (),
+            held_offset=ZERO3_DATA if self._moves else (),
             held_since=0.0 if self._moves else (),
         )
 

@@ -12,14 +12,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, data, logical_and, maximum, mul, where
+from skyarm.algebra.scalars import Scalar, absolute, data, logical_and, maximum, mul, same, where
 from skyarm.control.controller import learns_load
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.loads import rigid_loads, wind_at
+from skyarm.plant.loads import rigid_loads
 from skyarm.plant.surroundings import Memories, Surroundings
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, field_names, leaves
@@ -43,7 +43,7 @@ from skyarm.simulate.loop_state import LoopState, Row, SensorState
 from skyarm.simulate.reference_clock import Waits, due
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
-from skyarm.world import Component, WindSample, effectiveness_at
+from skyarm.world import Component, effectiveness_at
 
 
 @immutable
@@ -141,10 +141,6 @@ class Stages:
         )
 
     def acting(self, queue: Sequence[Command]) -> Command:
-        """Delayed command that acts until the command of this control period arrives."""
-        return self._active_command(tuple(queue))
-
-    def _active_command(self, queue: tuple[Command, ...]) -> Command:
         """Delayed command from a queue of past commands; rotors and joints may have different delays."""
         if self.apart is None:
             return command_in_force(queue, self.whole)
@@ -228,7 +224,7 @@ class Stages:
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
             going = logical_and(going, absolute(value) < float("inf"))
         moved = (*queue[1:], command)
-        return where(going, 1.0, 0.0), moved, self._active_command(moved)
+        return where(going, 1.0, 0.0), moved, self.acting(moved)
 
     def drive(
         self, drives: Sequence[tuple[Scalar, ...]], before: Command, acting: Command, state: State
@@ -251,10 +247,6 @@ class Stages:
             next(results) if each.coupled else memory for each, memory in zip(self.components, memories, strict=True)
         )
 
-    def wind_sample(self, around: Surroundings, state: State) -> WindSample:
-        """Logged values of wind, force and contact models in a control period."""
-        return wind_at(around, self.scenario.plant, state)
-
 
 POSES = ("position", "yaw", "joints", "tip")
 """What a reference at rest keeps; its derivatives are zero."""
@@ -263,17 +255,12 @@ ASKED = (0, 5)
 """Places in the push of a requested force and grip."""
 
 
-def joins_late(scenario: Scenario) -> bool:
-    """True if the law may start to track the reference after the first instant."""
-    return not (type(scenario.tracking_start) is int and scenario.tracking_start == 0)
-
-
 def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Reference:
     """Reference for the law: the initial pose at rest until tracking starts, then the planned reference.
 
     Costs nothing where the law follows from the first instant. Structural numbers stay: they do not move.
     """
-    if not joins_late(scenario):
+    if same(scenario.tracking_start, 0):
         return going
     still, resting = scenario.reference.at(0.0), time < scenario.tracking_start
     resting_samples = tuple(n for value, _, _ in samples(still) for n in (value, 0.0, 0.0))

@@ -9,7 +9,7 @@ checked.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -54,6 +54,7 @@ from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import Measurement, measurement_of
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import draw_plan, start_draws
+from skyarm.simulate.first_state import component_places
 from skyarm.simulate.other_process import ANSWERING, CAUSES, FAILED, WHERE, try_elsewhere
 from skyarm.vehicle.linkage import BASE
 from skyarm.world import Wrench
@@ -220,17 +221,17 @@ def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part]
         yield Part("controller", scenario.controller, "law", scenario.controller.law), _check_law
     if (within := _first_own(scenario.reference)) is not None:
         yield Part("reference", scenario.reference, "at", within), _check_motion
-    groups: list[tuple[str, Callable[..., Fingerprint], list[tuple[str, Any]]]] = [
-        ("advance", _check_component, list(scenario.placed_components)),
+    groups: list[tuple[str, Callable[[Scenario, Part], Fingerprint], Iterable[tuple[str, Any]]]] = [
+        ("advance", _check_component, scenario.placed_components),
         ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]),
         ("measure", _check_sensor, [(f"sensors.{named.name}", named.sensor) for named in scenario.sensors]),
         ("step", _check_estimator, [("estimator", scenario.estimator)]),
         ("fine", _check_ending, [(f"endings[{i}]", each) for i, each in enumerate(scenario.endings)]),
     ]
     for method, check, records in groups:
-        for index, (place, record) in enumerate(records):
+        for place, record in records:
             if own_code(type(record)):
-                yield Part(place, record, method), partial(check, index)
+                yield Part(place, record, method), check
 
 
 def _first_own(record: Any) -> Any:
@@ -256,7 +257,7 @@ def _require_class(scenario: Scenario, part: Part) -> None:
         raise part.refusal(f"{said} = {shown(count)}: must be a whole number from 0 to {MOST_UNIFORMS}", found)
 
 
-def _check_component(index: int, scenario: Scenario, part: Part) -> Fingerprint:
+def _check_component(scenario: Scenario, part: Part) -> Fingerprint:
     """Check one step of a user-defined wind, force, payload or contact model."""
     vehicle, component, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
@@ -288,6 +289,7 @@ def _check_component(index: int, scenario: Scenario, part: Part) -> Fingerprint:
         call("rotor_commands", following, vehicle.rotors, state.rotor_speeds)
         return following
 
+    index = component_places(scenario).index(part.place)
     draws = start_draws(scenario, scenario.seed, scenario.episode)[index].tolist()
     try:
         memory = component.start(period, draws)
@@ -298,7 +300,7 @@ def _check_component(index: int, scenario: Scenario, part: Part) -> Fingerprint:
     return part.trace(step, memory, scenario, draw_plan(scenario).components[index][1])
 
 
-def _check_drive(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
+def _check_drive(scenario: Scenario, part: Part) -> Fingerprint:
     joints = [link.joint.name for link in scenario.plant.vehicle.links]
     joint, drive = joints.index(part.place.removeprefix("plant.drives.")), part.record
     period, place = 1.0 / scenario.rates.control, first_state(scenario).joints[joint]
@@ -314,7 +316,7 @@ def _check_drive(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
     return part.trace(step, drive.begin(place, place, period), scenario)
 
 
-def _check_sensor(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
+def _check_sensor(scenario: Scenario, part: Part) -> Fingerprint:
     vehicle, sensor = scenario.plant.vehicle, part.record
     every = 1.0 / (sensor.frequency or scenario.rates.control)
 
@@ -329,7 +331,7 @@ def _check_sensor(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
     return part.trace(step, sensor.start(vehicle), scenario, sensor.uniforms(vehicle))
 
 
-def _check_estimator(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
+def _check_estimator(scenario: Scenario, part: Part) -> Fingerprint:
     vehicle, estimator, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
     def step(call: Any, memory: Any, time: Scalar, state: State, _draws: Any) -> Any:
@@ -348,7 +350,7 @@ def _check_estimator(_index: int, scenario: Scenario, part: Part) -> Fingerprint
     return part.trace(step, estimator.start(scenario.controller.par.model.vehicle), scenario)
 
 
-def _check_ending(_index: int, scenario: Scenario, part: Part) -> Fingerprint:
+def _check_ending(scenario: Scenario, part: Part) -> Fingerprint:
     status = getattr(part.record, "status", None)
     if not isinstance(status, str):
         raise part.refusal(f"has status = {shown(status)}: must be a text")

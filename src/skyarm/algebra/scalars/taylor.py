@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from skyarm.algebra.scalars import functions
-from skyarm.algebra.scalars.fold import Scalar, add, mul, neg, sub, total
+from skyarm.algebra.scalars.fold import Scalar, add, data, mul, neg, sub, total
 
 
 def _comparison(compare: Callable[[Any, Any], Any]) -> Any:
@@ -82,7 +82,8 @@ class Taylor:
         """Product of two Taylor series (Cauchy product)."""
         if not isinstance(other, Taylor):
             return Taylor([mul(a, other) for a in self.c])
-        return Taylor([_convolve(self.c, other.c, k) for k in range(min(len(self.c), len(other.c)))])
+        a, b = self.c, other.c
+        return Taylor([total(mul(a[j], b[k - j]) for j in range(k + 1)) for k in range(min(len(a), len(b)))])
 
     __rmul__ = __mul__
 
@@ -111,10 +112,6 @@ class Taylor:
     def __repr__(self) -> str:
         """Text with the coefficients of the Taylor series."""
         return f"Taylor({', '.join(map(repr, self.c))})"
-
-
-def _convolve(a: Sequence[Scalar], b: Sequence[Scalar], k: int) -> Scalar:
-    return total(mul(a[j], b[k - j]) for j in range(k + 1))
 
 
 def _sine_cosine(x: Taylor) -> tuple[Taylor, Taylor]:
@@ -189,12 +186,11 @@ def choose(condition: Any, a: Any, b: Any) -> Taylor:
     first, second = (x.c if isinstance(x, Taylor) else Taylor.constant(x, order).c for x in (a, b))
     pairs = zip(first, second, strict=False)
     return Taylor(
-        [0 if type(x) is int and type(y) is int and x == y == 0 else _where(condition, x, y) for x, y in pairs]
+        [
+            0 if type(x) is int and type(y) is int and x == y == 0 else functions.where(condition, data(x), data(y))
+            for x, y in pairs
+        ]
     )
-
-
-def _where(condition: Scalar, a: Scalar, b: Scalar) -> Scalar:
-    return functions.where(condition, *(float(x) if type(x) is int else x for x in (a, b)))
 
 
 functions.register(Taylor, _TaylorFunctions())

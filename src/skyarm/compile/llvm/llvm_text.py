@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from skyarm.algebra.scalars.floats import to_single
 from skyarm.compile.tracing.lower import arrange
-from skyarm.compile.tracing.tracer import Node
+from skyarm.compile.tracing.tracer import Node, is_condition
 from skyarm.records.immutable import immutable
 
 ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
@@ -171,7 +171,7 @@ class Writer:
             return self.emit(f"xor {lanes.mask} {args[0]}, {lanes.splat('i1 1')}")
         if op == "where":
             # both branches may be conditions themselves
-            kind = lanes.mask if _is_condition(node.args[1]) else vector
+            kind = lanes.mask if is_condition(node.args[1]) else vector
             return self.emit(f"select {lanes.mask} {args[0]}, {kind} {args[1]}, {kind} {args[2]}")
         if op in INTRINSIC:
             return self.intrinsic(INTRINSIC[op], *args)
@@ -216,12 +216,3 @@ class Writer:
         kept = self.emit(f"and {lanes.integer} {bits}, {lanes.integers(keep)}")
         set_ = self.emit(f"or {lanes.integer} {kept}, {lanes.integers(one)}")
         return self.emit(f"bitcast {lanes.integer} {set_} to {lanes.vector}")
-
-
-CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})
-
-
-def _is_condition(node: Node) -> bool:
-    if node.op == "const":
-        return isinstance(node.value, bool)
-    return node.op in CONDITIONS or (node.op == "where" and _is_condition(node.args[1]))

@@ -36,9 +36,9 @@ def compare_with_floats(
     instants: Sequence[tuple[Any, ...]],
     refuse: Callable[[str], Exception],
     *,
-    constants: Any = (),
-    names: Sequence[str] = (),
-    first: Callable[[Any, Numbers], None] | None = None,
+    constants: Any,
+    names: Sequence[str],
+    first: Callable[[Any, Numbers], None],
 ) -> None:
     """Raise an error for a function whose result depends on anything but its arguments.
 
@@ -60,7 +60,7 @@ def compare_with_floats(
     now: Numbers = tuple(leaves(start))
     for k, instant in enumerate(instants):
         found = program.flat((*now, *leaves(instant)))
-        if k == 0 and first is not None:
+        if k == 0:
             first(instant, found[len(now) :])
         if k < len(told) and not same_numbers(found, told[k]):
             raise refuse(f"gives other numbers as a program in period {k} than with floats: {OUTSIDE}")

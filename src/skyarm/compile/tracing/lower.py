@@ -85,15 +85,6 @@ WRITTEN_OUT = 6000
 """Traced operations up to which a repetition is written out, which runs a fifth faster but compiles longer."""
 
 
-def repeat(count: int, function: Callable[[Record], Record], record: Record) -> Record:
-    """Apply ``function`` ``count`` times in succession, starting from ``record``, as a loop in the traced program.
-
-    Raises:
-        ValueError: the function returns a record with another number of scalars.
-    """
-    return _repeat(count, function, record)
-
-
 def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record], record: Record) -> Record:
     """Apply ``function`` up to ``count`` times; the number of ``rounds`` may be traced and differ between lanes.
 
@@ -111,11 +102,17 @@ def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record
         left, now = both
         return left - 1.0, blend(left > 0.5, function(now), now)
 
-    return _repeat(count, round_of, (rounds, record), until=0)[1]
+    return repeat(count, round_of, (rounds, record), until=0)[1]
 
 
-def _repeat(count: int, function: Callable[[Record], Record], record: Record, until: int | None = None) -> Record:
-    """Trace a loop over a function where the program may have loops; else apply the function ``count`` times."""
+def repeat(count: int, function: Callable[[Record], Record], record: Record, until: int | None = None) -> Record:
+    """Apply ``function`` ``count`` times in succession, starting from ``record``.
+
+    It is a loop in a traced program that may have loops; ``until`` as of :meth:`Graph.repeat`.
+
+    Raises:
+        ValueError: the function returns a record with another number of scalars.
+    """
     graph = next((leaf.graph for leaf in leaves(record) if isinstance(leaf, Node)), None)
     if graph is not None and graph.loops and (count > 1 or until is not None):
         graph.loops = False

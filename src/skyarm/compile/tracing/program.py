@@ -45,8 +45,7 @@ class Program:
         different = mismatch(self._examples, records, "arguments")
         if different:
             raise ValueError(f"{different}: integers, text and None are structure; trace again to change them")
-        values = [leaf for record in records for leaf in leaves(record)]
-        return self.record(self.flat(values))
+        return self.record(self.flat(leaves(records)))
 
     def record(self, values: Sequence[Scalar]) -> Any:
         """Arrange a flat result as the dataclass that the traced function returns."""
@@ -68,10 +67,8 @@ def trace(function: Callable[..., Any], *examples: Any) -> Program:
         TracedBranchError: the function branches on a traced value; names file and line.
     """
     graph = Graph()
-    inputs = [graph.input(f"x{i}") for i, _ in enumerate(leaf for example in examples for leaf in leaves(example))]
-    iterator = iter(inputs)
-    arguments = [rebuild(example, iterator) for example in examples]
-    return Program(graph, inputs, function(*arguments), examples)
+    inputs = [graph.input(f"x{i}") for i, _ in enumerate(leaves(examples))]
+    return Program(graph, inputs, function(*rebuild(examples, iter(inputs))), examples)
 
 
 def _literal(value: Any) -> str:
@@ -106,15 +103,15 @@ def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
     return form.format(*args) if form else f"{node.op}({', '.join(args)})"
 
 
-def python_source(program: Lowered, divide: str = "{0} / {1}", name: str = "program") -> str:
-    """Straight-line Python source of a traced program: one assignment per operation."""
+def python_source(program: Lowered, divide: str = "{0} / {1}") -> str:
+    """Source of the Python function ``program``, which evaluates a traced program: one assignment per operation."""
 
     def variable(node: Node) -> str:
         return f"({_literal(node.value)})" if node.op == "const" else f"v{node.index}"
 
     live = {node.index for node in program.nodes}
     targets = ", ".join(f"v{node.index}" if node.index in live else "_" for node in program.inputs)
-    lines = [f"def {name}(x):", f"    {targets}, = x"] if program.inputs else [f"def {name}(x):"]
+    lines = ["def program(x):", *([f"    {targets}, = x"] if program.inputs else [])]
     for node, body in arrange(program.nodes):
         if node.op == "repeat":
             lines += _loop(node, body, variable, divide)
@@ -218,13 +215,13 @@ def trace_loop(
     Raises:
         ValueError: the step returns a carry of another structure; where one has an int, a constant, so has the other.
     """
-    graph = Graph(loops=loops)
+    graph, examples = Graph(loops=loops), (carry, parameters, row)
     groups = [
         [graph.input(f"{name}{i}") for i, _ in enumerate(leaves(record))]
-        for name, record in _input_groups(carry, parameters, row)
+        for name, record in zip("cpr", examples, strict=True)
     ]
     draws = tuple(graph.input(f"u{i}") for i in range(sum(count for _, count in uniforms)))
-    arguments = [rebuild(record, iter(group)) for record, group in zip((carry, parameters, row), groups, strict=True)]
+    arguments = [rebuild(record, iter(group)) for record, group in zip(examples, groups, strict=True)]
     result = step(*arguments, draws)
     following, log = (leaves(part) for part in result)
     if wrong := mismatch(carry, result[0], "carry"):
@@ -233,7 +230,3 @@ def trace_loop(
     inputs = [node for group in (*groups, draws) for node in group]
     program = lower(inputs, live(outputs), outputs)
     return Loop(program, len(groups[0]), len(groups[1]), len(groups[2]), uniforms, len(log), result, own_seeds)
-
-
-def _input_groups(carry: Any, parameters: Any, row: Any) -> list[tuple[str, Any]]:
-    return [("c", carry), ("p", parameters), ("r", row)]

@@ -6,6 +6,7 @@ the same float functions; only rewritings that are exact in IEEE arithmetic are 
 
 from __future__ import annotations
 
+import operator
 import struct
 import sys
 from collections.abc import Callable, Sequence
@@ -17,14 +18,17 @@ from skyarm.algebra.scalars.fold import Scalar
 
 _COMMUTATIVE = frozenset({"add", "mul", "and", "or"})
 
+CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})
+"""Operations that give a truth value."""
+
 FOLD: dict[str, Any] = {
-    "add": lambda a, b: a + b,
-    "sub": lambda a, b: a - b,
-    "mul": lambda a, b: a * b,
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
     "div": floats.divide,
-    "neg": lambda a: -a,
-    "lt": lambda a, b: a < b,
-    "le": lambda a, b: a <= b,
+    "neg": operator.neg,
+    "lt": operator.lt,
+    "le": operator.le,
     "where": floats.where,
     "and": floats.logical_and,
     "or": floats.logical_or,
@@ -147,6 +151,13 @@ class Node:
     def __repr__(self) -> str:
         """Text of a symbolic value: operation and indices of the operands."""
         return f"Node({self.op}, {', '.join(str(a.index) for a in self.args)})"
+
+
+def is_condition(node: Node) -> bool:
+    """True if the value of an operation is a truth value, not a number."""
+    if node.op == "where":
+        return is_condition(node.args[1])
+    return node.op in CONDITIONS or isinstance(node.value, bool)
 
 
 class Graph:

@@ -27,8 +27,8 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, divide, mul, where
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Motion, Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar, data, divide, mul, same, where
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.prediction import (
     Actuation,
@@ -38,13 +38,14 @@ from skyarm.control.blocks.prediction import (
     rotor_wrench,
     with_side,
 )
-from skyarm.control.blocks.select import choose, choose_each, data, vector_data
+from skyarm.control.blocks.select import choose_each, vector_data
 from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import option_numbers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import blend
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement
 
@@ -116,7 +117,7 @@ def measure_translation(
         ControllerError: the measurement has no specific force.
     """
     felt = measurement.specific_force
-    if all(type(c) is int and c == 0 for c in felt):
+    if all(same(c, 0) for c in felt):
         raise ControllerError(
             "controller.accelerometer: must be left out, the measurement has no specific_force (m/s^2, base axes)"
         )
@@ -139,19 +140,19 @@ def measure_translation(
 
 def first_observed(joints: int, rotor_speeds: Sequence[Scalar], accelerometer: bool = False) -> Observed:
     """Initial state of the disturbance observer, with an accelerometer bias if ``accelerometer`` is True."""
-    zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
+    still = (0.0,) * joints
     return Observed(
-        position=zero,
+        position=ZERO3_DATA,
         quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
         joints=still,
-        velocity=zero,
-        rate=zero,
+        velocity=ZERO3_DATA,
+        rate=ZERO3_DATA,
         joint_rates=still,
-        force=zero,
-        torque=zero,
+        force=ZERO3_DATA,
+        torque=ZERO3_DATA,
         efforts=still,
         rotor_speeds=tuple(rotor_speeds),
-        bias=zero if accelerometer else (),
+        bias=ZERO3_DATA if accelerometer else (),
     )
 
 
@@ -207,7 +208,6 @@ def observe(
             model, gains.accelerometer, memory.velocity, base, measurement, R, linear, rotors, free[1:], dt
         )
     push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
-    running = started > 0.5
     learned = Observed(
         position=place.position,
         quaternion=place.quaternion,
@@ -221,19 +221,17 @@ def observe(
         rotor_speeds=tuple(data(s) for s in speeds),
         bias=base.bias,
     )
-    running_on = dataclasses.replace(
-        learned,
-        velocity=choose(running, learned.velocity, measurement.velocity),
-        rate=choose(running, learned.rate, measurement.rate),
-        joint_rates=choose_each(running, learned.joint_rates, measurement.joint_rates),
-        force=choose(running, learned.force, memory.force),
-        torque=choose(running, learned.torque, memory.torque),
-        efforts=choose_each(running, learned.efforts, memory.efforts),
-        rotor_speeds=choose_each(running, learned.rotor_speeds, memory.rotor_speeds),
-        bias=choose(running, base.bias, memory.bias) if memory.bias else (),
+    begun = dataclasses.replace(
+        memory,
+        position=place.position,
+        quaternion=place.quaternion,
+        joints=place.joints,
+        velocity=measurement.velocity,
+        rate=measurement.rate,
+        joint_rates=measurement.joint_rates,
     )
     told = Told(amid=amid, angular_correction=turning, joint_corrections=tuple(bending))
-    return running_on, told
+    return blend(started > 0.5, learned, begun), told
 
 
 def observe_uncompensated(

@@ -14,9 +14,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra.scalars import Scalar, absolute, add, divide, logical_or, minimum, total, where
+from skyarm.algebra.scalars import Scalar, absolute, add, data, divide, logical_or, minimum, same, total, where
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.blocks.select import data
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.preview import Sample
@@ -103,7 +102,7 @@ def _interpolate(held: Sample, following: Sample, later: Sample, age: Scalar, pe
     The rate is the cubic of both samples' rates and accelerations plus k t^2 (t - T)^2, whose slope at 2 T is 12 k T^3.
     Values of the samples do not enter the derivatives, which single precision would spoil.
     """
-    if all(type(c) is int and c == 0 for sample in (held, following, later) for c in sample[1:]):
+    if all(same(c, 0) for sample in (held, following, later) for c in sample[1:]):
         return Taylor.constant(held[0], 4)
     p, v, a = (data(c) for c in held)
     (v1, a1), (v2, a2) = (tuple(data(c) for c in sample[1:]) for sample in (following, later))
@@ -132,7 +131,7 @@ def _interpolate(held: Sample, following: Sample, later: Sample, age: Scalar, pe
 
 def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Taylor:
     """Fourth-order Taylor series of a reference signal, ``age`` seconds after its sample was published."""
-    if all(type(c) is int and c == 0 for c in sample[1:]):
+    if all(same(c, 0) for c in sample[1:]):
         return Taylor.constant(sample[0], 4)
     p, v, a = (data(c) for c in sample)
     inverse = divide(1.0, period)

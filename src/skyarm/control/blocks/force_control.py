@@ -37,7 +37,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import (
     Scalar,
     absolute,
@@ -347,8 +347,8 @@ class InteractionMemory:
     met: Annotated[Scalar, Unit("", "1 from the first contact of the flight on")] = 0.0
     gap: Annotated[Scalar, Unit("m", "of the tip from its shifted reference, along the normal")] = 0.0
     bias: Disturbance
-    force: Annotated[Vec3, Unit("N", "at the tip, estimated, world axes")] = Vec3(0.0, 0.0, 0.0)
-    lean: Annotated[Vec3, Unit("", "of the normal from the model's, found by sliding")] = Vec3(0.0, 0.0, 0.0)
+    force: Annotated[Vec3, Unit("N", "at the tip, estimated, world axes")] = ZERO3_DATA
+    lean: Annotated[Vec3, Unit("", "of the normal from the model's, found by sliding")] = ZERO3_DATA
     moving: Annotated[Scalar, Unit("", "0 to 1, share of a slide that the reference has begun along the surface")] = 0.0
     felt: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, world axes")] = ()
     scale: TorqueScale | tuple[()] = ()
@@ -422,7 +422,7 @@ def require_thresholds(
 
 def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
     """Initial state of the contact force controller: free flight."""
-    return InteractionMemory(bias=no_disturbance(joints), felt=Vec3(0.0, 0.0, 0.0) if sensor else ())
+    return InteractionMemory(bias=no_disturbance(joints), felt=ZERO3_DATA if sensor else ())
 
 
 def wanted_of(push: Sequence[Scalar]) -> Wanted:

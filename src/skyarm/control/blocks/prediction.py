@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Force, Mat3, Quaternion, Vec3, inner_product
-from skyarm.algebra.scalars import Scalar, add, mul, neg, sub
+from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, ZERO3_DATA, Force, Mat3, Quaternion, Vec3, inner_product
+from skyarm.algebra.scalars import Scalar, add, data, mul, neg, sub
 from skyarm.compile.tracing.lower import repeat
 from skyarm.control.blocks.attitude import near_angles
-from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.blocks.select import vector_data
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command, friction, limited_effort, rotor_force, speeds_after
@@ -54,8 +54,7 @@ class Disturbance:
 
 def no_disturbance(joints: int) -> Disturbance:
     """Disturbance of zero force, torque and joint efforts."""
-    zero = Vec3(0.0, 0.0, 0.0)
-    return Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
+    return Disturbance(force=ZERO3_DATA, torque=ZERO3_DATA, efforts=(0.0,) * joints)
 
 
 SUBSTEPS = 5

@@ -5,12 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, where
-
-
-def data(value: Any) -> Any:
-    """Float of an int constant, other values unchanged, so that a law's internal state keeps its data types."""
-    return float(value) if type(value) is int else value
+from skyarm.algebra.scalars import Scalar, data, where
 
 
 def vector_data(v: Vec3) -> Vec3:

@@ -31,6 +31,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, leaves, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
+from skyarm.reference.trajectory import resting_arm
 from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
 from skyarm.sensing.estimate.filter_constants import AIDS, BLANK_INERTIAL, BLANK_READINGS, FilterMemory
 from skyarm.sensing.measurement import Measurement, blank_measurement
@@ -235,12 +236,10 @@ def export_c(
 def _examples(controller: Controller, period: float, estimator: ErrorStateFilter | None) -> dict[str, Any]:
     """Example inputs of the exported C function, which give array lengths and default values."""
     vehicle = controller.par.model.vehicle
-    joints = (0.0,) * vehicle.n
-    arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
     found = {
         "parameters": Constants(parameters=controller.par, period=period),
         "measurement": _blank(controller),
-        "reference": Reference(**arm, **_reference_inputs(controller.par, vehicle.n)).dense(),
+        "reference": Reference(**resting_arm(vehicle.n), **_reference_inputs(controller.par, vehicle.n)).dense(),
         "memory": controller.memory,
     }
     if estimator is not None:
@@ -253,7 +252,8 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
 def _blank(controller: Controller) -> Measurement:
     """Placeholder measurement with the array lengths of the controller's vehicle."""
     vehicle = controller.par.model.vehicle
-    return blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), tip_force=_axes_at_tip(controller))
+    axes = _axes_at_tip(controller)
+    return blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), tip_force=axes)
 
 
 def _axes_at_tip(controller: Controller) -> int:

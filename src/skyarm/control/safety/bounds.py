@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Mat3, Vec3, ldl_solve
+from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Vec3, inner_product, ldl_solve
 from skyarm.algebra.scalars import (
     Scalar,
     absolute,
@@ -64,8 +64,8 @@ def govern_base(
     rise = minimum(1.0, divide(limits.climb, absolute(asked.z) + TINY))
     room = mul(tan(limits.tilt), add(gravity, mul(rise, asked.z)))
     level = minimum(1.0, divide(room, sqrt(asked.x * asked.x + asked.y * asked.y) + TINY))
-    least = minimum(1.0, divide(limits.step, _length(pull) + TINY))
-    least = minimum(least, divide(limits.step_speed, _length(brake) + TINY))
+    least = minimum(1.0, divide(limits.step, pull.norm() + TINY))
+    least = minimum(least, divide(limits.step_speed, brake.norm() + TINY))
     level, rise = maximum(level, least), maximum(rise, least)
     shares = Vec3(level, level, rise)
     far = _longer(reference.position - measurement.position, pull)
@@ -81,25 +81,21 @@ def govern_base(
         velocity=where_bound(measurement.velocity + brake.hadamard(shares), reference.velocity),
         acceleration=where_bound(reference.acceleration.hadamard(shares), reference.acceleration),
         # a reference that moves with the measurement has no higher derivatives
-        jerk=where_bound(Vec3(0.0, 0.0, 0.0), reference.jerk),
-        snap=where_bound(Vec3(0.0, 0.0, 0.0), reference.snap),
+        jerk=where_bound(ZERO3_DATA, reference.jerk),
+        snap=where_bound(ZERO3_DATA, reference.snap),
     )
-
-
-def _length(v: Vec3) -> Scalar:
-    return sqrt(v.x * v.x + v.y * v.y + v.z * v.z)
 
 
 def _limit_length(v: Vec3, longest: Scalar) -> Vec3:
     """Vector clipped to the length ``longest``; bitwise unchanged if it is shorter."""
-    length = _length(v)
+    length = v.norm()
     share = divide(longest, length + TINY)
     return Vec3(*(where(length > longest, mul(c, share), c) for c in v))
 
 
 def _longer(v: Vec3, shortened: Vec3) -> Any:
     """True if the vector ``v`` is longer than ``shortened``."""
-    return _length(shortened) < _length(v)
+    return shortened.norm() < v.norm()
 
 
 def govern_joints(
@@ -193,13 +189,8 @@ def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Sca
     beyond: Any = False
     for speed, top in zip(speeds, mixer.highest, strict=True):
         beyond = logical_or(beyond, speed > sqrt(top))
-    pushes: list[Scalar] = []
-    sideways = bool(mixer.across)
-    for row in allocation_matrix(model.vehicle, sideways):
-        total: Scalar = 0
-        for entry, speed in zip(row, speeds, strict=True):
-            total = add(total, mul(entry, speed * speed))
-        pushes.append(total)
+    sideways, squares = bool(mixer.across), [speed * speed for speed in speeds]
+    pushes = [inner_product(row, squares) for row in allocation_matrix(model.vehicle, sideways)]
     across = Vec3(pushes[4], pushes[5], 0) if sideways else ZERO3
     again, _ = mix(mixer, Vec3(*pushes[:3]), pushes[3], across)
     return tuple(where(beyond, new, old) for new, old in zip(again, speeds, strict=True))
@@ -283,17 +274,9 @@ def floating_inertia_times(model: Model, joints: Sequence[Scalar], change: Seque
     [M_bb M_bj; M_jb M_jj] [a; change] = [0; torque].
     """
     M = dynamics.mass_matrix(model.vehicle, Mat3.identity(), joints)
-    n = len(joints)
-    pushed = [_row(M[i][6:], change) for i in range(6)]
+    pushed = [inner_product(row[6:], change) for row in M[:6]]
     base = ldl_solve([row[:6] for row in M[:6]], [0.0 - value for value in pushed])
-    return [add(_row(M[6 + i][:6], base), _row(M[6 + i][6:], change)) for i in range(n)]
-
-
-def _row(entries: Sequence[Scalar], values: Sequence[Scalar]) -> Any:
-    total: Scalar = 0
-    for entry, value in zip(entries, values, strict=True):
-        total = add(total, mul(entry, value))
-    return total
+    return [add(inner_product(row[:6], base), inner_product(row[6:], change)) for row in M[6:]]
 
 
 def within_efforts(limits: Limits, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:

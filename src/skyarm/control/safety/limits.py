@@ -18,6 +18,7 @@ from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
+from skyarm.reference.trajectory import resting_arm
 from skyarm.sensing.measurement import blank_measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -59,10 +60,8 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
     model = controller.par.model
     vehicle, joints = model.vehicle, (0.0,) * model.vehicle.n
     trim = hover_trim(vehicle, joints, model.gravity)
-    arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
-    wanted = dataclasses.replace(
-        Reference(**arm), position=Vec3(0.0, 0.0, position), velocity=Vec3(0.0, 0.0, velocity)
-    ).dense()
+    place, pace = Vec3(0.0, 0.0, position), Vec3(0.0, 0.0, velocity)
+    wanted = Reference(position=place, velocity=pace, **resting_arm(vehicle.n)).dense()
     weight = Vec3(0.0, 0.0, float(model.gravity))
     resting = dataclasses.replace(blank_measurement(vehicle.n, len(vehicle.rotors)), specific_force=weight)
     speeds = tuple(float(speed) for speed in trim.speeds)

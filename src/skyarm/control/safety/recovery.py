@@ -41,7 +41,7 @@ from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle.linkage import Joint, Link
+from skyarm.vehicle.linkage import Link
 
 CALM_TILT, CALM_RATE, CALM_SPEED = math.radians(15.0), 1.0, 0.5
 """rad, rad/s (of base and joints, m/s of a prismatic one) and m/s of calm flight."""
@@ -128,14 +128,6 @@ class Recovery:
     joint_gains: JointGains
     stow: Annotated[tuple[Scalar, ...], Unit("rad or m", "pose of the arm")]
     stow_speed: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "on the way there")]
-
-
-def stow_position(joint: Joint) -> float:
-    """Stowed position of a joint: middle of its range, or the allowed value nearest to zero if unbounded."""
-    low, high = float(joint.lower), float(joint.upper)
-    if low > -float("inf") and high < float("inf"):
-        return 0.5 * (low + high)
-    return min(max(0.0, low), high)
 
 
 def pose_of(stow: Any, links: tuple[Link, ...]) -> tuple[float, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, logical_or, where
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.select import choose, choose_each
@@ -33,17 +33,18 @@ from skyarm.control.safety.recovery import (
     not_finite,
     pose_of,
     recover,
-    stow_position,
     update_confidence,
 )
 from skyarm.control.vectored_layer import law_inside, with_tilting
 from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.workspace import middle_position
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, leaves, parts, rebuild
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
+from skyarm.reference.trajectory import resting_arm
 from skyarm.sensing.measurement import Measurement
 
 
@@ -95,7 +96,7 @@ def first_memory(controller: Controller) -> SafetyMemory:
         arm=still,
         sent=Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=still),
         confidence=Confidence(given_up=0.0, outside=0.0, calm=0.0),
-        hold=Vec3(0.0, 0.0, 0.0),
+        hold=ZERO3_DATA,
         yaw=0.0,
     )
 
@@ -184,16 +185,8 @@ def _hold_reference(
 ) -> Reference:
     """Reference of the recovery: hover in place and stow the arm."""
     still = (0.0,) * len(par.recovery.stow)
-    wanted = Reference(
-        position=hold,
-        velocity=ZERO3,
-        yaw=yaw,
-        joints=par.recovery.stow,
-        joint_rates=still,
-        joint_accelerations=still,
-        joint_jerks=still,
-        joint_snaps=still,
-    )
+    arm_at_rest = resting_arm(len(still)) | {"joints": par.recovery.stow}
+    wanted = Reference(position=hold, velocity=ZERO3, yaw=yaw, **arm_at_rest)
     stiffness, damping = base_stiffness(par.recovery, par.model.vehicle.mass)
     base = govern_base(
         wanted, measurement, limits=par.limits, stiffness=stiffness, damping=damping, gravity=par.model.gravity
@@ -271,7 +264,7 @@ def with_safety_layer(
     recovery = Recovery(
         gains=default_gains(model),
         joint_gains=default_joint_gains(model, torque=True),
-        stow=tuple(stow_position(link.joint) for link in links) if stow is None else pose_of(stow, links),
+        stow=tuple(middle_position(link.joint) for link in links) if stow is None else pose_of(stow, links),
         stow_speed=tuple(USUAL_JOINTS[link.joint.kind].stow_speed for link in links),
     )
     par = SafetyParameters.around(

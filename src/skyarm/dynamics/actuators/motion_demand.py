@@ -6,18 +6,18 @@ points, the heading the rest, their derivatives the angular velocity and acceler
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from skyarm import dynamics
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import ZERO3_DATA, Mat3, Vec3
 from skyarm.dynamics.actuators.drive import friction
 from skyarm.dynamics.actuators.mixer import make_mixer
 from skyarm.dynamics.state import proper_acceleration
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, stacked
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -61,15 +61,9 @@ class Demand:
     turning: Array
 
 
-def _table(count: int, values: Iterable[Any]) -> Array:
-    """Stack scalars and arrays of length ``count`` into one array (values, count)."""
-    rows = [np.broadcast_to(np.asarray(value, dtype=float), count) for value in values]
-    return np.stack(rows) if rows else np.zeros((0, count))
-
-
 def motion_of(reference: Any, time: Array) -> Motion:
     """Motion of base and joints at K instants, from a reference of arrays."""
-    lanes = partial(_table, len(time))
+    lanes = partial(stacked, len(time))
     return Motion(
         time=time,
         acceleration=lanes(reference.acceleration),
@@ -96,13 +90,12 @@ def demand_of_motion(
     """
     a, yaw = motion.acceleration, motion.yaw
     q, qd, qdd = tuple(motion.joints), tuple(motion.rates), tuple(motion.accelerations)
-    lanes = partial(_table, len(motion.time))
+    lanes = partial(stacked, len(motion.time))
     needed = float(vehicle.mass) * (a + np.array([[0.0], [0.0], [gravity]]))
-    still = Vec3(0.0, 0.0, 0.0)
     for _ in range(REACTIONS):
         R = attitude(settled(needed), yaw)
-        base = proper_acceleration(_matrix(R), Vec3(*a), still, gravity)
-        force, _ = dynamics.inverse_dynamics(vehicle, q, still, qd, base, qdd)
+        base = proper_acceleration(_matrix(R), Vec3(*a), ZERO3_DATA, gravity)
+        force, _ = dynamics.inverse_dynamics(vehicle, q, ZERO3_DATA, qd, base, qdd)
         needed = np.einsum("ijk,jk->ik", R, lanes(force.force))
     R = attitude(settled(needed), yaw)
     rate, turning = rates_of(R, motion.time)

@@ -110,11 +110,6 @@ def speed_of_push(rotor: Rotor, value: Any) -> Scalar:
     return sqrt(maximum(value, 0.0)) if rotor.table is None else rotor.table.speed_of_push(value)
 
 
-def _any_inertia(rotors: Sequence[Rotor]) -> bool:
-    """True if the inertia of some rotor is modelled."""
-    return any(not (type(rotor.inertia) is int and rotor.inertia == 0) for rotor in rotors)
-
-
 def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Scalar], rate: Vec3) -> Vec3:
     """Reaction torque on the base by accelerating and gyroscopic rotors, N m, base axes.
 
@@ -129,7 +124,7 @@ def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Seq
         rate: angular velocity of the base, base axes, rad/s.
     """
     total = ZERO3
-    if not _any_inertia(rotors):
+    if all(same(rotor.inertia, 0) for rotor in rotors):
         return total
     for rotor, speed, command in zip(rotors, speeds, commands or speeds, strict=True):
         target = minimum(command, rotor.max_speed)

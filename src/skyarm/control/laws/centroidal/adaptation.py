@@ -15,11 +15,11 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import Mat3
-from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, mul, sub
+from skyarm.algebra.scalars import Scalar, add, clip, data, divide, exp, mul, sub
 from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.demands import Planned
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step

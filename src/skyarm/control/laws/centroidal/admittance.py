@@ -19,14 +19,14 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, divide, logical_and, logical_or, maximum, mul, sqrt, where
+from skyarm.algebra import ZERO3_DATA, Vec3
+from skyarm.algebra.scalars import Scalar, data, divide, logical_and, logical_or, maximum, mul, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass, low_pass_share
 from skyarm.control.blocks.force_control import SENSING
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.part import Part, Step
@@ -124,7 +124,7 @@ class AdmittanceMemory:
     body: VirtualBody = VirtualBody()
     detected: Annotated[Scalar, Unit("", "1 while an external force counts")] = 0.0
     quiet: Annotated[Scalar, Unit("s", "since it was above its threshold")] = 0.0
-    force: Annotated[Vec3, Unit("N", "at the tip, estimated, world axes")] = Vec3(0.0, 0.0, 0.0)
+    force: Annotated[Vec3, Unit("N", "at the tip, estimated, world axes")] = ZERO3_DATA
     sensed: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, axes of the tip")] = ()
     sensor_bias: Annotated[Vec3 | tuple[()], Unit("N", "bias of that sensor, axes of the tip")] = ()
 
@@ -144,7 +144,7 @@ class AdmittanceGains(Part):
 
     def start(self, joints: int) -> AdmittanceMemory:
         """Initial state of the admittance control: virtual body at rest on the reference, zero bias."""
-        zero = () if self.sensing is None else Vec3(0.0, 0.0, 0.0)
+        zero = () if self.sensing is None else ZERO3_DATA
         return AdmittanceMemory(bias=no_disturbance(joints), sensed=zero, sensor_bias=zero)
 
     def adjust_reference(self, memory: AdmittanceMemory, step: Step) -> AdmittanceMemory:

@@ -25,13 +25,13 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, cos, divide, maximum, minimum, sin, sqrt, total, where
+from skyarm.algebra import ZERO3, ZERO3_DATA, Vec3
+from skyarm.algebra.scalars import Scalar, absolute, cos, data, divide, maximum, minimum, sin, sqrt, total, where
 from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
 from skyarm.control.blocks.attitude import Posture, derivative, near_angles, posture
-from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import SHARES, CentroidalParameters
-from skyarm.control.laws.centroidal.tip_tasks import chain
+from skyarm.dynamics.kinematics import chain
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.preview import Sample
@@ -74,7 +74,7 @@ class Shift:
 
 
 FIRST_SHIFT = Shift(
-    place=Vec3(0.0, 0.0, 0.0),
+    place=ZERO3_DATA,
     sinking=(0.0,) * 3,
     secants=(1.0,) * (len(SHARES) + 1),
     coming=(0.0,) * len(SHARES),

@@ -13,10 +13,10 @@ from __future__ import annotations
 import dataclasses
 from typing import Annotated
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, mul
+from skyarm.algebra import ZERO3_DATA, Vec3
+from skyarm.algebra.scalars import Scalar, data, divide, exp, maximum, minimum, mul
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.records.immutable import immutable
@@ -53,9 +53,9 @@ class TrendGains(Part):
 
     def start(self, joints: int) -> ForceTrend:
         """Initial state of the force trend: zero force, and zero weight of the force rate."""
-        zero, size = Vec3(0.0, 0.0, 0.0), 0.25 * self.steep * self.steep
-        chain = (zero,) * STAGES
-        return ForceTrend(level=zero, rate=zero, forces=chain, rates=chain, agreement=0.0, size=size)
+        chain = (ZERO3_DATA,) * STAGES
+        size = 0.25 * self.steep * self.steep
+        return ForceTrend(level=ZERO3_DATA, rate=ZERO3_DATA, forces=chain, rates=chain, agreement=0.0, size=size)
 
     def adjust_reference(self, memory: ForceTrend, step: Step) -> ForceTrend:
         """Predict the observed disturbance force over the observer's delay, by its rate unless pushed."""

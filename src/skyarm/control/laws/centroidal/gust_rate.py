@@ -26,10 +26,10 @@ from __future__ import annotations
 import dataclasses
 from typing import Annotated
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, divide, maximum, mul, sqrt
+from skyarm.algebra import ZERO3_DATA, Vec3
+from skyarm.algebra.scalars import Scalar, data, divide, maximum, mul, sqrt
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.control.laws.centroidal.presets import PRESETS_ARM, SHORTEST, arm_length, noise_share
@@ -82,7 +82,7 @@ class GustRateGains(Part):
 
     def start(self, joints: int) -> GustRate:
         """Initial state of the rate of gusts: no force."""
-        return GustRate(force=Vec3(0.0, 0.0, 0.0), pushing=0.0, turning=0.0)
+        return GustRate(force=ZERO3_DATA, pushing=0.0, turning=0.0)
 
     def adjust_gains(self, memory: GustRate, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Weigh the accelerometer by the share of gusts, and stiffen the attitude."""

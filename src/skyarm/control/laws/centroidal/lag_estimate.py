@@ -22,9 +22,8 @@ from itertools import accumulate
 from typing import Annotated, Any
 
 from skyarm.algebra import inner_product
-from skyarm.algebra.scalars import Scalar, add, divide, maximum, minimum, mul, structural, sub, total, where
+from skyarm.algebra.scalars import Scalar, add, data, divide, maximum, minimum, mul, structural, sub, total, where
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.blocks.select import data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.records.immutable import immutable

@@ -13,13 +13,12 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
-from skyarm.algebra.scalars import Scalar, clip, divide, logical_or, maximum, minimum, mul, neg, where
+from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Sym3, Vec3
+from skyarm.algebra.scalars import Scalar, clip, data, divide, logical_or, maximum, minimum, mul, neg, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.force_control import contact_cleared
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.blocks.select import data
 from skyarm.control.blocks.tip_force import ForceErrors, LeastSquares
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
@@ -170,7 +169,7 @@ class LoadGains(Part):
 
     def start(self, joints: int) -> LoadMemory:
         """Initial state of the load estimate: no load."""
-        return LoadMemory(mass=0.0, place=Vec3(0.0, 0.0, 0.0), bias=no_disturbance(joints))
+        return LoadMemory(mass=0.0, place=ZERO3_DATA, bias=no_disturbance(joints))
 
     def adjust_gains(self, memory: LoadMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Add the estimated load to the tip of the law's model."""

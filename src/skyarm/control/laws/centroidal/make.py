@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 from skyarm import dynamics
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import ZERO3_DATA, Mat3, Vec3
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
@@ -246,7 +246,7 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, given: bool) -> M
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
     """Initial internal state of the centroidal law: level hover of the model with all joints at zero."""
     model, vehicle = par.model, par.model.vehicle
-    zero, standing = Vec3(0.0, 0.0, 0.0), standing_command(model)
+    standing = standing_command(model)
     speeds, lag = standing.rotor_speeds, par.parts.lag
     parts = {name: part.start(vehicle.n) for name, part in par.parts.present()}
     return CentroidalMemory(
@@ -258,7 +258,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         past=() if lag is None else first_past(standing, delay_periods + 1 + len(parts["lag"].past)),
         applied=all_applied(vehicle.n),
         free=(1.0,) * (1 + vehicle.n),
-        slow_force=zero,
+        slow_force=ZERO3_DATA,
         trim=(0.0,) * len(speeds),
         following=first_following(par),
         parts=PartMemories(**parts),

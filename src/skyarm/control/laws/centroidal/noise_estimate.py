@@ -16,10 +16,10 @@ from __future__ import annotations
 import dataclasses
 from typing import Annotated, Any
 
-from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, clip, divide, maximum, sqrt
+from skyarm.algebra import ZERO3_DATA, Vec3
+from skyarm.algebra.scalars import Scalar, clip, data, divide, maximum, sqrt
 from skyarm.control.blocks.filters import double_pole
-from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.records.immutable import immutable
@@ -44,8 +44,7 @@ class NoiseGains(Part):
 
     def start(self, joints: int) -> NoiseMemory:
         """Initial internal state of the noise estimate: none."""
-        zero = Vec3(0.0, 0.0, 0.0)
-        return NoiseMemory(residual=zero, change=zero, variance=0.0)
+        return NoiseMemory(residual=ZERO3_DATA, change=ZERO3_DATA, variance=0.0)
 
     def adjust_gains(self, memory: NoiseMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Reduce the bandwidth of the force's observer for the estimated noise."""

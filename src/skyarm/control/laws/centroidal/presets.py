@@ -12,9 +12,8 @@ import numpy as np
 
 from skyarm.algebra import Mat3
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.tip_tasks import chain
 from skyarm.dynamics import mass_matrix
-from skyarm.dynamics.kinematics import jacobian_columns
+from skyarm.dynamics.kinematics import chain, jacobian_columns
 from skyarm.records.files import number, shown
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle

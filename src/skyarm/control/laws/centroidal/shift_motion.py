@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import Scalar, divide, maximum
 from skyarm.control.blocks.filters import low_pass
 from skyarm.control.laws.centroidal.base_shift import FIRST_SHIFT, Shift
@@ -37,7 +37,7 @@ def first_following(par: CentroidalParameters) -> Following:
     """Initial states of shift and arm motion."""
     return Following(
         shift=() if par.tip.shift is None else FIRST_SHIFT,
-        arm=() if par.center.arm_turn is None else ArmMotion(size=0.0, mean=Vec3(0.0, 0.0, 0.0)),
+        arm=() if par.center.arm_turn is None else ArmMotion(size=0.0, mean=ZERO3_DATA),
     )
 
 

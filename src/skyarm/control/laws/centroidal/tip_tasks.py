@@ -22,7 +22,7 @@ from skyarm.control.blocks.attitude import Attitude, Posture, derivative, near_a
 from skyarm.control.blocks.center_of_mass import axes, com_columns
 from skyarm.control.blocks.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.parameters import TipGains
-from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
+from skyarm.dynamics.kinematics import Pose, chain, jacobian_columns, link_poses
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -117,16 +117,6 @@ def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: Attitude) -> lis
         derivative(arm, 1) - R.apply(w.cross(r) + rd),
         derivative(arm, 2) - R.apply(alpha.cross(r) + w.cross(w.cross(r)) + w.cross(rd) * 2.0 + rdd),
     ]
-
-
-def chain(vehicle: Vehicle, index: int) -> list[int]:
-    """Indices of the joints from the base to a link."""
-    found: list[int] = []
-    while index != BASE:
-        own = index < vehicle.n
-        found.insert(0, index if own else vehicle.followers[index - vehicle.n].leader)
-        index = vehicle.moving[index].parent
-    return found
 
 
 def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:

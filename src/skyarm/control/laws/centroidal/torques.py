@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from skyarm.algebra import E_Z, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, add, clip, logical_and, maximum, sqrt, sub, where
+from skyarm.algebra.scalars import Scalar, absolute, add, clip, data, logical_and, maximum, sqrt, sub, where
 from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
 from skyarm.control.blocks.center_of_mass import forces_under_thrust, reaction
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
-from skyarm.control.blocks.select import data
 from skyarm.control.laws.centroidal.demands import Demand
 from skyarm.control.laws.centroidal.part import Step
 from skyarm.control.model import Model

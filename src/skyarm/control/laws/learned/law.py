@@ -28,6 +28,7 @@ from skyarm.algebra import E_Z, ZERO3, Force, Motion, Vec3
 from skyarm.algebra.scalars import Scalar, add, clip, divide, mul, sub, tanh, where
 from skyarm.control.blocks.common import coupled_forces, make_command, no_command, turn_towards, wanted_specific_force
 from skyarm.control.blocks.filters import low_pass
+from skyarm.control.blocks.select import choose_each
 from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
@@ -229,7 +230,7 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scala
     return dataclasses.replace(
         history,
         commanded=where(begun, 1.0, history.commanded),
-        commands=tuple(where(begun, b, a) for a, b in zip(history.commands, after, strict=True)),
+        commands=choose_each(begun, after, history.commands),
     )
 
 

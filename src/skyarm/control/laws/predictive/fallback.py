@@ -18,7 +18,7 @@ from skyarm.algebra.scalars import Scalar, atan2, cos, divide, maximum, minimum,
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.geometric import yaw_of
-from skyarm.control.blocks.prediction import Disturbance
+from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.laws.paper import generalized_force, joint_accelerations, make_hybrid_computed_torque
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.preview import Sample
@@ -29,8 +29,6 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement, blank_measurement
-
-ZERO = Vec3(0.0, 0.0, 0.0)
 
 WORST = {"position": 0.15, "velocity": 1.5, "tool": 0.15, "joints": 1.0}
 """Errors in m, m/s, m, rad or m that a flight may have for a moment."""
@@ -130,9 +128,10 @@ class Stabiliser:
     def __init__(self, model: Model) -> None:
         par = _parameters(model)
         joints, self.rotors = model.vehicle.n, len(model.vehicle.rotors)
-        nothing = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0,) * joints)
         signals = ((0.0,) * (4 + joints),) * 3
-        self.law = Compiled(partial(_computed_torque, par), blank_measurement(joints, self.rotors), nothing, signals)
+        self.law = Compiled(
+            partial(_computed_torque, par), blank_measurement(joints, self.rotors), no_disturbance(joints), signals
+        )
 
     def command(self, reading: Array, disturbance: Array, sample: Sample) -> Command:
         """Command of the law that flies while model predictive control has no good plan."""

@@ -28,7 +28,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.control.blocks.force_control import InteractionGains, InteractionMemory, require_thresholds
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_maker import checked_option, option_numbers
@@ -213,7 +213,7 @@ def nmpc(
     engine = memory.engine
     if engine is None or engine.key != key:
         # plan, touch and loss may be of other stages, and of a contact that is requested no more
-        silent = None if par.interaction is None else Vec3(0.0, 0.0, 0.0)
+        silent = None if par.interaction is None else ZERO3_DATA
         memory = dataclasses.replace(memory, plan=None, since=0, interaction=None, tip_force=silent)
         engine = make_engine(key)
     past, sent = memory.past, memory.sent
@@ -337,7 +337,7 @@ def make_predictive_controller(
         interaction=InteractionGains(touch=touch, lost=lost) if touch or lost else None,
     )
     tip = mode == "tool"
-    memory = PredictiveMemory(tip_force=None if par.interaction is None else Vec3(0.0, 0.0, 0.0))
+    memory = PredictiveMemory(tip_force=None if par.interaction is None else ZERO3_DATA)
     return Controller(name="nmpc", law=nmpc, par=par, memory=memory, compiled=False, keeps_tip=tip)
 
 

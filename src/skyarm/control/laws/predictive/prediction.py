@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from skyarm import dynamics
-from skyarm.algebra import Force, Mat3, Motion, Vec3, ldl_solve
+from skyarm.algebra import ZERO3, Force, Mat3, Motion, Vec3, ldl_solve
 from skyarm.algebra.scalars import Scalar, divide, exp, maximum, minimum, where
 from skyarm.control.blocks.prediction import Disturbance, acceleration_under
 from skyarm.control.model import Model
@@ -64,7 +64,7 @@ def base_accelerations(
     """Accelerations (dv_W/dt, dw_B/dt) of the base while the joints move with given accelerations."""
     vehicle, R = model.vehicle, state.quaternion.rotation()
     applied = _on_base(model, state, R, disturbance)
-    still = Motion(Vec3(0, 0, 0), Vec3(0, 0, 0))
+    still = Motion(ZERO3, ZERO3)
     moving = state.joints, state.rate, state.joint_rates
     needed, _ = dynamics.inverse_dynamics(vehicle, *moving, still, joint_accelerations)
     pushed = applied - needed

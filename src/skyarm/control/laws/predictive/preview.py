@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import ZERO3_DATA, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, sin
 from skyarm.control.blocks.geometric import desired_attitude
 from skyarm.control.laws.predictive.cost import given_way
@@ -25,8 +25,6 @@ from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples
 from skyarm.vehicle.vehicle_records import Vehicle
-
-ZERO = Vec3(0.0, 0.0, 0.0)
 
 JUMP = 0.02
 """m or rad between a sample and what the last one foretold, beyond which the motion is taken for a new one."""
@@ -164,5 +162,5 @@ def make_stance(model: Model, mode: str) -> Callable[[Array, Array], Array]:
     vehicle = model.vehicle
     if mode != "tool" or not vehicle.end_effector:
         return lambda _thrusts, values: np.zeros((len(values), 3))
-    compiled = Compiled(partial(shift, vehicle), ZERO, 0.0, (0.0,) * vehicle.n)
+    compiled = Compiled(partial(shift, vehicle), ZERO3_DATA, 0.0, (0.0,) * vehicle.n)
     return lambda thrusts, values: compiled(thrusts, values[:, 3:])

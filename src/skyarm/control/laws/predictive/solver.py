@@ -13,16 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import ZERO3_DATA
 from skyarm.algebra.scalars import maximum, minimum
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
-from skyarm.control.blocks.prediction import Disturbance
+from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.laws.predictive.cost import Contact, Goal, Weights, input_residuals, predict_stage, state_residuals
 from skyarm.control.laws.predictive.prediction import Inputs
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.dynamics.state import example_state
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
@@ -60,29 +61,20 @@ NUDGE = 1e-5
 
 def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, Inputs, Disturbance, Goal]:
     """Example state, inputs, disturbance and goal, which fix the array shapes; ``contact``: the goal has a contact."""
-    zero, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
-    state = State(
-        position=zero,
-        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
-        velocity=zero,
-        rate=zero,
-        joints=arm,
-        joint_rates=arm,
-        rotor_speeds=(0.0,) * rotors,
-    )
-    pressed = Contact(normal=zero, touching=0.0, force=0.0, damping=0.0) if contact else ()
+    arm = (0.0,) * joints
+    pressed = Contact(normal=ZERO3_DATA, touching=0.0, force=0.0, damping=0.0) if contact else ()
     goal = Goal(
-        position=zero,
-        velocity=zero,
+        position=ZERO3_DATA,
+        velocity=ZERO3_DATA,
         yaw=0.0,
         joints=arm,
         joint_rates=arm,
         joint_accelerations=arm,
-        shift=zero,
+        shift=ZERO3_DATA,
         contact=pressed,
     )
     inputs = Inputs(rotor_accelerations=(0.0,) * rotors, efforts=arm)
-    return state, inputs, Disturbance(force=zero, torque=zero, efforts=arm), goal
+    return example_state(joints, rotors), inputs, no_disturbance(joints), goal
 
 
 class Stages:

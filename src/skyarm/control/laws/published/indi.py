@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, minimum, where
 from skyarm.control.blocks.center_of_mass import forces_under_thrust
 from skyarm.control.blocks.common import (
@@ -34,6 +34,7 @@ from skyarm.control.blocks.common import (
     wanted_specific_force,
 )
 from skyarm.control.blocks.filters import Butterworth, Taps, butterworth, filtered_all, settle
+from skyarm.control.blocks.select import choose_each
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
@@ -132,7 +133,7 @@ def _speeds(
     if par.measured_speeds:
         return measurement.rotor_speeds
     turned = speeds_after(par.model.vehicle.rotors, memory.speeds, memory.sent[0].rotor_speeds, dt)
-    return tuple(where(first, a, b) for a, b in zip(measurement.rotor_speeds, turned, strict=True))
+    return choose_each(first, measurement.rotor_speeds, turned)
 
 
 def _filter_signals(
@@ -147,7 +148,7 @@ def _filter_signals(
 ) -> tuple[tuple[Taps, ...], list[Any]]:
     """Low-pass filter step of all signals, from steady state at the first call."""
     torque, force = rotor_thrust(par.model.vehicle, speeds)
-    efforts = [where(first, a, b) for a, b in zip(hold, memory.sent[0].efforts, strict=True)]
+    efforts = choose_each(first, hold, memory.sent[0].efforts)
     signals = [
         *R.apply(measurement.specific_force),
         *R.apply(force),
@@ -163,12 +164,11 @@ def _filter_signals(
 
 def _command_history(memory: IndiMemory, command: Command, held: Command, first: Any) -> tuple[Command, ...]:
     """Commands of the last periods, newest last, with the actuators held before the first command."""
-
-    def begun(hold: tuple[Scalar, ...], old: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-        return tuple(where(first, a, b) for a, b in zip(hold, old, strict=True))
-
     past = (
-        Command(rotor_speeds=begun(held.rotor_speeds, old.rotor_speeds), efforts=begun(held.efforts, old.efforts))
+        Command(
+            rotor_speeds=choose_each(first, held.rotor_speeds, old.rotor_speeds),
+            efforts=choose_each(first, held.efforts, old.efforts),
+        )
         for old in memory.sent[1:]
     )
     return (*past, command)
@@ -185,7 +185,7 @@ def first_memory(par: IndiParameters) -> IndiMemory:
     return IndiMemory(
         started=0.0,
         taps=(Taps(),) * (12 + 2 * n),
-        rate=Vec3(0.0, 0.0, 0.0),
+        rate=ZERO3_DATA,
         joint_rates=(0.0,) * n,
         sent=(no_command(vehicle),) * (par.delay_periods + 1),
         speeds=() if par.measured_speeds else (0.0,) * len(vehicle.rotors),

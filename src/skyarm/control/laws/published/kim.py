@@ -21,7 +21,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, Mat3, Motion, Sym3, Vec3, ldl_solve
+from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Sym3, Vec3, ldl_solve
 from skyarm.algebra.scalars import Scalar, clip, divide, logical_and, maximum, sqrt, tanh, where
 from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow
 from skyarm.control.blocks.common import make_command, no_command
@@ -173,10 +173,10 @@ def _arm(
 
 def first_memory(par: SlidingParameters) -> SlidingMemory:
     """Initial internal state of the adaptive sliding mode law: adaptation at zero."""
-    still, vehicle = Vec3(0.0, 0.0, 0.0), par.model.vehicle
+    vehicle = par.model.vehicle
     return SlidingMemory(
-        position=still,
-        attitude=still,
+        position=ZERO3_DATA,
+        attitude=ZERO3_DATA,
         joints=(0.0,) * vehicle.n,
         sent=no_command(vehicle),
         applied=all_applied(vehicle.n),

@@ -29,7 +29,7 @@ import dataclasses
 from typing import Annotated, Any
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Mat3, Motion, Quaternion, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Motion, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, clip, divide, exp, minimum, where
 from skyarm.control.blocks.common import (
     coupled_forces,
@@ -217,7 +217,7 @@ def limits(model: Model) -> dict[str, Any]:
 
 def first_memory(par: L1Parameters) -> L1Memory:
     """Initial internal state of the L1 law: no prediction error and no disturbance."""
-    still, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * par.model.vehicle.n
+    arm = (0.0,) * par.model.vehicle.n
     none = (0.0,) * (6 + len(arm))
     return L1Memory(
         started=0.0,
@@ -227,10 +227,10 @@ def first_memory(par: L1Parameters) -> L1Memory:
         error=none,
         sigma=none,
         sent=no_command(par.model.vehicle),
-        force=still,
+        force=ZERO3_DATA,
         thrust=0.0,
-        torque=still,
-        torque_twice=still,
+        torque=ZERO3_DATA,
+        torque_twice=ZERO3_DATA,
         efforts=arm,
         efforts_twice=arm,
     )
