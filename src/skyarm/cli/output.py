@@ -194,7 +194,7 @@ def _output(name: str, asked: _Asked) -> Iterator[None]:
                 yield
             except typer.Exit as stop:  # a flight that ended early is a result, too
                 ended = stop
-        if asked.as_json:
+        if asked.as_json and sys.stdout:
             from skyarm import __version__
 
             head = {"schema": SCHEMA, "command": name, "skyarm": __version__}

@@ -19,7 +19,8 @@ from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.compare.run_suite import fly_suite
 from skyarm.studies.flights import Store, executor, store
 from skyarm.studies.flights.store import KEY, files_by_label, pack_rows, unpack_rows
-from sweeps import files_of
+from skyarm.studies.sweep import run_sweep
+from sweeps import files_of, small_study
 
 LABELS = ["given__case1__own", "given__case1__paper_pd", "given__case1__paper_ct"]
 
@@ -165,3 +166,14 @@ def test_a_place_that_is_none_is_refused_before_anything_is_made(tmp_path: Path)
 def test_in_processes_the_bytes_are_the_same(suite: OwnScenario, whole: Path, tmp_path: Path) -> None:
     fly_suite(suite, tmp_path, workers=2, on="processes")
     assert files_of(tmp_path) == files_of(whole)
+
+
+def test_a_suite_and_a_sweep_keep_their_rows_apart(suite: OwnScenario, whole: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    run_sweep(small_study(episodes=2, chunk=1), tmp_path)
+    there = files_of(tmp_path)
+    with pytest.raises(ValueError, match="holds rows of a sweep; choose another --out"):
+        fly_suite(suite, tmp_path)
+    assert files_of(tmp_path) == there
+    with pytest.raises(ValueError, match="holds rows of no sweep; choose another --out"):
+        run_sweep(small_study(episodes=2), whole)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
+import sys
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -227,3 +229,25 @@ def test_a_part_is_one_however_it_is_written(tmp_path: Path, held: str, part: st
     pytest.importorskip("pyarrow")
     with Store(tmp_path).alone(held), pytest.raises(TakenError):
         run_sweep(small_study(episodes=2), tmp_path, part=part)
+
+
+def test_a_folder_named_ray_is_no_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "ray").mkdir()
+    monkeypatch.delitem(sys.modules, "ray", raising=False)
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *(each for each in sys.path if "site-packages" not in each)])
+    importlib.invalidate_caches()
+    with pytest.raises(ValueError, match=r"^--on = 'ray:h:1': needs the extra 'ray'"):
+        executor.require_place("ray:h:1", "--on")
+
+
+@pytest.mark.parametrize("workers", ["x", None, 1.5, 0, -1, True])
+def test_workers_are_a_whole_number_wherever_they_fly(workers: Any) -> None:
+    with pytest.raises(ValueError, match=r"^workers = .*: must be a whole number, at least 1"):
+        Crew("processes", workers)
+
+
+@pytest.mark.parametrize("part", ["", (3, 2), 1, "3/2"])
+def test_a_part_is_one_of_some(part: Any, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"^--part = .*: must be K/N"):
+        run_sweep(small_study(episodes=1), tmp_path / "out", part=part)
+    assert not (tmp_path / "out").exists()

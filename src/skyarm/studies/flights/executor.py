@@ -6,11 +6,13 @@ import contextlib
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator
+from importlib.util import find_spec
 from types import TracebackType
 from typing import Any, Protocol
 
-from skyarm.records.files import shown
+from skyarm.records.files import needs_extra, shown
 from skyarm.records.files.messages import comma_list
+from skyarm.simulate.lane_numbers import require_count
 from skyarm.studies.flights.fly import fly, fly_together
 from skyarm.studies.flights.store import Store, pack_rows, unpack_rows
 from skyarm.studies.flights.work import Rows, Work, identified
@@ -32,10 +34,13 @@ def require_place(on: str, field: str = "on") -> str:
     """Check the name of a place where works fly; an error names the field.
 
     Raises:
-        ValueError: one line: no such place.
+        ValueError: one line: no such place, or its extra is missing.
     """
     if not isinstance(on, str) or not PLACES.fullmatch(on):
         raise ValueError(f"{field} = {shown(on)}: must be {LOCAL}, {PROCESSES}, {RAY} or {RAY}:HOST:PORT")
+    # a folder of that name is found as well, and has no origin
+    if on.startswith(RAY) and not getattr(find_spec(RAY), "origin", None):
+        raise ValueError(f"{field} = {shown(on)}: {needs_extra(RAY)}")
     return on
 
 
@@ -114,11 +119,12 @@ class Crew:
         flights: number of those flown.
 
     Raises:
-        ValueError: no such place, its extra is missing, or no cluster answers there.
+        ValueError: no such place, its extra is missing, no cluster answers there, or ``workers`` is no number of them.
     """
 
     def __init__(self, on: str | None = LOCAL, workers: int = 1, store: Store | None = None) -> None:
-        self.on, self.workers, self.store = None if on is None else require_place(on), workers, store
+        self.on, self.workers = None if on is None else require_place(on), require_count("workers", workers)
+        self.store = store
         self._executor: Executor | None = None
         self.flights = 0
 

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from skyarm.records.files import needs_extra, shown, versions
+from skyarm.records.files import shown, versions
 from skyarm.records.registry import RegistryError
 from skyarm.records.travel import luggage, pack, unpack
 from skyarm.simulate.other_process import TRIED
@@ -60,8 +60,7 @@ class Ray:
         workers: processors of the one that is started.
 
     Raises:
-        ValueError: the extra is missing, no cluster answers there, or it cannot be joined or started; another one is
-            joined already.
+        ValueError: no cluster answers there, or it cannot be joined or started; another one is joined already.
     """
 
     def __init__(self, address: str, workers: int) -> None:
@@ -144,10 +143,8 @@ class Ray:
 def _package() -> Any:
     for name, value in SETTINGS.items():
         os.environ.setdefault(name, value)
-    try:
-        import ray
-    except ImportError:
-        raise ValueError(f"on = 'ray': {needs_extra('ray')}") from None
+    import ray
+
     return ray
 
 

@@ -275,8 +275,17 @@ class Store:
 
     @classmethod
     def if_kept(cls, folder: PathLike) -> Store | None:
-        """Store in a folder; None without pyarrow."""
-        return cls(folder) if _parquet() is not None else None
+        """Store in a folder; None without pyarrow.
+
+        Raises:
+            ValueError: one line: it holds the rows of a sweep.
+        """
+        if _parquet() is None:
+            return None
+        for path in next(iter(files_by_label(Path(folder) / ROWS).values()), ()):
+            if facts_of(sound_content(path) or b"").metadata.get(STUDY):
+                raise ValueError(f"{folder}: holds rows of a sweep; choose another --out")
+        return cls(folder)
 
     def alone(self, part: str = "") -> AbstractContextManager[None]:
         """Context manager in which no other process writes these rows, or this part of them.

@@ -97,6 +97,8 @@ def require_same_study(folder: Path, manifest: Manifest) -> None:
         StudyError: one line. OSError: the folder cannot be read.
     """
     if not any((folder / ROWS).glob("chunk_*.parquet")):
+        if files_by_label(folder / ROWS):
+            raise StudyError(f"{folder}: holds rows of no sweep; choose another --out")
         return  # a manifest without rows belongs to none
     held = read_manifest(folder)
     if held is None:

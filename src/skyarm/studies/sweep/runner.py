@@ -129,7 +129,7 @@ def run_sweep(
 
 def _part(text: str | None) -> tuple[int, int]:
     """First chunk of episodes and stride between chunks, for one machine's share "K/N" of a sweep."""
-    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text or "1/1")
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", "1/1" if text is None else str(text))
     if not found or not 1 <= int(found[1]) <= int(found[2]):
         raise StudyError(f"--part = {shown(text)}: must be K/N with K from 1 to N, such as 3/16")
     return int(found[1]) - 1, int(found[2])
