@@ -13,8 +13,6 @@ from skyarm.paper.published import PAPER, Record, finite_or_none, rounding
 from skyarm.paper.unstated_study import Cell, group_places, losses, tally
 from skyarm.scenario.scenario_record import PLANTS
 
-SHARES = (0.05, 0.10, 0.25)
-
 RULE = (
     "A cell is within x % if |ours - paper|, less half a unit of the paper's last printed digit, is at most x % of "
     "|paper|. Settling times are left out: the paper gives no rule for them."
@@ -62,7 +60,7 @@ def counts(experiments: Record, column: Column, fits: Callable[[Cell], bool] | N
     if np.isnan(values).all():
         return {}
     loss = float(losses(values[None, :], cells, shape["width"], shape["knee"]).sum())
-    return {"loss": loss} | tally(values, cells, SHARES)
+    return {"loss": loss} | tally(values, cells)
 
 
 def in_group(group: str) -> Callable[[Cell], bool]:

@@ -147,13 +147,12 @@ def results(measured: Measured, settings: dict[str, Any], inferred: Measured | N
         experiments[case] = {}
         for controller in CONTROLLERS:
             ours = {plant: measured.get((case, controller, plant), {}) for plant in PLANTS}
-            names = list(PAPER[case][controller])
-            names += [name for plant in PLANTS for name in ours[plant] if name not in names]
+            names = dict.fromkeys([*PAPER[case][controller], *(name for plant in PLANTS for name in ours[plant])])
             experiments[case][controller] = {
                 name: {"paper": PAPER[case][controller].get(name)}
                 | {p: ours[p].get(name) for p in PLANTS}
                 | {"inferred": {p: settled.get((case, controller, p), {}).get(name) for p in PLANTS}}
-                for name in dict.fromkeys(names)
+                for name in names
             }
     return {"schema": 1, "experiments": experiments, "settings": settings}
 

@@ -102,12 +102,9 @@ def report_pages(
     style = (resources.files("skyarm.paper") / "report.css").read_text("utf-8")
     footer = f"Format of the results: schema {results.get('schema', 1)}. This page needs no network."
     return {
-        file: page(
-            each.title, each.facts, style={"": style}, script=page_script(), pages=titles,
-            sections=each.sections, name=file, lead=each.lead, footer=footer, opening=each.opening,
-        )
+        file: page(**vars(each), style={"": style}, script=page_script(), pages=titles, name=file, footer=footer)
         for file, each in pages.items()
-    }  # fmt: skip
+    }
 
 
 def page_script() -> str:

@@ -21,6 +21,8 @@ from skyarm.scenario.scenario_file import LIBRARY
 
 Tables = Mapping[str, Any]
 
+SHARES = (0.05, 0.10, 0.25)
+
 WORST = 1e6
 """|u| of a cell that is missing or has another sign: the loss is at its ceiling."""
 
@@ -135,8 +137,7 @@ def within(ours: Array, cells: Sequence[Cell], share: float) -> Mask:
     """True (settings, numbers) where a simulated value is within a relative share of the published number."""
     measured, _ = _columns(cells)
     # 1e-9: a number on the very edge is within
-    found: Mask = slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
-    return found
+    return slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
 
 
 def losses(ours: Array, cells: Sequence[Cell], width: float, knee: float) -> Array:
@@ -151,8 +152,7 @@ def losses(ours: Array, cells: Sequence[Cell], width: float, knee: float) -> Arr
     with np.errstate(all="ignore"):
         u = np.log(nearest / measured) / width
     u = np.where(np.isfinite(u), np.minimum(np.abs(u), WORST), WORST)
-    found: Array = u**2 / (1.0 + (u / knee) ** 2)
-    return found
+    return u**2 / (1.0 + (u / knee) ** 2)
 
 
 def _columns(cells: Sequence[Cell]) -> tuple[Array, Array]:
@@ -160,7 +160,7 @@ def _columns(cells: Sequence[Cell]) -> tuple[Array, Array]:
     return pairs[:, 0], pairs[:, 1]
 
 
-def tally(ours: Array, cells: Sequence[Cell], shares: Sequence[float] = (0.05, 0.10, 0.25)) -> dict[str, Any]:
+def tally(ours: Array, cells: Sequence[Cell]) -> dict[str, Any]:
     """Number of simulated values within 5, 10 and 25 % of the published numbers."""
     lane = np.asarray(ours, dtype=float).reshape(1, -1)
-    return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in shares}
+    return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in SHARES}

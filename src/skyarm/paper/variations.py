@@ -84,29 +84,25 @@ def delay_commands(planned: Scenario) -> Scenario:
     return planned.with_words(delays=Delays(command=LATENCY))
 
 
-def _damping_variation(damping: float) -> Variation:
-    return Variation(
-        group="joint_damping",
-        value=f"{damping:g}",
-        change=None if damping == ASSUMED_DAMPING else lambda planned: with_damping(planned, damping),
-    )
-
-
 def variations() -> list[Variation]:
     """List of all changed assumptions."""
-    ramps = [Variation(group="ramp_shape", value="linear", cases=("case1",))]
-    for shape in ("quintic", "step"):
-        change = functools.partial(reshaped_ramps, shape=shape)
-        ramps.append(Variation(group="ramp_shape", value=shape, cases=("case1",), change=change))
-    first = Variation(
-        group="joint_damping_first",
-        value=f"{DAMPINGS[-1]:g}",
-        change=damped_first_joint,
-    )
-    late = Variation(
-        group="command_latency",
-        value=f"{LATENCY:g}",
-        change=delay_commands,
-    )
-    damped = [_damping_variation(damping) for damping in DAMPINGS]
+    damped = [
+        Variation(
+            group="joint_damping",
+            value=f"{damping:g}",
+            change=None if damping == ASSUMED_DAMPING else functools.partial(with_damping, damping=damping),
+        )
+        for damping in DAMPINGS
+    ]
+    first = Variation(group="joint_damping_first", value=f"{DAMPINGS[-1]:g}", change=damped_first_joint)
+    ramps = [
+        Variation(
+            group="ramp_shape",
+            value=shape,
+            cases=("case1",),
+            change=None if shape == "linear" else functools.partial(reshaped_ramps, shape=shape),
+        )
+        for shape in ("linear", "quintic", "step")
+    ]
+    late = Variation(group="command_latency", value=f"{LATENCY:g}", change=delay_commands)
     return [*damped, first, *ramps, late]

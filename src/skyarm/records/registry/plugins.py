@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import sys
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from importlib import import_module, metadata
 from importlib.abc import SourceLoader
 from importlib.machinery import ModuleSpec
@@ -424,12 +424,6 @@ def _require_plugin(module: str, plugins: Mapping[str, str]) -> None:
 
 def _registered_packages() -> set[str]:
     """Names of the packages or top-level modules that registered additional names."""
-    return {module.split(".")[0] for module in _modules()}
-
-
-def _modules() -> Iterator[str]:
-    for kind in KINDS:
-        for row in registrations(kind).values():
-            if row.source != SHIPPED:
-                text = isinstance(row.target, str)
-                yield row.target.partition(":")[0] if text else str(getattr(row.target, "__module__", ""))
+    targets = [row.target for kind in KINDS for row in registrations(kind).values() if row.source != SHIPPED]
+    modules = (each if isinstance(each, str) else str(getattr(each, "__module__", "")) for each in targets)
+    return {module.partition(":")[0].partition(".")[0] for module in modules}

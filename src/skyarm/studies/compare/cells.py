@@ -76,13 +76,13 @@ class Cell:
     @property
     def upright(self) -> Mask:
         """True for each episode in which the vehicle never tipped over."""
-        return np.asarray(self.metrics["tilt_max"] <= TILTED)
+        return self.metrics["tilt_max"] <= TILTED
 
     @property
     def tracked_to_end(self) -> Mask:
         """True for each completed, upright episode with a small mean tip error in its last seconds."""
         near = self.metrics["ee_error_last_mean_continuous"] <= LARGEST_ERROR
-        return np.asarray(self.completed & self.upright & near)
+        return self.completed & self.upright & near
 
 
 @immutable
@@ -125,7 +125,7 @@ class Flights:
             label=self.label,
             scenario=scenario,
             columns=values,
-            episodes=self.keys_of_noise(count),
+            episodes=np.zeros(count, dtype=int) if self.same_noise else np.arange(count),
             fixed={**names, "trial": self.trials(count)},
             metrics=self.metric_names(scenario.commands_setpoints),
             windows=self.case.windows,
@@ -151,14 +151,15 @@ class Flights:
         """True if the episodes are simulated one by one, not as a batch."""
         return self.plant != "rigid_body" or not is_traceable(scenario)
 
-    def episodes(self, scenario: Scenario) -> int:
-        """Number of flights; with perturbed plants, reduced if they cannot be simulated as a batch."""
-        every = self.condition.episodes
-        return min(ONE_BY_ONE, every) if self.condition.spread and self.alone(scenario) else every
+    @property
+    def perturbed(self) -> bool:
+        """True if every flight meets numbers of its own."""
+        return self.condition.spread is not None
 
-    def keys_of_noise(self, count: int) -> Array:
-        """Noise seed (count,) of each episode; zeros if all episodes share one noise sequence."""
-        return np.zeros(count, dtype=int) if self.same_noise else np.arange(count)
+    def episodes(self, scenario: Scenario) -> int:
+        """Number of flights; perturbed ones are fewer if they cannot be simulated as a batch."""
+        every = self.condition.episodes
+        return min(ONE_BY_ONE, every) if self.perturbed and self.alone(scenario) else every
 
     def trials(self, count: int) -> Array:
         """Index of each flight (count,), which identifies its perturbed plant or noise seed."""

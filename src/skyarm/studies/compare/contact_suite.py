@@ -12,7 +12,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
+from skyarm.studies.compare.cells import Cell, Flights
 from skyarm.studies.compare.contact_report import CONDITIONS, METRICS, cell_record, contact_report
 from skyarm.studies.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, Task, flies_its_own, scenario_of
 from skyarm.studies.compare.contact_worlds import Worlds, draw_worlds
@@ -33,6 +33,8 @@ class ContactFlights(Flights):
 
     further_metrics = METRICS
 
+    perturbed = True
+
     @property
     def task(self) -> Task:
         """Contact task that these flights perform."""
@@ -51,11 +53,6 @@ class ContactFlights(Flights):
         """Perturbed surroundings and plants of the flights: parameter path -> values (flights,)."""
         count = self.episodes(scenario)
         return {path: column[:count] for path, column in self.worlds().values.items()}
-
-    def episodes(self, scenario: Scenario) -> int:
-        """Number of flights: one per perturbed scenario, reduced if they cannot be simulated as a batch."""
-        every = self.condition.episodes
-        return min(ONE_BY_ONE, every) if self.alone(scenario) else every
 
     def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
         """Parameter values that require the shortest integration steps, such as the hardest surface.

@@ -17,6 +17,8 @@ from skyarm.records.registry.shipped import TUNED as TUNED_GAINS
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
 from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.studies.compare.entrants import TUNED
+from skyarm.studies.compare.envelope_setting import PAPER
 from skyarm.studies.compare.suite import NOISE, force_wind
 
 Range = tuple[float, float]
@@ -117,13 +119,8 @@ LAWS = (*OWN, *RIVALS, "paper_ct", "paper_pd")
 """What flies where nobody chooses: the scenario's own law without and with parts of it, the paper's two, and the same
 two as others make them press."""
 
-TUNED = {"paper_ct": "hybrid_computed_torque_tuned", "paper_pd": "decoupled_pd_tuned"}
-"""The paper's laws on another vehicle than the paper's, which its gains are not for."""
-
 BEHIND = 0.01
 """m, behind the believed surface, of the path of a law that follows positions."""
-
-PAPER = "hummingbird_arm2_rotors"
 
 
 def document_of(task: Task) -> dict[str, Any]:

@@ -33,6 +33,10 @@ PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERAT
 """Every step of the ladder flies with the paper's gains; only the law differs."""
 
 
+TUNED: Mapping[str, str] = {"paper_pd": "decoupled_pd_tuned", "paper_ct": "hybrid_computed_torque_tuned"}
+"""Law with the paper's gains -> the same law with gains tuned for another vehicle, which the paper's are not for."""
+
+
 @immutable
 class Entrant:
     """Controller that takes part in a comparison: control law, options and gains.

@@ -17,7 +17,7 @@ from skyarm.records.immutable import immutable
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
-from skyarm.studies.compare.entrants import Entrant
+from skyarm.studies.compare.entrants import TUNED, Entrant
 from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, Axis, plants_at
 from skyarm.studies.compare.envelope_report import (
     axis_record,
@@ -34,9 +34,6 @@ ENVELOPE = "envelope-suite"
 
 LAWS = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "centroidal_tip_robust")
 """What flies where nobody chooses; nmpc takes a quarter of an hour more (--laws nmpc)."""
-
-TUNED: Mapping[str, str] = {"paper_pd": "decoupled_pd_tuned", "paper_ct": "hybrid_computed_torque_tuned"}
-"""Law with the paper's gains -> the same law with gains tuned for another vehicle, which the paper's are not for."""
 
 TUNED_LAWS = tuple(TUNED.get(law, law) for law in LAWS)
 """What flies on another vehicle than the paper's where nobody chooses."""
@@ -165,9 +162,7 @@ class Envelope(Suite[AxisFlights]):
 
     def setting_of_axis(self, name: str) -> Setting:
         """Hover scenario of the vehicle that flies a difficulty axis, the envelope's or the axis' own."""
-        setting = self.setting
-        own = AXES[name].vehicle
-        return setting_of(own, setting.duration, self.plant) if own else setting
+        return setting_of(AXES[name].vehicle or self.vehicle, self.setting.duration, self.plant)
 
     @property
     def flyable_axes(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from skyarm.records.files import versions
 from skyarm.studies.compare.cells import JITTER, LIMITED, Cell
 from skyarm.studies.compare.envelope_axes import OUTSIDE, OVERSHOOT, TIP, TIP_MAX, Axis
 from skyarm.studies.compare.envelope_setting import Setting
-from skyarm.studies.compare.run_suite import Document, Record
+from skyarm.studies.compare.run_suite import DPI, Document, Record
 from skyarm.view.figures.comparison_figures import envelope_figure
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import DASH, Report, Section, Table, image, number
@@ -113,7 +113,6 @@ def lost_at(points: Sequence[Record]) -> list[int]:
     return [k for k, point in enumerate(points) if point["lost"]]
 
 
-DPI = 160
 LOST = "lost"
 COMMANDS = "Rotor jitter (RMS change of a command per period), rad/s; periods with a rotor at its limit"
 CAPTION = "Error of every law along every axis, mm. A cross in the band at the top is a law that is lost there"

@@ -83,7 +83,7 @@ def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "r
     return Setting(
         vehicle=vehicle,
         hover=hover.with_words(reference=held),
-        weight=_weight(truth) / _weight(load_vehicle(PAPER)),
+        weight=float(truth.mass) / float(load_vehicle(PAPER).mass),
         climb=min(1.0, _spare_thrust(truth) / _spare_thrust(load_vehicle(PAPER))),
         middle=middle,
         swing=swing,
@@ -117,13 +117,9 @@ def _height(truth: Vehicle) -> float:
     return max(HEIGHT, math.ceil(10.0 * (float(reach(truth)) + CLEARANCE)) / 10.0)
 
 
-def _weight(vehicle: Vehicle) -> float:
-    return float(vehicle.mass)
-
-
 def _spare_thrust(vehicle: Vehicle) -> float:
     """Thrust-to-weight ratio minus one; a ratio of 3 is assumed for rotors without a speed limit."""
-    most = float(highest_thrust(vehicle)) / (9.81 * _weight(vehicle))
+    most = float(highest_thrust(vehicle)) / (9.81 * float(vehicle.mass))
     return (most if math.isfinite(most) else 3.0) - 1.0
 
 

@@ -20,7 +20,7 @@ from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Document, Record, Refused
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.compare.summary import SummarySuite
-from skyarm.view.pages import DASH, Report, Section, Table, number
+from skyarm.view.pages import Report, Section, Table, number
 
 OWN = "own"
 """The scenario's own law, which flies first."""
@@ -116,8 +116,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
         columns = [*COLUMNS, *((name, name, 1.0) for name in names("metric", shipped=False))]
         rows = []
         for law, each in laws.items():
-            spreads = [(each["metrics"].get(metric), factor) for _, metric, factor in columns]
-            cells = [DASH if spread is None else number(spread["mean"], factor) for spread, factor in spreads]
+            cells = [number((each["metrics"].get(metric) or {}).get("mean"), factor) for _, metric, factor in columns]
             rows.append([law, f"{each['completed']} of {each['episodes']}", *cells])
         notes = [
             f"{law}: {ending} ({count} of {each['episodes']})"

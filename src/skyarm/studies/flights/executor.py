@@ -25,11 +25,6 @@ Progress = Callable[[int, int, str], object]
 """Called with (pieces of work done, in all, the stage or the last of them)."""
 
 
-def usual_place(works: int, workers: int) -> str:
-    """Default place of works: many of them each on a processor of its own, few on threads."""
-    return PROCESSES if 1 < workers < works else LOCAL
-
-
 def require_place(on: str, field: str = "on") -> str:
     """Check the name of a place where works fly; an error names the field.
 
@@ -162,8 +157,10 @@ class Crew:
                 waiting.append(work)
             else:
                 yield from self._begin(work, self.on)
+        # many works fly each on a processor of its own, few on threads
+        usual = PROCESSES if 1 < self.workers < len(waiting) else LOCAL
         for work in waiting:
-            yield from self._begin(work, usual_place(len(waiting), self.workers))
+            yield from self._begin(work, usual)
         while self._executor is not None and self._executor.flying:
             yield self._collect(self._executor)
 

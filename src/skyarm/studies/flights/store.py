@@ -180,9 +180,10 @@ def sound_content(path: Path, *, named: bool = True) -> bytes | None:
             content = file.read(int(LARGEST) + 1)
     except OSError:
         return None
-    if len(content) > LARGEST or (named and match is None):
+    if len(content) > LARGEST:
         return None
-    return content if not named or hashlib.sha256(content).hexdigest() == match["digest"] else None  # type: ignore
+    sound = not named or (match is not None and hashlib.sha256(content).hexdigest() == match["digest"])
+    return content if sound else None
 
 
 @immutable
@@ -297,14 +298,14 @@ class Store:
 
     def get(self, work: Work) -> bytes | None:
         """Content of the file of a work; None if it has to fly."""
-        label = name_of(work.label)
+        label, key = name_of(work.label), work.key.encode()
         for path in self._files.get(label, ()):
             content = sound_content(path)
-            facts = FileFacts(metadata={}, rows=0) if content is None else facts_of(content)
-            if content is not None and facts.metadata.get(KEY) == work.key.encode() and _fits(content, work):
+            held = facts_of(content or b"").metadata.get(KEY)
+            if content is not None and held == key and _fits(content, work):
                 self._keep_only(label, path)
                 return content
-            if (content is None or facts.metadata.get(KEY) in (None, work.key.encode())) and path.exists():
+            if held in (None, key) and path.exists():
                 self.damaged.append(path.name)
         return None
 

@@ -104,9 +104,8 @@ def variable(rows: Rows, text: str, field: str) -> Variable:
     """
     name, equals, after = text.partition("=")
     if text in rows.parameters:
-        kind = next(iter((rows.manifest.study.get("vary") or {}).get(text, ())), "")
-        unit = rows.manifest.units.get(text, "")
-        return Variable(words=words_of(text), unit=unit, values=_column(rows, text), logarithmic=kind == "log_uniform")
+        unit, logarithmic = rows.manifest.units.get(text, ""), rows.is_logarithmic(text)
+        return Variable(words=words_of(text), unit=unit, values=_column(rows, text), logarithmic=logarithmic)
     if not rows.parameters:
         raise StudyError(f"{field} = {shown(text)}: must be a varied number, and none varies in these rows")
     read = read_expression(after if equals else text, rows.parameters, field)
@@ -124,7 +123,7 @@ def _cells(values: Array) -> IntArray:
     """Bin index of each value: one bin per value if there are few, otherwise bins of equal count."""
     different, place = np.unique(values, return_inverse=True)
     if different.size <= LISTED and values.size >= 2 * different.size:
-        return np.asarray(place, dtype=np.int64)
+        return place
     cells = int(np.clip(values.size / PER_CELL, FEWEST_CELLS, MOST_CELLS))
     rank = np.empty(values.size, dtype=np.int64)
     rank[np.argsort(values, kind="stable")] = np.arange(values.size)
@@ -133,7 +132,7 @@ def _cells(values: Array) -> IntArray:
 
 def _curve(rows: Rows, metric: str, controller: str, over: Array) -> BandedCurve:
     column = np.asarray(rows.of(controller, metric), dtype=float)
-    flew = np.asarray(rows.of(controller, "status") == "completed")
+    flew = rows.of(controller, "status") == "completed"
     cells = _cells(over)
     table: list[Sequence[float]] = []
     for cell in np.unique(cells):

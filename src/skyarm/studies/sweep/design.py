@@ -52,7 +52,7 @@ def _unit(study: Study, episodes: IntArray, index: int) -> Array:
     # a digital shift keeps the points' evenness and lets the seed choose among many such sets
     shift = int(float(uniforms(study.seed, 0, SHIFT_CHANNEL + index, 0, 1)[0]) * 2.0**BITS)
     shifted = sobol(episodes, index) ^ np.uint64(shift)
-    return np.asarray((shifted.astype(np.float64) + 0.5) * 2.0**-BITS)
+    return (shifted.astype(np.float64) + 0.5) * 2.0**-BITS
 
 
 def extremes(study: Study) -> dict[str, tuple[float, float]]:

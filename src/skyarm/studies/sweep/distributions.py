@@ -42,7 +42,7 @@ class LogUniform:
 
     def quantile(self, u: Array) -> Array:
         """Quantile of the distribution at probability ``u``."""
-        return np.asarray(self.low * np.exp(math.log(self.high / self.low) * u))
+        return self.low * np.exp(math.log(self.high / self.low) * u)
 
 
 @immutable(kw_only=False)

@@ -33,8 +33,8 @@ class Axis:
     def centers(self) -> Array:
         """Centres of the axis' bins."""
         if self.logarithmic:
-            return np.asarray(np.sqrt(self.edges[:-1] * self.edges[1:]))
-        return np.asarray(0.5 * (self.edges[:-1] + self.edges[1:]))
+            return np.sqrt(self.edges[:-1] * self.edges[1:])
+        return 0.5 * (self.edges[:-1] + self.edges[1:])
 
 
 @immutable
@@ -83,10 +83,9 @@ def robustness_maps(rows: Rows, paths: tuple[str, str] | None = None) -> list[Ro
         raise StudyError(f"--map = {shown(paths[0])}: must be two different numbers")
     first = rows.controllers[0]
     columns = [rows.of(first, path) for path in paths]
-    kinds = [next(iter((rows.manifest.study.get("vary") or {}).get(path, ("derived",)))) for path in paths]
     across, upward = (
-        axis(path, column, logarithmic=kind == "log_uniform", label=rows.label(path))
-        for path, column, kind in zip(paths, columns, kinds, strict=True)
+        axis(path, column, logarithmic=rows.is_logarithmic(path), label=rows.label(path))
+        for path, column in zip(paths, columns, strict=True)
     )
     return [
         success_map(name, across, upward, columns[0], columns[1], rows.succeeded(name)) for name in rows.controllers

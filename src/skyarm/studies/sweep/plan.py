@@ -129,9 +129,8 @@ def _code_and_endings(study: Study) -> dict[str, Any]:
     own = dict.fromkeys(ending.status for scenario in study.scenarios.values() for ending in scenario.endings)
     rows = [row.load() for name, row in registrations("metric").items() if name in study.metrics]
     code = all_files(study.scenarios, rows)
-    return ({"plugins": code} if code else {}) | (
-        {"endings": endings} if (endings := [status for status in own if status not in STATUSES]) else {}
-    )
+    endings = [status for status in own if status not in STATUSES]
+    return ({"plugins": code} if code else {}) | ({"endings": endings} if endings else {})
 
 
 def _singles(source: str, ends: Mapping[str, tuple[float, float]]) -> list[_Setting]:

@@ -75,6 +75,10 @@ class Rows:
         """Label of a varied parameter, with its unit."""
         return axis_label(words_of(path), self.manifest.units.get(path, ""))
 
+    def is_logarithmic(self, path: str) -> bool:
+        """True for a varied parameter that was drawn by its logarithm."""
+        return "log_uniform" in (self.manifest.study.get("vary") or {}).get(path, {})
+
     @property
     def complete(self) -> bool:
         """True if the folder has all rows of the study."""
@@ -94,7 +98,7 @@ class Rows:
 
     def succeeded(self, controller: str) -> Mask:
         """Success of each flight of a controller: completed, with all metrics within their limits."""
-        found = np.asarray(self.of(controller, "status") == "completed")
+        found = self.of(controller, "status") == "completed"
         for name, limit in self.limits.items():
             found = found & (self.of(controller, name) <= limit)
         return np.asarray(found)
@@ -152,7 +156,7 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
         counts = Counter(rows.of(controller, "status").tolist())
         won = int(wins[controller].sum())
         found["controllers"][controller] = {
-            "status": {status: counts[status] for status in sorted(counts)},
+            "status": dict(sorted(counts.items())),
             "successes": won,
             "success_rate": won / rows.episodes,
             "success_interval": wilson(won, rows.episodes, confidence),

@@ -85,9 +85,6 @@ def load_study(name_or_path: PathLike, controllers: Sequence[str] | None = None)
     """
     try:
         text = file_name(name_or_path, "study")
-    except ValueError as error:
-        raise StudyError(str(error)) from None
-    try:
         document, folder = read_named(text, "study", LIBRARY)
     except ValueError as error:
         raise StudyError(str(error)) from None
@@ -228,8 +225,7 @@ def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[
         duration = number(duration, "duration", low=0.0, strict=True)
     file: PathLike = named if named in list_scenarios() else folder / named
     found = {}
-    chosen: list[str | None] = [None] if controllers is None else [*controllers]
-    for controller in chosen:
+    for controller in controllers:
         scenario = load_scenario(file, controller=controller, duration=duration)
         if any(path.startswith("changes.") for path in paths) and controller is not None:
             _require_numbered_alike(scenario, load_scenario(file, duration=duration))
@@ -244,11 +240,11 @@ def _require_numbered_alike(scenario: Scenario, own: Scenario) -> None:
         raise ValueError(f"controllers: {words}")
 
 
-def _controllers(top: Fields) -> list[str] | None:
+def _controllers(top: Fields) -> list[str | None]:
     """Names of a study's controllers; None for the scenario's own."""
     given = top.take("controllers", None)
     if given is None:
-        return None
+        return [None]
     wrong = not isinstance(given, list) or not given or any(not isinstance(each, str) for each in given)
     if wrong:
         raise ValueError(f"controllers = {shown(given)}: must be a list of different presets or laws")

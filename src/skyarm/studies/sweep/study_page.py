@@ -56,10 +56,7 @@ def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> st
         image=image,
         **vars(pictures),
     )
-    there = f"{found['rows']} rows of {found['episodes']} episodes"
-    if not found["complete"]:
-        there = f"incomplete: {found['rows']} of {found['rows_planned']} rows, {found['episodes']} episodes so far"
-    facts = f"Study {manifest.name}; {there}; skyarm {manifest.versions['skyarm']}"
+    facts = f"Study {manifest.name}; {_rows_there(found)}; skyarm {manifest.versions['skyarm']}"
     return plain_page(manifest.title or manifest.name, facts, body)
 
 
@@ -79,10 +76,15 @@ def summary(found: Mapping[str, Any]) -> list[str]:
     if found["deterministic"]:
         lines.append("no intervals: a grid of given numbers, flown without noise")
     if not found["complete"]:
-        lines.append(
-            f"incomplete: {found['rows']} of {found['rows_planned']} rows, {found['episodes']} episodes so far"
-        )
+        lines.append(_rows_there(found))
     return lines + not_counted(found["files_not_counted"])
+
+
+def _rows_there(found: Mapping[str, Any]) -> str:
+    """Text on how many rows and episodes are there."""
+    if found["complete"]:
+        return f"{found['rows']} rows of {found['episodes']} episodes"
+    return f"incomplete: {found['rows']} of {found['rows_planned']} rows, {found['episodes']} episodes so far"
 
 
 def metric_label(metric: str) -> str:

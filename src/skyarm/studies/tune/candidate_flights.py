@@ -282,8 +282,7 @@ class Scores:
         Logarithms make every ratio of improvement count alike, whatever the vehicle's size.
         """
         active = np.log(self.jitter + SMALLEST) + np.where(self.effort > 0.0, np.log(self.effort + SMALLEST), 0.0)
-        total: Array = np.log(self.error + SMALLEST) + weight * active + LOSS * self.lost + self.short
-        return total
+        return np.log(self.error + SMALLEST) + weight * active + LOSS * self.lost + self.short
 
 
 def scores(flown: Flown) -> Scores:

@@ -22,7 +22,7 @@ from skyarm.plant.interface import Truth
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
-from skyarm.scenario.controller_table import controller_by_name, loop_facts, make_named_or_tuned
+from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, Rates, Scenario
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
@@ -102,12 +102,10 @@ def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, 
     share = uniforms(seed, np.arange(count), CHANNEL, 0, 8 + 3 * vehicle.n)
 
     def of_kind(*choices: Array | float) -> Array:
-        found: Array = np.choose(kinds, [np.broadcast_to(each, count) for each in choices])
-        return found
+        return np.choose(kinds, [np.broadcast_to(each, count) for each in choices])
 
     def uniform(column: int, low: float, high: float) -> Array:
-        found: Array = low + (high - low) * share[:, column]
-        return found
+        return low + (high - low) * share[:, column]
 
     rate, turn = uniform(0, 0.1, 0.25), uniform(1, 0.1, 0.22)
     radius = uniform(2, *SPEED) / (2.0 * math.pi * rate)
@@ -210,14 +208,11 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
     )
 
 
-def tuning_flight(
-    scenario: Scenario, law: str | None = None, *, own_motion: bool = False, unseen: bool = False
-) -> Scenario:
+def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool = False) -> Scenario:
     """Tuning flight of a scenario, on which its gains are scored.
 
     Args:
         scenario: its plant, nominal model, rates, sensors and air are used.
-        law: any name of the catalogue in place of its own.
         own_motion: fly the scenario's own reference, for its own duration and windows.
         unseen: use the validation path; errors count after the gust.
     """
@@ -243,8 +238,6 @@ def tuning_flight(
             duration=UNSEEN.stop if unseen else DURATION,
             windows=Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
         )
-    if law is not None:
-        found = found.with_words(controller=controller_by_name(found, law))
     return found
 
 
@@ -276,7 +269,7 @@ class Plants:
     def select(self, which: IntArray) -> Plants:
         """Subset of the perturbed plants by index."""
         values = {path: numbers[which] for path, numbers in self.values.items()}
-        return Plants(spread=self.spread, eased=self.eased, values=values, kinds=self.kinds[which])
+        return dataclasses.replace(self, values=values, kinds=self.kinds[which])
 
 
 def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = False) -> Plants:

@@ -66,13 +66,8 @@ class Effort:
         share = candidates / self.candidates
         scatter = max(LINE + 8, round(self.scatter * share))
         rounds = max(2, round((candidates - scatter) / (self.population * len(WEIGHTS))))
-        return Effort(
-            scatter=scatter,
-            population=self.population,
-            rounds=rounds,
-            plants=plants,
-            first_plants=min(plants, self.first_plants),
-        )
+        first_plants = min(plants, self.first_plants)
+        return dataclasses.replace(self, scatter=scatter, rounds=rounds, plants=plants, first_plants=first_plants)
 
 
 Judge = Callable[[int, Array, int], Scores]
@@ -192,12 +187,12 @@ def exponent(knob: Knob) -> float:
 
 def _bounds(knobs: Sequence[Knob]) -> Array:
     """Bounds on the logarithm of each gain factor (gains, 2); a gain that is a fraction stays at most one."""
-    highs = [min(BOX, -math.log(max(knob.values(1.0)))) if _is_share(knob) else BOX for knob in knobs]
+    highs = [min(BOX, -math.log(max(knob.values))) if _is_share(knob) else BOX for knob in knobs]
     return np.array([[-BOX, high + 1e-9] for high in highs])
 
 
 def _is_share(knob: Knob) -> bool:
-    return knob.path.endswith("share") and max(knob.values(1.0)) <= 1.0
+    return knob.path.endswith("share") and max(knob.values) <= 1.0
 
 
 def _strategy(mean: Array, step: float, population: int, seed: int, bounds: Array) -> Any:

@@ -30,7 +30,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.arrays import Array
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, is_record, parts, replace_at, walk
+from skyarm.records.leaves import Place, is_record, part, parts, replace_at, walk
 from skyarm.records.units import NUMBER, Unit, declared_fields
 from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_record import Scenario
@@ -64,9 +64,10 @@ class Knob:
     unit: str
     numbers: tuple[tuple[Place, float], ...]
 
-    def values(self, factor: float) -> tuple[float, ...]:
-        """Parameter values of the gain, multiplied by a common factor."""
-        return tuple(factor * number for _, number in self.numbers)
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Parameter values of the gain, as the controller has them."""
+        return tuple(number for _, number in self.numbers)
 
 
 def inner_place(controller: Controller) -> Place:
@@ -90,9 +91,7 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
         KnobError: the law has none, or not the chosen one.
     """
     layers = inner_place(controller)
-    par = controller.par
-    for name in layers:
-        par = parts(par)[name]
+    par = part(controller.par, layers)
     listed = tuned_factors().get(law)
     found = [_knob_at(par, path) for path in listed] if listed else [*_gains_within(par, (), NUMBER, False)]
     knobs = tuple(_below(layers, each) for each in found if each is not None)
@@ -112,7 +111,7 @@ def _is_meant(word: str, path: str) -> bool:
 
 
 def _below(layers: Place, knob: Knob) -> Knob:
-    return Knob(path=knob.path, unit=knob.unit, numbers=tuple(((*layers, *at), value) for at, value in knob.numbers))
+    return dataclasses.replace(knob, numbers=tuple(((*layers, *at), value) for at, value in knob.numbers))
 
 
 def _knob_at(par: Any, path: str) -> Knob | None:
@@ -202,33 +201,23 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) 
     known = _catalogue_gains(flight, knobs)
     names = [name for name in (label, *known) if name in known]
     if not names or not all(_same_shares(knob, at) for knob, at in zip(knobs, known[names[0]], strict=True)):
-        middle = [values(knob) for knob in knobs]
-        numbers: dict[Place, float] = {}
+        middle = [knob.values for knob in knobs]
     else:
         middle = known[names[0]]
-        numbers = {
-            place: number
-            for knob, at in zip(knobs, middle, strict=True)
-            for (place, _), number in zip(knob.numbers, at, strict=True)
-        }
     moved = tuple(
-        dataclasses.replace(knob, numbers=tuple((place, numbers.get(place, value)) for place, value in knob.numbers))
-        for knob in knobs
+        dataclasses.replace(knob, numbers=tuple((place, at[i]) for i, (place, _) in enumerate(knob.numbers)))
+        for knob, at in zip(knobs, middle, strict=True)
     )
+    numbers = {place: number for knob in moved for place, number in knob.numbers}
     law = flight.controller
     place = flight.with_words(controller=dataclasses.replace(law, par=replace_at(law.par, numbers)))
-    starts = {GIVEN: _log_factors([values(knob) for knob in knobs], middle)}
+    starts = {GIVEN: _log_factors([knob.values for knob in knobs], middle)}
     for name in dict.fromkeys(names):
         row = _log_factors(known[name], middle)
         # the given gains do not count: with good ones and with bad ones a search asks for as many others
         if not any(np.allclose(row, other, atol=1e-9) for key, other in starts.items() if key != GIVEN):
             starts[name] = row
     return Centred(flight=place, knobs=moved, starts=starts)
-
-
-def values(knob: Knob) -> tuple[float, ...]:
-    """Parameter values of a tunable gain, as the controller has them."""
-    return knob.values(1.0)
 
 
 def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, Numbers]:
@@ -251,7 +240,7 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, N
         except KnobError:
             continue
         found[name] = [
-            values(theirs[knob.path])
+            theirs[knob.path].values
             if knob.path in theirs and len(theirs[knob.path].numbers) == len(knob.numbers)
             else ()
             for knob in knobs
@@ -271,7 +260,7 @@ def _same_shares(knob: Knob, numbers: tuple[float, ...]) -> bool:
     """True if given values of a gain are its current values times one common factor."""
     if not numbers:
         return False
-    factors = np.array(numbers) / np.array(values(knob))
+    factors = np.array(numbers) / np.array(knob.values)
     return bool(np.allclose(factors, factors[0], rtol=1e-6))
 
 

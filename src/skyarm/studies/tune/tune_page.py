@@ -99,21 +99,21 @@ def about(tuning: Tuning) -> dict[str, Any]:
 
 def plain_point(point: Point) -> dict[str, Any]:
     """Scores and margins of one set of gains, as plain data."""
-    return {
-        "error_m": _short(point.error),
-        "tip_m": _short(point.tip),
-        "jitter_rad_s": _short(point.jitter),
-        "effort": _short(point.effort),
-        "lost": _short(point.lost),
-        "saturated": _short(point.saturated),
-        **plain_margins(point.margins),
+    scores = {
+        "error_m": point.error,
+        "tip_m": point.tip,
+        "jitter_rad_s": point.jitter,
+        "effort": point.effort,
+        "lost": point.lost,
+        "saturated": point.saturated,
     }
+    return _shortened(scores) | plain_margins(point.margins)
 
 
 def plain_aside(aside: Aside) -> dict[str, float | bool]:
     """Scores of gains on validation plants, as plain data."""
     scores = {"tip_m": aside.tip, "jitter_rad_s": aside.jitter, "lost": aside.lost}
-    return {**{name: _short(value) for name, value in scores.items()}, "meets_constraints": aside.meets}
+    return {**_shortened(scores), "meets_constraints": aside.meets}
 
 
 def plain_margins(margins: LoopMargins) -> dict[str, Any]:
@@ -131,6 +131,10 @@ def plain_margins(margins: LoopMargins) -> dict[str, Any]:
 
 def _table(head: str, values: Mapping[str, Any]) -> Sequence[str]:
     return ["", f"[{head}]", *(f"{toml_key(name)} = {toml_value(value)}" for name, value in values.items())]
+
+
+def _shortened(scores: Mapping[str, float]) -> dict[str, Any]:
+    return {name: _short(value) for name, value in scores.items()}
 
 
 def _short(value: float) -> float:
