@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from commanded import refused, skyarm
-from skyarm.cli import doctor
+from skyarm.cli import doctor_command as doctor
 from skyarm.compile.llvm import object_cache
 
 

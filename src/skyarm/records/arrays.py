@@ -27,7 +27,7 @@ AnyArray = npt.NDArray[Any]
 """Array of doubles, integers or booleans."""
 
 
-def stacked(count: int, values: Iterable[Any]) -> Array:
+def stack_values(count: int, values: Iterable[Any]) -> Array:
     """Stack scalars and arrays of length ``count`` into one array (values, count)."""
     rows = [np.broadcast_to(np.asarray(value, dtype=float), count) for value in values]
     return np.stack(rows) if rows else np.zeros((0, count))

@@ -9,7 +9,7 @@ import numpy as np
 
 from skyarm.dynamics.array_front import frame_jacobian
 from skyarm.dynamics.workspace import reach
-from skyarm.records.arrays import Array, stacked
+from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import Arm
@@ -100,8 +100,8 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
     count = min(max(math.ceil(setting.duration * LOOKS), 1), MOST_LOOKS)
     times = np.linspace(0.0, setting.duration, count, endpoint=False)
     reference = trajectory.at(times)
-    derivatives = [stacked(count, getattr(reference, name)) for name in VECTORS[1:]]
-    q = stacked(count, reference.joints)
+    derivatives = [stack_values(count, getattr(reference, name)) for name in VECTORS[1:]]
+    q = stack_values(count, reference.joints)
     weakest, weakest_at = _weakest(vehicle, tip.arm.carriers, times, q)
     return Feasibility(
         at_limits=tuple(_at_limits(tip.arm, q, setting.duration / count)),

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.records.arrays import Array, stacked
+from skyarm.records.arrays import Array, stack_values
 from skyarm.records.files import Fields, number, shown, unreadable
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Signal
@@ -139,7 +139,7 @@ def sample_derivatives(motion: Trajectory, times: Sequence[float]) -> list[Array
     """Velocity, acceleration, jerk and snap of a trajectory at many times, as four arrays (3, N)."""
     at = np.concatenate([np.linspace(a, b, LOOKS, endpoint=False) for a, b in itertools.pairwise(times)])
     rows = [signal.derivatives(at) for signal in (motion.x, motion.y, motion.z)]
-    return [stacked(len(at), [row[k] for row in rows]) for k in (1, 2, 3, 4)]
+    return [stack_values(len(at), [row[k] for row in rows]) for k in (1, 2, 3, 4)]
 
 
 def peaks(derivatives: Sequence[Array], gravity: float) -> FlightLimits:

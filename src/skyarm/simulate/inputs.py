@@ -45,7 +45,7 @@ class EpisodeInputs:
 
     def reference_between(self, start: int, stop: int) -> Reference:
         """Continuous reference at control instants ``start`` to ``stop``, as a Reference of arrays."""
-        return _sampled(self._program, self.times[start:stop])
+        return _sample(self._program, self.times[start:stop])
 
     @cached_property
     def _program(self) -> Program:
@@ -76,7 +76,7 @@ class EpisodeInputs:
 
         def at(lead: Scalar) -> Reference:
             s = path.derivatives(times + lead)
-            return by_flight_time(_sampled(self._program, s[0]), s)
+            return by_flight_time(_sample(self._program, s[0]), s)
 
         return with_preview(at(0.0), preview_leads(self.scenario.controller.par), at)
 
@@ -110,7 +110,7 @@ class EpisodeInputs:
         return self._at(np.asarray(held), its_offset), self._at(times, offset), times
 
     def _at(self, times: Array, offset: Sequence[Scalar]) -> Reference:
-        return _sampled(self._shifted_motion if offset else self._program, times, *offset)
+        return _sample(self._shifted_motion if offset else self._program, times, *offset)
 
     @cached_property
     def _shifted_motion(self) -> Program:
@@ -153,7 +153,7 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     held: Reference = program.record(list(samples[:, instants]))
 
     def at(lead: Scalar) -> Reference:
-        return _sampled(program, times[instants] + lead)
+        return _sample(program, times[instants] + lead)
 
     held = with_preview(held, preview_leads(scenario.controller.par), at)
     if held.load:  # no sample of a motion: the hand's command goes out in each control period
@@ -167,7 +167,7 @@ def _motion(scenario: Scenario) -> Program:
     return trace(lambda clock: scenario.reference.at(clock[0]), (0.0,))
 
 
-def _sampled(program: Program, times: Array, *others: Scalar) -> Reference:
+def _sample(program: Program, times: Array, *others: Scalar) -> Reference:
     """Reference of arrays that a program computes from times (s) and other inputs."""
     found: Reference = program.record(list(evaluate(program, [times, *others], len(times))))
     return found

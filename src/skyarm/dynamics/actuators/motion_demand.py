@@ -17,7 +17,7 @@ from skyarm.algebra import ZERO3_DATA, Mat3, Vec3
 from skyarm.dynamics.actuators.drive import friction
 from skyarm.dynamics.actuators.mixer import make_mixer
 from skyarm.dynamics.state import proper_acceleration
-from skyarm.records.arrays import Array, stacked
+from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -63,7 +63,7 @@ class Demand:
 
 def motion_of(reference: Any, time: Array) -> Motion:
     """Motion of base and joints at K instants, from a reference of arrays."""
-    lanes = partial(stacked, len(time))
+    lanes = partial(stack_values, len(time))
     return Motion(
         time=time,
         acceleration=lanes(reference.acceleration),
@@ -90,7 +90,7 @@ def demand_of_motion(
     """
     a, yaw = motion.acceleration, motion.yaw
     q, qd, qdd = tuple(motion.joints), tuple(motion.rates), tuple(motion.accelerations)
-    lanes = partial(stacked, len(motion.time))
+    lanes = partial(stack_values, len(motion.time))
     needed = float(vehicle.mass) * (a + np.array([[0.0], [0.0], [gravity]]))
     for _ in range(REACTIONS):
         R = attitude(settled(needed), yaw)

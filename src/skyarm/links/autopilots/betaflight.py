@@ -234,16 +234,15 @@ class BetaflightLink(ProgramLink):
     @property
     def facts(self) -> dict[str, Any]:
         """States sent and answered, and how late they went out and were answered by the wall clock."""
-        times = {"late_ms": self._late, "answer_ms": self._waits}
+        late, waits = (np.percentile(np.array(each or [0.0]) * 1e3, (50, 99)) for each in (self._late, self._waits))
         return {
             "steps": self._states,
             "answered": self._answered,
             "bad_frames": self._bad,
-            **{
-                f"{name}_p{share}": float(np.percentile(np.array(seconds or [0.0]) * 1e3, share))
-                for name, seconds in times.items()
-                for share in (50, 99)
-            },
+            "late_ms_p50": float(late[0]),
+            "late_ms_p99": float(late[1]),
+            "answer_ms_p50": float(waits[0]),
+            "answer_ms_p99": float(waits[1]),
             "halts": 0 if self._guard is None else self._guard.halts,
         }
 

@@ -152,14 +152,14 @@ class Flights:
         return self.plant != "rigid_body" or not is_traceable(scenario)
 
     @property
-    def perturbed(self) -> bool:
+    def meets_perturbed_plants(self) -> bool:
         """True if every flight meets numbers of its own."""
         return self.condition.spread is not None
 
     def episodes(self, scenario: Scenario) -> int:
         """Number of flights; perturbed ones are fewer if they cannot be simulated as a batch."""
         every = self.condition.episodes
-        return min(ONE_BY_ONE, every) if self.perturbed and self.alone(scenario) else every
+        return min(ONE_BY_ONE, every) if self.meets_perturbed_plants and self.alone(scenario) else every
 
     def trials(self, count: int) -> Array:
         """Index of each flight (count,), which identifies its perturbed plant or noise seed."""

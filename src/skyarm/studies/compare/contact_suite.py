@@ -33,7 +33,7 @@ class ContactFlights(Flights):
 
     further_metrics = METRICS
 
-    perturbed = True
+    meets_perturbed_plants = True
 
     @property
     def task(self) -> Task:

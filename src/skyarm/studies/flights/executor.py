@@ -35,7 +35,7 @@ def require_place(on: str, field: str = "on") -> str:
         raise ValueError(f"{field} = {shown(on)}: must be {LOCAL}, {PROCESSES}, {RAY} or {RAY}:HOST:PORT")
     # a folder of that name is found as well, and has no origin
     if on.startswith(RAY) and not getattr(find_spec(RAY), "origin", None):
-        raise ValueError(f"{field} = {shown(on)}: {needs_extra(RAY)}")
+        raise ValueError(f"{field} = {shown(on)}: {needs_extra('ray')}")
     return on
 
 

@@ -107,13 +107,13 @@ def plain_point(point: Point) -> dict[str, Any]:
         "lost": point.lost,
         "saturated": point.saturated,
     }
-    return _shortened(scores) | plain_margins(point.margins)
+    return _with_few_digits(scores) | plain_margins(point.margins)
 
 
 def plain_aside(aside: Aside) -> dict[str, float | bool]:
     """Scores of gains on validation plants, as plain data."""
     scores = {"tip_m": aside.tip, "jitter_rad_s": aside.jitter, "lost": aside.lost}
-    return {**_shortened(scores), "meets_constraints": aside.meets}
+    return {**_with_few_digits(scores), "meets_constraints": aside.meets}
 
 
 def plain_margins(margins: LoopMargins) -> dict[str, Any]:
@@ -133,7 +133,7 @@ def _table(head: str, values: Mapping[str, Any]) -> Sequence[str]:
     return ["", f"[{head}]", *(f"{toml_key(name)} = {toml_value(value)}" for name, value in values.items())]
 
 
-def _shortened(scores: Mapping[str, float]) -> dict[str, Any]:
+def _with_few_digits(scores: Mapping[str, float]) -> dict[str, Any]:
     return {name: _short(value) for name, value in scores.items()}
 
 

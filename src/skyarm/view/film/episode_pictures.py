@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.log.flight_log import Log
+from skyarm.plant.loads import wind_at
 from skyarm.records.arrays import Array, Pixels
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.leaves import leaves
@@ -141,7 +142,7 @@ class EpisodePictures:
         if all(abs(number) < FARTHEST for number in leaves(now.state)):
             self._last = now.state
         state, around = self._last, self._stages.surroundings(now.components, now.drives, time)
-        wind, numbers = self._stages.wind_sample(around, state), np.array([leaves(state)], dtype=float)
+        wind, numbers = wind_at(around, scenario.plant, state), np.array([leaves(state)], dtype=float)
         whole = self._whole = self._whole or self._reference(numbers.size, wind)
         log = instant_log(self._inputs, row, numbers, wind)
         # just before the end of the record, so that what touches is drawn
