@@ -17,6 +17,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.formats import load_log, require_format, require_readable, save_log
 from skyarm.plant.interface import require_gravity
 from skyarm.records.files import (
+    errors_as,
     must_be_one_of,
     number,
     output_file,
@@ -148,10 +149,8 @@ def _law(
         )
         title = Path(controller).stem if of_gains else law_of_file_name(controller)
         control_rate = asked or RATE
-        try:
+        with errors_as(ValueError, f"--vehicle = {model.vehicle.name!r}: ", of=AllocationError):
             chosen = make_named_or_tuned(controller, model, {"control_period": 1.0 / control_rate})
-        except AllocationError as error:
-            raise ValueError(f"--vehicle = {model.vehicle.name!r}: {error}") from None
     else:
         _require_scenario(controller)
         for option, value in (("--vehicle", vehicle), ("--gravity", gravity)):

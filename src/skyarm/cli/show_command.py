@@ -29,7 +29,7 @@ from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.array_front import center_of_mass
 from skyarm.dynamics.workspace import MANY, reach, samples_of, static_torques
 from skyarm.plant.interface import require_gravity
-from skyarm.records.files import number, read_toml
+from skyarm.records.files import errors_as, number, read_toml
 from skyarm.records.leaves import field_names, walk
 from skyarm.records.units import units
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
@@ -84,11 +84,9 @@ def show(
         require_left_out(context, ["--gravity"], " beside --out, a drawing, which shows no numbers of it")
         return _draw(shown, drawing)
     loaded = load_vehicle(shown)
-    try:
-        with bar(f"{loaded.name}: reach and static efforts"):
-            known = vehicle_facts(loaded, gravity)
-    except AllocationError as error:
-        raise ValueError(f"{shown}: rotors = {error}") from None
+    at = f"{shown}: rotors = "
+    with errors_as(ValueError, at, of=AllocationError), bar(f"{loaded.name}: reach and static efforts"):
+        known = vehicle_facts(loaded, gravity)
     say_unlikely(loaded.name, unlikely_in_vehicle(loaded))
     give(known)
     for part in sheet(loaded, known) if not is_document_wanted() else ():

@@ -10,6 +10,7 @@ from skyarm.algebra.scalars import Scalar, logical_and, where
 from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
+from skyarm.records.files import errors_as
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import is_record
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -48,13 +49,11 @@ class Controller:
     keeps_tip: bool = False
 
     def __post_init__(self) -> None:
-        try:
+        with errors_as(ControllerError, of=RecordError):
             accept_fields(self, "controller")
             # vehicles are checked where they are made
             require_fields(_whole(self.par), "controller", (Vehicle,))
             require_fields(self.memory, "controller.memory", (Vehicle,))
-        except RecordError as error:
-            raise ControllerError(str(error)) from None
 
     def require_compiled(self, what: str) -> None:
         """Raise an error if the controller is not all in a law that can be traced, for a use that needs that.

@@ -18,7 +18,7 @@ from skyarm.dynamics.actuators.mixer import POLICIES
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import rules
-from skyarm.records.files import shown
+from skyarm.records.files import errors_as, shown
 
 RATIO_POSITION, RATIO_VELOCITY = 4.0 / 0.806, 2.2 / 0.806
 
@@ -146,13 +146,11 @@ def checked_option(
     Raises:
         ControllerError: one line with field, value and what is allowed.
     """
-    try:
+    with errors_as(ControllerError, of=RecordError):
         if option in readers:
             return readers[option][1](model, value)
         rule = rules(kind).get(option)
         return value if rule is None else rule(f"controller.{option}", value)
-    except RecordError as error:
-        raise ControllerError(str(error)) from None
 
 
 def option_numbers(option: str, value: Any, count: int) -> tuple[Any, ...]:
@@ -162,11 +160,9 @@ def option_numbers(option: str, value: Any, count: int) -> tuple[Any, ...]:
         ControllerError: one line.
     """
     at = f"controller.{option}"
-    try:
+    with errors_as(ControllerError, of=RecordError):
         rows = coerce.items(at, value, (count,), f"must be {count} number{'s' * (count > 1)}")
         return tuple(coerce.number(f"{at}[{i}]", each) for i, each in enumerate(rows))
-    except RecordError as error:
-        raise ControllerError(str(error)) from None
 
 
 def _require_fitting(values: Mapping[str, Any], joints: int) -> None:

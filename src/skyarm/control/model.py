@@ -11,7 +11,7 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators import Mixer
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -20,17 +20,16 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @immutable
+@checked("model", VehicleError)
 class Model:
     """Model of a controller: its nominal vehicle and gravity (m/s^2), which may differ from the simulated plant."""
 
     vehicle: Vehicle
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, usual=25.0)] = 9.81
 
-    def __post_init__(self) -> None:
-        accept_fields(self, "model", VehicleError)
-
 
 @immutable
+@checked("controller.gains", ControllerError)
 class GeometricGains:
     """Gains of the geometric controller, per axis.
 
@@ -44,19 +43,14 @@ class GeometricGains:
     attitude: Annotated[Vec3, Unit("N m/rad", "KR", low=0.0)]
     rate: Annotated[Vec3, Unit("N m s/rad", "Kw", low=0.0)]
 
-    def __post_init__(self) -> None:
-        accept_fields(self, "controller.gains", ControllerError)
-
 
 @immutable
+@checked("controller.joint_gains", ControllerError)
 class JointGains:
     """Gains per joint: on torque (N m/rad, N m s/rad) or on acceleration (1/s^2, 1/s), depending on the law."""
 
     stiffness: Annotated[tuple[float, ...], Unit("1/s^2", "acceleration per error of the joint", low=0.0)]
     damping: Annotated[tuple[float, ...], Unit("1/s", "acceleration per error of the joint's rate", low=0.0)]
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "controller.joint_gains", ControllerError)
 
 
 TORQUE_GAINS: Mapping[str, Unit] = {
@@ -67,6 +61,7 @@ TORQUE_GAINS: Mapping[str, Unit] = {
 
 
 @immutable
+@checked("controller.terms", ControllerError)
 class Terms:
     """Terms of the computed torque law that an ablation can disable.
 
@@ -84,9 +79,6 @@ class Terms:
     coupling: bool = True
     full_gravity: bool = True
     feedforward: bool = True
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "controller.terms", ControllerError)
 
 
 @immutable

@@ -10,7 +10,7 @@ import numpy as np
 
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.records.arrays import Array
-from skyarm.records.files import shown
+from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -67,10 +67,8 @@ def read_randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Rand
     for path, given in (table or {}).items():
         if not isinstance(path, str):
             raise ScenarioError(f"randomise: path = {shown(path)}: must be text, as 'plant.payload.mass'")
-        try:
+        with errors_as(ScenarioError):
             vary[path] = distribution_from(given, f'randomise."{path}"')
-        except ValueError as error:
-            raise ScenarioError(str(error)) from None
     return _check(scenario, vary)
 
 
@@ -86,16 +84,14 @@ def with_fixed(found: Randomised, scenario: Scenario, paths: Iterable[str]) -> R
     for path in paths:
         if not isinstance(path, str) or path in vary:
             raise ScenarioError(f"numbers: path = {shown(path)}: must be text, and none that is named already")
-        try:
+        with errors_as(ScenarioError, "numbers: "):
             vary[path] = Values((float(number_at(scenario, path)),))
-        except ValueError as error:
-            raise ScenarioError(f"numbers: {error}") from None
     return _check(scenario, vary)
 
 
 def _check(scenario: Scenario, vary: Mapping[str, Distribution]) -> Randomised:
     """Check that a scenario is valid over the ranges of its randomised parameters."""
-    try:
+    with errors_as(ScenarioError, "randomise: "):
         require_paths(scenario, tuple(vary))
         require_draws(scenario, tuple(vary))
         ends = {path: _ends(distribution) for path, distribution in vary.items()}
@@ -103,8 +99,6 @@ def _check(scenario: Scenario, vary: Mapping[str, Distribution]) -> Randomised:
         require_within_queue(scenario, corners)
         LaneRules(scenario, tuple(vary)).require(corners)
         stiffest = fastest_plant(scenario, ends)
-    except ValueError as error:
-        raise ScenarioError(f"randomise: {error}") from None
     return Randomised(vary=vary, stiffest=stiffest)
 
 

@@ -13,7 +13,7 @@ from skyarm.envs.env_lanes import EnvLanes
 from skyarm.envs.env_task import Info, make_task, require_open, seed_of
 from skyarm.envs.vector_environment import spaces
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.files import shown
+from skyarm.records.files import errors_as, shown
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import find_ending
@@ -162,7 +162,5 @@ def _pictures_of(mode: Any, options: Any) -> Any:
     if not isinstance(options, (Mapping, type(None))):
         raise ScenarioError(f"render_options = {shown(options)}: must be a table, as {{'width': 320}}")
     drawing = import_module(PICTURES)
-    try:
+    with errors_as(ScenarioError, "render_options: "):
         return drawing.EpisodePictures(drawing.picture_settings(options or {}))
-    except ValueError as error:
-        raise ScenarioError(f"render_options: {error}") from None

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Protocol
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
-from skyarm.records.field_rules import accept_fields, rules
+from skyarm.records.field_rules import checked, rules
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.registry import find
@@ -21,14 +21,12 @@ Flat = Sequence[float]
 
 
 @immutable
+@checked("plant", VehicleError)
 class Truth:
     """True vehicle and gravity (m/s^2) of the simulation, as opposed to the controller's model."""
 
     vehicle: Vehicle
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, rule=coerce.number, usual=25.0)] = 9.81
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "plant", VehicleError)
 
 
 def require_gravity(value: object, field: str) -> float:

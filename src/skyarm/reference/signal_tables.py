@@ -25,7 +25,7 @@ from collections.abc import Callable
 from typing import Any
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
@@ -123,13 +123,11 @@ _SIGNALS: dict[str, type[Signal] | Callable[[Fields], Signal]] = {
 
 
 @immutable(kw_only=False)
+@checked("signals")
 class SignalList:
     """List of time signals, one for each component of a vector."""
 
     signals: tuple[Signal, ...]
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "signals")
 
     @classmethod
     def from_table(cls, entry: Any, where: str) -> SignalList:

@@ -8,7 +8,7 @@ from dataclasses import field
 from typing import Annotated
 
 from skyarm.algebra.scalars import Scalar
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -17,6 +17,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @immutable
+@checked("phase")
 class Phase:
     """Phase of a task: kind, planned end time, and interval in which a position offset returns to zero.
 
@@ -29,9 +30,6 @@ class Phase:
     end: Annotated[float, Unit("s", low=0.0)]
     back: tuple[float, float] | None = None
 
-    def __post_init__(self) -> None:
-        accept_fields(self, "phase")
-
     def later(self, seconds: float) -> Phase:
         """Copy of the task phase, shifted in time by some seconds."""
         back = None if self.back is None else (self.back[0] + seconds, self.back[1] + seconds)
@@ -39,6 +37,7 @@ class Phase:
 
 
 @immutable
+@checked("guard")
 class Guard:
     """Condition, such as a contact force, that the flight must meet before the task continues.
 
@@ -76,9 +75,6 @@ class Guard:
     sensed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
     closed: str = field(default="", metadata=WRITTEN_IF_ANY)
     open: str = field(default="", metadata=WRITTEN_IF_ANY)
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "guard")
 
 
 @immutable

@@ -26,7 +26,7 @@ from skyarm.algebra.scalars import Scalar, cos, data, divide, logical_and, logic
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.dynamics.kinematics import chain, joint_placement
 from skyarm.records.arrays import Array
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.plain import WRITTEN_IF_ANY
@@ -83,6 +83,7 @@ def arm_of(vehicle: Vehicle) -> Arm:
 
 
 @immutable
+@checked("tip")
 class TipMotion:
     """Desired tip motion: position in world axes, and the arm that carries the tip."""
 
@@ -90,9 +91,6 @@ class TipMotion:
     y: Annotated[Signal, Unit("m")] = STILL
     z: Annotated[Signal, Unit("m")] = STILL
     arm: Arm
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "tip")
 
     def path(self, t: Scalar) -> FiveVectors:
         """Tip position and its first four derivatives at time t (s), world axes."""
@@ -151,6 +149,7 @@ UPRIGHT = (0.0, 0.0, 1.0)
 
 
 @immutable
+@checked("reference.push")
 class TipPush:
     """Desired tip contact: force signal, surface normal, approach speed, and the arc of a held handle."""
 
@@ -166,9 +165,6 @@ class TipPush:
     axis: Annotated[tuple[Scalar, Scalar, Scalar], Unit("", "through the pivot, world axes")] = field(
         default=UPRIGHT, metadata=WRITTEN_IF_ANY
     )
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "reference.push")
 
     def at(self, t: Scalar) -> tuple[Any, ...]:
         """Desired contact at time t (s) as a tuple: force, approach speed, normal, and grip data.

@@ -25,7 +25,7 @@ from skyarm.algebra import Mat3, Vec3, ldl_solve
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.dynamics.workspace import middle_position, reach
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.files import Fields
+from skyarm.records.files import Fields, errors_as
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
@@ -347,10 +347,8 @@ def tip_trajectory(
     choices = record_from(TipChoices, fields)
     choices = dataclasses.replace(choices, posture=_posture(choices.posture, vehicle, fields))
     tip = TipMotion(x=path.x, y=path.y, z=path.z, arm=arm_of(vehicle))
-    try:
+    with errors_as(ValueError, f"{fields.where}."):
         joints = plan(vehicle, tip, base.yaw, choices, setting.duration)
-    except ValueError as error:
-        raise ValueError(f"{fields.where}.{error}") from None
     found = dataclasses.replace(base, joints=joints, tip=tip, guards=setting.all_guards, phases=setting.all_phases)
     return with_joint_moves(found, setting.joint_moves, vehicle, choices.joint_speed)
 

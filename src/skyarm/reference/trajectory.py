@@ -17,7 +17,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
 from skyarm.records.arrays import Array
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
 from skyarm.records.plain import WRITTEN_IF_ANY
@@ -92,6 +92,7 @@ ZERO = Constant(0.0)
 
 
 @immutable
+@checked("trajectory")
 class Trajectory:
     """Desired motion over time: signals of base position, heading and joints, with optional tip and contact.
 
@@ -112,9 +113,6 @@ class Trajectory:
     )
     guards: tuple[Guard, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
     phases: tuple[Phase, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "trajectory")
 
     def at(self, t: Scalar) -> Reference:
         """Reference at time t (s): position, heading and joints with derivatives, and contact request."""

@@ -10,7 +10,7 @@ from skyarm.algebra.scalars import Scalar, add, floor, maximum, minimum
 from skyarm.dynamics.actuators import Command
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
-from skyarm.records.files import shown
+from skyarm.records.files import errors_as, shown
 from skyarm.records.leaves import blend
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
@@ -140,10 +140,8 @@ def _plain_numbers(command: Command) -> tuple[float, ...]:
     found = []
     for field in ("rotor_speeds", "efforts", "tilts"):
         for i, value in enumerate(getattr(command, field)):
-            try:
+            with errors_as(ScenarioError, of=RecordError):
                 held = coerce.number(f"command.{field}[{i}]", value)
-            except RecordError as error:
-                raise ScenarioError(str(error)) from None
             if type(held) is not float:
                 raise ScenarioError(f"command.{field}[{i}] = {shown(value)}: must be one number")
             found.append(held)

@@ -8,10 +8,9 @@ from contextlib import closing
 
 from skyarm.compile.machine_code import SlowFlightWarning
 from skyarm.control.controller import Controller
-from skyarm.dynamics.actuators import AllocationError
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import as_log
-from skyarm.records.files import PathLike, shown
+from skyarm.records.files import PathLike, errors_as, shown
 from skyarm.scenario.controller_table import under_law
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -129,10 +128,8 @@ def read(log: Log | PathLike) -> Log:
     Raises:
         ScenarioError: one line.
     """
-    try:
+    with errors_as(ScenarioError):
         return as_log(log)
-    except ValueError as error:
-        raise ScenarioError(str(error)) from None
 
 
 def scenario_to_replay(log: Log, controller: str | Controller | None = None) -> Scenario:
@@ -141,12 +138,10 @@ def scenario_to_replay(log: Log, controller: str | Controller | None = None) -> 
     Raises:
         ScenarioError: one line.
     """
-    try:
+    with errors_as(ScenarioError):
         scenario: Scenario = log.scenario
         if controller is None:
             return scenario
         if isinstance(controller, Controller):
             return scenario.under(controller)
         return under_law(scenario, controller)
-    except (ValueError, AllocationError) as error:
-        raise ScenarioError(str(error)) from None

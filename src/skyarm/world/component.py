@@ -23,6 +23,7 @@ from skyarm.algebra.scalars import Scalar, add, mul, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import errors_as
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
@@ -75,10 +76,8 @@ def require_frame(vehicle: Vehicle, frame: str) -> None:
     Raises:
         ValueError: one line.
     """
-    try:
+    with errors_as(ValueError, f"frame = {frame!r}: "):
         vehicle.frame(frame or None)
-    except ValueError as error:
-        raise ValueError(f"frame = {frame!r}: {error}") from None
 
 
 class Column(NamedTuple):

@@ -106,7 +106,7 @@ def test_sobol_points_are_more_even_than_random_ones() -> None:
 def test_extremes_are_those_of_all_episodes() -> None:
     study = small_study(episodes=70_000, vary={MASS: {"normal": [1.0, 0.1]}})
     found = values(study, np.arange(70_000))[MASS]
-    assert extremes(study) == {MASS: (found.min(), found.max())}
+    assert extremes(study) == {MASS: (found.min(), found.max(), found.argmin(), found.argmax())}
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import rules
-from skyarm.records.files import shown
+from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -186,10 +186,8 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
         values |= dict(zip(("stiffness", "damping"), law_stiffness(controller), strict=True))
     for name, value in (values | given).items():
         alone = name in per_joint and not isinstance(value, (list, tuple))
-        try:
+        with errors_as(ControllerError, of=RecordError):
             values[name] = held = rules(Limits)[name](f"safety.{name}", (value,) * vehicle.n if alone else value)
-        except RecordError as error:
-            raise ControllerError(str(error)) from None
         if name in per_joint and len(held) != vehicle.n:
             said = f"safety.{name} = {shown(value)}: {len(held)} values"
             raise ControllerError(f"{said}, must be {vehicle.n} (one per joint)")

@@ -35,7 +35,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.actuators import Command, Mixer, mix
-from skyarm.records.files import number, shown
+from skyarm.records.files import errors_as, number, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
@@ -138,10 +138,8 @@ def pose_of(stow: Any, links: tuple[Link, ...]) -> tuple[float, ...]:
     found = []
     for i, (value, link) in enumerate(zip(listed, links, strict=True)):
         at, low, high = f"safety.stow[{i}]", float(link.joint.lower), float(link.joint.upper)
-        try:
+        with errors_as(ControllerError):
             held = number(value, at)
-        except ValueError as error:
-            raise ControllerError(str(error)) from None
         if not low <= held <= high:
             raise ControllerError(f"{at} = {value!r}: must be within the joint's limits, {low:g} to {high:g}")
         found.append(held)

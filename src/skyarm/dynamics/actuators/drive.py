@@ -7,7 +7,7 @@ from collections.abc import Collection
 from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, maximum, mul, sub, tanh
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Joint
@@ -144,6 +144,7 @@ class LaggedTorqueMemory:
 
 
 @immutable
+@checked("lagged_torque")
 class LaggedTorque(TorqueDrive):
     """Torque drive with a first-order lag, T d(torque)/dt = setpoint - torque, whose mean over a period acts.
 
@@ -152,9 +153,6 @@ class LaggedTorque(TorqueDrive):
     """
 
     time_constant: Annotated[Scalar, Unit("s", "of the first-order lag", low=0.0, strict=True)]
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "lagged_torque")
 
     def start(self, position: Scalar) -> LaggedTorqueMemory:
         """Initial state of a lagged torque drive: zero torque."""

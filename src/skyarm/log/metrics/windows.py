@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from skyarm.records.arrays import Array, Mask
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
@@ -93,6 +93,7 @@ class FlightWindows:
 
 
 @immutable
+@checked("windows")
 class Windows:
     """Requested time windows of the metrics; a window that is None becomes the scenario's, or the default one.
 
@@ -106,9 +107,6 @@ class Windows:
     hover: Window | None = None
     holds: tuple[Window, ...] | None = None
     last: Annotated[float | None, Unit("s", low=0.0, strict=True)] = None
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "windows")
 
     def of_flight(self, duration: float, own: Windows | None = None) -> FlightWindows:
         """Complete the requested windows by the scenario's windows and defaults, for a flight of given duration.

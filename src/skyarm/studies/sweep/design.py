@@ -55,19 +55,8 @@ def _unit(study: Study, episodes: IntArray, index: int) -> Array:
     return (shifted.astype(np.float64) + 0.5) * 2.0**-BITS
 
 
-def extremes(study: Study) -> dict[str, tuple[float, float]]:
-    """Smallest and largest value of each varied parameter over the study's episodes, by path."""
-    return {path: (low, high) for path, (low, high, _, _) in _ends(study).items()}
-
-
-def derived_extremes(study: Study) -> dict[str, tuple[int, int]]:
-    """Episode numbers at which each derived parameter is smallest and largest, by path."""
-    ends = _ends(study) if study.derived else {}
-    return {path: ends[path][2:] for path in study.derived}
-
-
-def _ends(study: Study) -> dict[str, tuple[float, float, int, int]]:
-    """Smallest and largest value of each varied parameter, and the episode number of both, by path."""
+def extremes(study: Study) -> dict[str, tuple[float, float, int, int]]:
+    """Smallest and largest value of each varied or derived parameter, and the episodes that have them, by path."""
     found: dict[str, tuple[float, float, int, int]] = {}
     for start in range(0, study.episodes, BLOCK):
         block = range(start, min(start + BLOCK, study.episodes))

@@ -12,6 +12,7 @@ import numpy as np
 
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import STATED, stated_step
+from skyarm.records.files import errors_as
 from skyarm.records.identity import all_files, identity
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import registrations
@@ -21,7 +22,7 @@ from skyarm.scenario.numbers import require_apart, unit_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.draws import draws_needed
 from skyarm.studies.flights import Work
-from skyarm.studies.sweep.design import derived_extremes, extremes, values
+from skyarm.studies.sweep.design import extremes, values
 from skyarm.studies.sweep.expressions import ExpressionError
 from skyarm.studies.sweep.manifest import Manifest, label_of
 from skyarm.studies.sweep.study import Study, StudyError
@@ -79,10 +80,8 @@ class _Setting:
         Raises:
             StudyError: a vehicle that cannot be.
         """
-        try:
+        with errors_as(StudyError, f"{self.where}: "):
             return with_numbers(scenario, self.numbers)
-        except ValueError as error:
-            raise StudyError(f"{self.where}: {error}") from None
 
 
 def prepare(study: Study) -> Plan:
@@ -92,15 +91,12 @@ def prepare(study: Study) -> Plan:
         StudyError: a vehicle that cannot be, with the path and the value that make it so.
     """
     for scenario in study.scenarios.values():
-        try:
+        with errors_as(StudyError, f"{study.source}: vary: "):
             require_apart(scenario, study.paths)
-        except ValueError as error:
-            raise StudyError(f"{study.source}: vary: {error}") from None
-    try:
-        ends = {path: pair for path, pair in extremes(study).items() if path in study.paths and path in study.vary}
-        singles, together = _singles(study.source, ends), _derived_settings(study)
-    except ExpressionError as error:
-        raise StudyError(f"{study.source}: {error}") from None
+    with errors_as(StudyError, f"{study.source}: ", of=ExpressionError):
+        ends = extremes(study)
+        singles = _singles(study.source, {path: ends[path][:2] for path in study.paths if path in study.vary})
+        together = _derived_settings(study, {path: ends[path][2:] for path in study.derived})
     for scenario in study.scenarios.values():
         for setting in (*singles, *together):
             setting.of(scenario)
@@ -142,10 +138,10 @@ def _singles(source: str, ends: Mapping[str, tuple[float, float]]) -> list[_Sett
     ]
 
 
-def _derived_settings(study: Study) -> list[_Setting]:
+def _derived_settings(study: Study, extreme: Mapping[str, tuple[int, int]]) -> list[_Setting]:
     """Parameter values to check before a sweep: episodes in which a derived parameter is smallest or largest."""
     found = []
-    for path, episodes in derived_extremes(study).items():
+    for path, episodes in extreme.items():
         for episode in dict.fromkeys(episodes):
             drawn = values(study, [episode])
             numbers = {name: float(drawn[name][0]) for name in study.paths}
@@ -203,10 +199,8 @@ def _stiffest(source: str, scenario: Scenario, singles: Sequence[_Setting], deri
 
 
 def _rate(where: str, scenario: Scenario) -> float:
-    try:
+    with errors_as(StudyError, f"{where}: "):
         return _fastest_friction(scenario)
-    except ValueError as error:
-        raise StudyError(f"{where}: {error}") from None
 
 
 def _fastest_friction(scenario: Scenario) -> float:

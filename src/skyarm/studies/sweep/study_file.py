@@ -38,6 +38,7 @@ from skyarm.records.files import (
     Fields,
     PathLike,
     did_you_mean,
+    errors_as,
     file_name,
     number,
     one_line,
@@ -83,17 +84,13 @@ def load_study(name_or_path: PathLike, controllers: Sequence[str] | None = None)
     Raises:
         StudyError: one line, ``file: field = value: what is allowed``.
     """
-    try:
+    with errors_as(StudyError):
         text = file_name(name_or_path, "study")
         document, folder = read_named(text, "study", LIBRARY)
-    except ValueError as error:
-        raise StudyError(str(error)) from None
-    try:
+    with errors_as(StudyError, f"{text}: "):
         _require_no_file_law(document.get("controllers"))
         changed = document if controllers is None else {**document, "controllers": list(controllers)}
         return study_from(changed, folder, source=text)
-    except ValueError as error:
-        raise StudyError(f"{text}: {error}") from None
 
 
 def _require_no_file_law(controllers: Any) -> None:
@@ -258,12 +255,10 @@ def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Sc
         raise ValueError(f"scenario: plant.kind = {scenario.kind!r}: must be rigid_body, whose episodes fly in batches")
     for path in paths:
         at = f'{"derived" if path in derived else "vary"}."{path}"'
-        try:
+        with errors_as(ValueError, f"{at}: "):
             value = number_at(scenario, path)
             if not path.startswith(DERIVED):
                 scenario = with_numbers(scenario, {path: value})
-        except ValueError as error:
-            raise ValueError(f"{at}: {error}") from None
     return scenario
 
 

@@ -32,7 +32,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.coerce import concrete
-from skyarm.records.files import Fields, shown
+from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -226,15 +226,13 @@ def admittance_gains(table: Any, gains: Mapping[str, Any], leads: bool, lead: fl
     for name in ("interaction", "load"):
         if gains[name] not in (0.0, (0.0, 0.0)):
             raise ControllerError(f"{at} = {shown(table)}: must be left out beside {name}")
-    try:
+    with errors_as(ControllerError):
         fields = Fields(table, at)
         axes = _axes(fields.vector("normal"), f"{at}.normal") if "normal" in fields.table else ()
         sensing = SENSING if gains["force_sensor"] else None
         tip = _compliance(fields, 1.0 / sensing if sensing else lead, axes)
         detection = Detection(threshold=fields.number("threshold", Detection().threshold, low=0.0))
         fields.done()
-    except ValueError as error:
-        raise ControllerError(str(error)) from None
     return AdmittanceGains(tip=tip, detection=detection, sensing=sensing)
 
 

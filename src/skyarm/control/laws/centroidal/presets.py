@@ -14,7 +14,7 @@ from skyarm.algebra import Mat3
 from skyarm.control.controller import ControllerError
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import chain, jacobian_columns
-from skyarm.records.files import number, shown
+from skyarm.records.files import errors_as, number, shown
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -254,10 +254,8 @@ def refuse(name: str, value: Any, words: str) -> NoReturn:
 
 def number_within(name: str, value: Any, low: float, high: float = math.inf) -> float:
     """Finite number between ``low`` and ``high`` from an option's value."""
-    try:
+    with errors_as(ControllerError):
         held = number(value, f"controller.{name}", low=low)
-    except ValueError as error:
-        raise ControllerError(str(error)) from None
     return held if held <= high else refuse(name, value, f"at most {high:g}")
 
 
