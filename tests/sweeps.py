@@ -77,6 +77,14 @@ def rows_file(folder: Path, chunk: int, controller: str = "paper_ct") -> Path:
     return path
 
 
+def drop_chunk(folder: Path, chunk: int) -> None:
+    """Remove the rows of a chunk with every controller."""
+    files = [*(folder / "rows").glob(f"chunk_{chunk:07d}.*.parquet")]
+    assert files
+    for file in files:
+        file.unlink()
+
+
 def write_manifest(folder: Path, table: dict[str, Any]) -> None:
     """Write a changed manifest of a sweep with the digest that it needs."""
     facts = {name: value for name, value in table.items() if name != "sha256"}

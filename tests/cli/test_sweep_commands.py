@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from commanded import refused, skyarm
+from sweeps import drop_chunk
 
 pytest.importorskip("pyarrow")
 
@@ -39,7 +40,7 @@ def test_a_study_is_flown_continued_and_summed_up(folder: Path) -> None:
     first = skyarm("sweep", "study.toml", "--workers", "1")
     assert first.code == 0, first.err
     assert "48 rows in out/quick: 24 episodes of paper_ct, paper_pd; 48 flights" in first.out.replace("\\", "/")
-    (folder / "out" / "quick" / "rows" / "chunk_0000001.parquet").unlink()
+    drop_chunk(folder / "out" / "quick", 1)
     second = skyarm("sweep", "study.toml")
     assert "20 flights" in second.out
     assert "14 episodes were there" in second.out

@@ -21,7 +21,7 @@ from skyarm.studies.sweep import Study, run_sweep
 from skyarm.studies.sweep.plan import at_episode
 from skyarm.studies.sweep.stats import Rows, statistics
 from skyarm.studies.sweep.study_file import study_from
-from sweeps import files_of, read
+from sweeps import drop_chunk, files_of, read
 
 pytest.importorskip("pyarrow")
 
@@ -87,7 +87,7 @@ def study(folder: Path, **changes: Any) -> Study:
 def test_a_thousand_lanes_of_it_are_the_flights_one_by_one(tmp_path: Path) -> None:
     """Metrics of a lane are those of the log of its flight; endings of one's own are rows too."""
     planned = study(tmp_path)
-    run_sweep(planned, tmp_path / "out", threads=2)
+    run_sweep(planned, tmp_path / "out", workers=2)
     rows = read(tmp_path / "out")
     assert set(rows) == {"angles", "paper_pd"}
     ends = {law: dict(zip(*np.unique(each["status"], return_counts=True), strict=True)) for law, each in rows.items()}
@@ -137,7 +137,7 @@ def test_a_plugin_that_has_changed_is_one_line_and_never_mixed_rows(tmp_path: Pa
     words = [*copies(tmp_path), "sweep", "study.toml", "--out", "out", "--workers", "2"]
     first = command(*words, folder=tmp_path)
     assert first.returncode == 0, first.stderr
-    (tmp_path / "out" / "rows" / "chunk_0000001.parquet").unlink()
+    drop_chunk(tmp_path / "out", 1)
     before = files_of(tmp_path / "out")
     plugin = tmp_path / "own_wind.py"
     plugin.write_text(plugin.read_text("utf-8") + "\n# calmer\n", "utf-8")

@@ -33,7 +33,7 @@ def test_a_scenario_flies_by_the_path_of_its_file(log: skyarm.Log, file: Path) -
 def test_margins_and_delays_are_of_a_scenario_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Any] = []
     monkeypatch.setattr(along, "evidence", lambda scenario, *_: seen.append(scenario))
-    monkeypatch.setattr(hover_delay, "frozen_instants", lambda scenario, _: iter(()))
+    monkeypatch.setattr(hover_delay, "frozen_hover", lambda scenario: None)
     skyarm.margins("case3")
     assert [identity(each) for each in seen] == [identity(along.without_adaptation(skyarm.load_scenario("case3")))]
     assert skyarm.hover_delay("case3") == skyarm.hover_delay(skyarm.load_scenario("case3"))

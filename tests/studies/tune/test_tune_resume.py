@@ -111,15 +111,17 @@ def test_an_interrupted_search_flies_the_rest_and_ends_with_the_same_files(
 
 
 @pytest.mark.thorough
-def test_another_search_takes_nothing_of_a_folder(flown: list[str], tmp_path: Path) -> None:
+def test_another_search_takes_nothing_of_a_folder_and_leaves_it(flown: list[str], tmp_path: Path) -> None:
     tuning.tune(plan(), folder=tmp_path)
+    there = rows_in(tmp_path)
     flown.clear()
     alone = tuning.tune(plan(seed=1))
     every = flown.copy()
     flown.clear()
     assert result_of(tuning.tune(plan(seed=1), folder=tmp_path)) == result_of(alone)
     assert flown == every
-    assert len(rows_in(tmp_path)) == len(every), "a file replaces that of its label"
+    assert len(rows_in(tmp_path)) == len(there) + len(every)
+    assert there.items() <= rows_in(tmp_path).items()
 
 
 @pytest.mark.thorough

@@ -78,7 +78,7 @@ class Work:
     @cached_property
     def program(self) -> str:
         """Digest of what the compiled simulation depends on: works that share it share one."""
-        metrics = [added_metric(name) for name in registrations("metric") if name in self.metrics]
+        metrics = [added_metric(name) for name in sorted(registrations("metric")) if name in self.metrics]
         return digest(
             {
                 "scenario": _identity(self.scenario),
