@@ -18,7 +18,7 @@ from skyarm.algebra.scalars import floats
 from skyarm.compile import Graph, trace
 from skyarm.compile.c_source import Floats
 from skyarm.compile.tracing.lower import live, lower
-from skyarm.compile.tracing.tracer import CONDITIONS
+from skyarm.compile.tracing.tracer import CONDITIONS, is_condition
 
 pytestmark = needs_cc
 NO_CONTRACTION = ("-O1", "-ffp-contract=off")
@@ -208,3 +208,15 @@ def test_every_basic_operation_is_in_the_test_program():
     basic = "add sub mul div neg lt le where and or not abs sqrt floor copysign power_of_two exponent mantissa"
     assert set(basic.split()) <= ops
     assert ops >= CONDITIONS
+
+
+def test_choices_within_choices_are_written_however_deep():
+    def deep(c, y):
+        found = y
+        for _ in range(1500):
+            found = scalars.where(c > found, found, y)
+        return found
+
+    program = trace(deep, 0.0, 0.0)
+    assert len(program.nodes) > 1500
+    assert is_condition(program.nodes[-1]) is False

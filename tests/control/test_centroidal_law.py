@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import hover
 from skyarm.reference.signals import Sine
 from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.sensing.measurement import measurement_of
 from skyarm.simulate import run
 from skyarm.world import ForceWind
 
@@ -401,3 +403,21 @@ def test_the_law_is_found_by_name():
         found = preset(name, MODEL)
         assert found.name == name
         assert (found.par.rotors.lag_inversion == 1.0) == name.endswith("stiff")
+
+
+def test_a_measurement_of_integers_is_one_of_numbers():
+    """An estimator of one's own may give 0 for what it does not know: the observer's memory holds numbers."""
+    scenario = skyarm.load_scenario("slide_up")
+    model, n = scenario.controller.par.model, scenario.plant.vehicle.n
+    still = measurement_of(first_state(scenario), model.gravity * Vec3(0.0, 0.0, 1.0))
+
+    def flown(zero):
+        given = replace(still, velocity=Vec3(zero, zero, zero), rate=Vec3(zero, zero, zero), joint_rates=(zero,) * n)
+        memory, commands = scenario.controller.memory, []
+        for k in range(4):
+            wanted = scenario.reference.at(0.005 * k)
+            memory, command = scenario.controller.law(memory, given, wanted, 0.005, par=scenario.controller.par)
+            commands.append(command)
+        return commands, leaves(memory)
+
+    assert flown(0) == flown(0.0)

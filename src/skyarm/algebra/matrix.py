@@ -232,5 +232,4 @@ def axis_rotation(axis: Vec3, angle: Scalar) -> Mat3:
     """
     c, s = cos(angle), sin(angle)
     outer = Mat3(axis * axis.x, axis * axis.y, axis * axis.z)
-    R: Mat3 = outer + (Mat3.identity() - outer) * c + Mat3.cross(axis) * s
-    return R
+    return outer + (Mat3.identity() - outer) * c + Mat3.cross(axis) * s

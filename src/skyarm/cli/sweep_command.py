@@ -102,7 +102,7 @@ def _fly(
     tell(
         f"{summary.rows} rows in {folder}: {loaded.episodes} episodes of {', '.join(loaded.scenarios)}; "
         f"{flights} flights in {summary.seconds:.1f} s{known}",
-        *([f"next: skyarm sweep {folder}"] if summary.rows else []),
+        f"next: skyarm sweep {folder}",
     )
     give(
         study=loaded.name,

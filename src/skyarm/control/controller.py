@@ -130,8 +130,7 @@ def part_of(record: Any, name: str) -> Any:
 
 def preview_leads(par: Any) -> tuple[Scalar, ...]:
     """Times (s) after the held reference sample at which a law, inside any layers, takes samples to come."""
-    found: tuple[Scalar, ...] = getattr(innermost(par), "preview", ())
-    return found
+    return getattr(innermost(par), "preview", ())
 
 
 def presses(par: Any) -> bool:

@@ -24,5 +24,4 @@ def body_drag(par: BodyDrag, velocity_B: Vec3) -> Vec3:
         return par.area  # no drag in the description: structure
     speed: Any = sqrt(velocity_B.dot(velocity_B) + _STILL)
     factor = mul(mul(-0.5, par.air_density), speed)
-    force: Vec3 = par.area.hadamard(velocity_B) * factor
-    return force
+    return par.area.hadamard(velocity_B) * factor

@@ -54,8 +54,7 @@ def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
     total: Vec3 = ZERO3
     for motion in _body_motions(vehicle, state):
         total = total + motion.com * motion.body.mass
-    com: Vec3 = total * divide(1.0, vehicle.mass)
-    return com
+    return total * divide(1.0, vehicle.mass)
 
 
 def momentum(vehicle: Vehicle, state: State) -> Momentum:

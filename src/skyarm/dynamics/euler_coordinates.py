@@ -49,8 +49,7 @@ def rate_matrix_rate(phi: Scalar, theta: Scalar, rates: Vec3) -> Mat3:
     sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
     by_phi = Mat3(ZERO3, Vec3(0, neg(sp), mul(cp, ct)), Vec3(0, neg(cp), neg(mul(sp, ct))))
     by_theta = Mat3(Vec3(0, 0, neg(ct)), Vec3(0, 0, neg(mul(sp, st))), Vec3(0, 0, neg(mul(cp, st))))
-    changed: Mat3 = by_phi * rates.x + by_theta * rates.y
-    return changed
+    return by_phi * rates.x + by_theta * rates.y
 
 
 def mass_matrix(vehicle: Vehicle, q: Sequence[Scalar]) -> Matrix:

@@ -162,8 +162,7 @@ class RigidBodyPlant:
 
     def after_impact(self, state: Flat, around: Flat) -> tuple[float, ...]:
         """Vehicle state right after the impulse of a grasp or of a joint that gets stuck."""
-        found: tuple[float, ...] = self._impact.flat((*state, *around))
-        return found
+        return self._impact.flat((*state, *around))
 
     def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, float, float]:
         """Proper acceleration of the base origin, base axes, m/s^2."""

@@ -158,5 +158,5 @@ def replace_at(record: Any, values: Mapping[Place, Any]) -> Any:
 
 def blend(condition: object, new: object, old: object) -> Any:
     """Select between two nested dataclasses, scalar by scalar: ``new`` where a condition holds, else ``old``."""
-    values = (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True))
-    return rebuild(old, values)
+    values = [where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)]
+    return rebuild(old, iter(values))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
@@ -68,14 +68,17 @@ class Reference:
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")
 
-    def dense(self) -> Reference:
-        """Copy of the reference with all integers as floats, so that one compiled program fits every reference."""
+    def map_scalars(self, function: Callable[[Any], Any]) -> Reference:
+        """Copy of the reference with a function applied to every number."""
         values: dict[str, Any] = {}
         for name, value in parts(self).items():
-            row = value if isinstance(value, (Vec3, tuple)) else (value,)
-            kept = tuple(float(c) if isinstance(c, (int, float)) else c for c in row)
+            kept = tuple(map(function, value if isinstance(value, Vec3 | tuple) else (value,)))
             values[name] = Vec3(*kept) if isinstance(value, Vec3) else kept if isinstance(value, tuple) else kept[0]
         return Reference(**values)
+
+    def dense(self) -> Reference:
+        """Copy of the reference with all integers as floats, so that one compiled program fits every reference."""
+        return self.map_scalars(lambda value: float(value) if isinstance(value, int | float) else value)
 
 
 PLAIN_NUMBERS = {float, int}

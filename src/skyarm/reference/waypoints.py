@@ -33,7 +33,7 @@ from skyarm.records.arrays import Array, stack_values
 from skyarm.records.files import Fields, number, shown, unreadable
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Signal
-from skyarm.reference.splines import Polynomials, minimum_snap, snap_cost
+from skyarm.reference.splines import minimum_snap, snap_cost
 from skyarm.reference.task_records import Setting
 from skyarm.reference.trajectory import Trajectory
 
@@ -237,8 +237,7 @@ def spline_signal(fields: Fields) -> Signal:
             f"{fields.at('values')} = {len(values)} values: must be one for each of 2 to {MOST_ROWS} times"
         )
     require_near(values, times, fields.at("times"))
-    found: Polynomials = minimum_snap(times, values)
-    return found
+    return minimum_snap(times, values)
 
 
 def limits_of(fields: Fields, setting: Setting) -> FlightLimits:

@@ -138,8 +138,7 @@ def velocity(memory: DrydenMemory, *, par: Dryden) -> Vec3:
     """Turbulence velocity (m/s, world axes) for a state of the turbulence filters."""
     sigma, left = par.intensity, E_Z.cross(par.direction_W)
     along, across = par.direction_W * (sigma.x * memory.u), left * (sigma.y * memory.v)
-    total: Vec3 = along + across + E_Z * (sigma.z * memory.w)
-    return total
+    return along + across + E_Z * (sigma.z * memory.w)
 
 
 def _steps(par: Dryden, dt: Scalar) -> tuple[Scalar, ...]:

@@ -236,8 +236,11 @@ def test_a_folder_named_ray_is_no_package(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.delitem(sys.modules, "ray", raising=False)
     monkeypatch.setattr(sys, "path", [str(tmp_path), *(each for each in sys.path if "site-packages" not in each)])
     importlib.invalidate_caches()
-    with pytest.raises(ValueError, match=r"^--on = 'ray:h:1': needs the extra 'ray'"):
-        executor.require_place("ray:h:1", "--on")
+    try:
+        with pytest.raises(ValueError, match=r"^--on = 'ray:h:1': needs the extra 'ray'"):
+            executor.require_place("ray:h:1", "--on")
+    finally:
+        sys.modules.pop("ray", None)
 
 
 @pytest.mark.parametrize("workers", ["x", None, 1.5, 0, -1, True])

@@ -118,8 +118,7 @@ def normals(uniforms: Sequence[Scalar]) -> list[Scalar]:
 def _unit(low: Words, high: Words) -> NDArray[np.float64]:
     """Uniform numbers in (0, 1) from pairs of random 32-bit words."""
     kept = ((high << np.uint64(32)) | low) >> np.uint64(12)
-    numbers: NDArray[np.float64] = (kept * np.uint64(2) + np.uint64(1)).astype(np.float64) * 2.0**-53
-    return numbers
+    return (kept * np.uint64(2) + np.uint64(1)).astype(np.float64) * 2.0**-53
 
 
 def _whole(name: str, value: ArrayLike, bits: int) -> Any:

@@ -155,8 +155,8 @@ class Node:
 
 def is_condition(node: Node) -> bool:
     """True if the value of an operation is a truth value, not a number."""
-    if node.op == "where":
-        return is_condition(node.args[1])
+    while node.op == "where":
+        node = node.args[1]
     return node.op in CONDITIONS or isinstance(node.value, bool)
 
 

@@ -36,8 +36,7 @@ def center_velocity(vehicle: Vehicle, joints: Sequence[Scalar], joint_rates: Seq
         columns = jacobian_columns(vehicle, Frame(name="com", link=i, position=link.body.com), joints)
         for column, rate in zip(columns, joint_rates, strict=True):
             total = total + column.linear * rate * link.body.mass
-    velocity: Vec3 = total * divide(1.0, vehicle.mass)
-    return velocity
+    return total * divide(1.0, vehicle.mass)
 
 
 def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:

@@ -226,9 +226,9 @@ def observe(
         position=place.position,
         quaternion=place.quaternion,
         joints=place.joints,
-        velocity=measurement.velocity,
-        rate=measurement.rate,
-        joint_rates=measurement.joint_rates,
+        velocity=vector_data(measurement.velocity),
+        rate=vector_data(measurement.rate),
+        joint_rates=tuple(map(data, measurement.joint_rates)),
     )
     told = Told(amid=amid, angular_correction=turning, joint_corrections=tuple(bending))
     return blend(started > 0.5, learned, begun), told

@@ -35,8 +35,7 @@ def downward_acceleration(
     a_d = (Kp e_p + Kv e_v) / m - g e_3 - pdd_d
     """
     pull = gains.position.hadamard(position_error) + gains.velocity.hadamard(velocity_error)
-    a_d: Vec3 = pull * divide(1.0, mass) - E_Z * gravity - acceleration
-    return a_d
+    return pull * divide(1.0, mass) - E_Z * gravity - acceleration
 
 
 def desired_attitude(a_d: Vec3, yaw: Scalar, R_WB: Mat3) -> Mat3:

@@ -65,8 +65,7 @@ class TipLevers:
         moving = rate.cross(self.tip)
         for column, joint_rate in zip(self.columns, joint_rates, strict=True):
             moving = moving + column * joint_rate
-        velocity: Vec3 = base + self.R.apply(moving)
-        return velocity
+        return base + self.R.apply(moving)
 
 
 def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar]) -> TipLevers:

@@ -184,8 +184,7 @@ def _force(
     if par.steps < COUPLED_THRUST:
         return force
     arm = arm_reaction(vehicle, measurement.joints, measurement.rate, measurement.joint_rates, qdd)
-    coupled: Vec3 = force + R.apply(arm.force)
-    return coupled
+    return force + R.apply(arm.force)
 
 
 def _turn(
@@ -205,8 +204,7 @@ def _turn(
     pull = angular_acceleration(
         par.gains, par.model.vehicle.base.inertia, attitude_error(R, desired.R), measurement.rate - w_d
     )
-    turned: Vec3 = pull + relative.apply(desired.acceleration) - measurement.rate.cross(w_d)
-    return turned
+    return pull + relative.apply(desired.acceleration) - measurement.rate.cross(w_d)
 
 
 def _force_series(

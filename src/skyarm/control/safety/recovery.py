@@ -183,8 +183,7 @@ def steep_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
     """
     relative = R_d.T @ R_WB
     trace = relative.r0.x + relative.r1.y + relative.r2.z
-    error: Vec3 = attitude_error(R_WB, R_d) * divide(2.0, sqrt(maximum(1.0 + trace, STRAIGHT)))
-    return error
+    return attitude_error(R_WB, R_d) * divide(2.0, sqrt(maximum(1.0 + trace, STRAIGHT)))
 
 
 def base_stiffness(recovery: Recovery, mass: Scalar) -> tuple[Scalar, Scalar]:

@@ -78,8 +78,7 @@ def mixer(vehicle: Vehicle) -> Array:
 def thrust_of(vehicle: Vehicle, mixes: Array) -> Array:
     """Thrust of each rotor at mixed throttles, N."""
     rows = zip(vehicle.rotors, mixes, strict=True)
-    found: Array = np.array([float(r.thrust_coefficient * push(r, curve(float(x)) * r.max_speed)) for r, x in rows])
-    return found
+    return np.array([float(r.thrust_coefficient * push(r, curve(float(x)) * r.max_speed)) for r, x in rows])
 
 
 def hover_slope(vehicle: Vehicle, gravity: float) -> Array:

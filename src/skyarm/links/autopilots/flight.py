@@ -183,8 +183,7 @@ def goal_columns(inputs: EpisodeInputs) -> Array | None:
         return None
     held, steps = inputs.held_reference, inputs.scenario.steps
     columns = (*held.position, *held.velocity, *held.acceleration, held.yaw)
-    found: Array = np.stack([np.broadcast_to(np.asarray(column, dtype=float), (steps,)) for column in columns], axis=1)
-    return found
+    return np.stack([np.broadcast_to(np.asarray(column, dtype=float), (steps,)) for column in columns], axis=1)
 
 
 class PilotedSession(Session):

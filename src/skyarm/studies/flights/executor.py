@@ -6,11 +6,10 @@ import contextlib
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from importlib.util import find_spec
 from types import TracebackType
 from typing import Any, Protocol
 
-from skyarm.records.files import needs_extra, shown
+from skyarm.records.files import shown
 from skyarm.records.files.messages import comma_list
 from skyarm.simulate.lane_numbers import require_count
 from skyarm.studies.flights.fly import fly, fly_together
@@ -33,9 +32,10 @@ def require_place(on: str, field: str = "on") -> str:
     """
     if not isinstance(on, str) or not PLACES.fullmatch(on):
         raise ValueError(f"{field} = {shown(on)}: must be {LOCAL}, {PROCESSES}, {RAY} or {RAY}:HOST:PORT")
-    # a folder of that name is found as well, and has no origin
-    if on.startswith(RAY) and not getattr(find_spec(RAY), "origin", None):
-        raise ValueError(f"{field} = {shown(on)}: {needs_extra('ray')}")
+    if on.startswith(RAY):
+        from skyarm.studies.flights.ray_cluster import require_ray
+
+        require_ray(f"{field} = {shown(on)}")
     return on
 
 

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from skyarm.records.files import shown, versions
+from skyarm.records.files import needs_extra, shown, versions
 from skyarm.records.registry import RegistryError
 from skyarm.records.travel import luggage, pack, unpack
 from skyarm.simulate.other_process import TRIED
@@ -64,7 +64,7 @@ class Ray:
     """
 
     def __init__(self, address: str, workers: int) -> None:
-        self._ray: Any = _package()
+        self._ray = require_ray("on = 'ray'")
         self._flying: dict[Any, Any] = {}
         self._landed: list[Any] = []
         self._slots, self._counted = 1, -LOOK_SECONDS
@@ -140,11 +140,20 @@ class Ray:
         return sound
 
 
-def _package() -> Any:
+def require_ray(where: str) -> Any:
+    """Package ray; a message begins with where it is asked for.
+
+    Raises:
+        ValueError: one line: it is not installed, or not as a whole.
+    """
     for name, value in SETTINGS.items():
         os.environ.setdefault(name, value)
-    import ray
+    try:
+        import ray
 
+        ray.init  # noqa: B018  (a folder of that name is a package, too)
+    except (ImportError, AttributeError):
+        raise ValueError(f"{where}: {needs_extra('ray')}") from None
     return ray
 
 

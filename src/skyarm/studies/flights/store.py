@@ -283,9 +283,10 @@ class Store:
         """
         if _parquet() is None:
             return None
-        for path in next(iter(files_by_label(Path(folder) / ROWS).values()), ()):
-            if facts_of(sound_content(path) or b"").metadata.get(STUDY):
-                raise ValueError(f"{folder}: holds rows of a sweep; choose another --out")
+        every = (path for paths in files_by_label(Path(folder) / ROWS).values() for path in paths)
+        held = (facts_of(sound_content(path) or b"").metadata for path in every)
+        if next(filter(None, held), {}).get(STUDY):  # of the first that is whole
+            raise ValueError(f"{folder}: holds rows of a sweep; choose another --out")
         return cls(folder)
 
     def alone(self, part: str = "") -> AbstractContextManager[None]:

@@ -96,22 +96,21 @@ def require_same_study(folder: Path, manifest: Manifest) -> None:
     Raises:
         StudyError: one line. OSError: the folder cannot be read.
     """
+    files = [path for paths in files_by_label(folder / ROWS).values() for path in paths]
     if not any((folder / ROWS).glob("chunk_*.parquet")):
-        if files_by_label(folder / ROWS):
+        if files:
             raise StudyError(f"{folder}: holds rows of no sweep; choose another --out")
         return  # a manifest without rows belongs to none
     held = read_manifest(folder)
     if held is None:
         if any(OLD_FILE.fullmatch(path.name) for path in (folder / ROWS).iterdir()):
             raise StudyError(f"{folder}: holds rows of skyarm 0.3 without a {MANIFEST}; choose another --out")
-        for paths in files_by_label(folder / ROWS).values():
-            for path in paths:
-                content = sound_content(path)
-                if content and facts_of(content).metadata.get(STUDY) != manifest.digest.encode():
-                    raise StudyError(
-                        f"{folder}: holds rows of another study ({path.name}) without a {MANIFEST}; "
-                        "choose another --out"
-                    )
+        for path in files:
+            content = sound_content(path)
+            if content and facts_of(content).metadata.get(STUDY) != manifest.digest.encode():
+                raise StudyError(
+                    f"{folder}: holds rows of another study ({path.name}) without a {MANIFEST}; choose another --out"
+                )
         return
     if held.old:
         raise StudyError(

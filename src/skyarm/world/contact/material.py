@@ -127,8 +127,7 @@ class Material:
 
     def bending_rate(self, bristle: Vec3, slip: Vec3) -> Vec3:
         """Rate (m/s) of the bristle deflection at an instant of contact."""
-        rate: Vec3 = slip - bristle * (sqrt(slip.dot(slip) + _STILL) * (1.0 / self.bristle_length))
-        return rate
+        return slip - bristle * (sqrt(slip.dot(slip) + _STILL) * (1.0 / self.bristle_length))
 
     def friction_force(self, bristle: Vec3, bristle_rate: Vec3, normal_force: Scalar, mass: Scalar = LIGHTEST) -> Vec3:
         """Friction force (N, world axes) from the bristle deflection, limited to the friction cone.
@@ -144,5 +143,4 @@ class Material:
         damping = minimum(largest * normal_force, largest)
         wanted = bristle * (most * (1.0 / self.bristle_length)) + bristle_rate * damping
         size = sqrt(wanted.dot(wanted) + _STILL)
-        force: Vec3 = wanted * -minimum(divide(most, size), 1.0)
-        return force
+        return wanted * -minimum(divide(most, size), 1.0)

@@ -171,8 +171,7 @@ class Mechanism(Carrier):
             return axis
         if self.axis.coordinate_axis() is not None:
             return self.axis
-        unit: Vec3 = self.axis * divide(1.0, sqrt(self.axis.dot(self.axis)))
-        return unit
+        return self.axis * divide(1.0, sqrt(self.axis.dot(self.axis)))
 
     @property
     def largest_step(self) -> Any:

@@ -99,8 +99,7 @@ def along_world(axes: Sequence[Vec3], values: Sequence[Scalar]) -> Vec3:
     if not axes:
         return Vec3(*values)
     first, second, third = (axis * value for axis, value in zip(axes, values, strict=True))
-    total: Vec3 = first + second + third
-    return total
+    return first + second + third
 
 
 @immutable

@@ -132,8 +132,7 @@ def rate_weight(gains: TrendGains, memory: ForceTrend) -> Scalar:
 
 def weighted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
     """Weighted rate of the observed force, N/s, world axes."""
-    rate: Vec3 = memory.rate * rate_weight(gains, memory)
-    return rate
+    return memory.rate * rate_weight(gains, memory)
 
 
 def lateness(par: CentroidalParameters) -> Scalar:

@@ -196,8 +196,7 @@ def estimated_normal(told: Vec3, lean: Vec3) -> Vec3:
     """Unit normal of the surface: the reference's normal corrected by the estimated tilt of the surface."""
     n = told + lean
     # a reference that has not begun has no normal
-    unit: Vec3 = n * divide(1.0, sqrt(n.dot(n) + 1e-12))
-    return unit
+    return n * divide(1.0, sqrt(n.dot(n) + 1e-12))
 
 
 def update_lean(lean: Vec3, n: Vec3, velocity: Vec3, rate: Scalar, asked: Scalar, slides: Scalar, dt: Scalar) -> Vec3:

@@ -69,8 +69,7 @@ def _angular(par: Parameters, measurement: Measurement, reference: Reference, wa
         par.gains, par.model.vehicle.base.inertia, error, rates - Vec3(0, 0, reference.yaw_rate)
     )
     second = pull + Vec3(0, 0, reference.yaw_acceleration)
-    alpha: Vec3 = Q.apply(second) + rate_matrix_rate(phi, theta, rates).apply(rates)
-    return alpha
+    return Q.apply(second) + rate_matrix_rate(phi, theta, rates).apply(rates)
 
 
 def _margin(quaternion: Quaternion) -> Scalar:

@@ -67,8 +67,7 @@ def guo_center_of_inertia(
 
 def _about_origin(J: Sym3, alpha: Vec3, w: Vec3, c: Vec3, thrust: Scalar) -> Vec3:
     """Rotor torque about the base origin for an angular acceleration about the centre of mass."""
-    torque: Vec3 = J.apply(alpha) + w.cross(J.apply(w)) + c.cross(E_Z * thrust)
-    return torque
+    return J.apply(alpha) + w.cross(J.apply(w)) + c.cross(E_Z * thrust)
 
 
 make_guo = law_maker("guo2023", guo_center_of_inertia)
