@@ -212,9 +212,9 @@ def test_every_basic_operation_is_in_the_test_program():
 
 def test_choices_within_choices_are_written_however_deep():
     def deep(c, y):
-        found = y
-        for _ in range(1500):
-            found = scalars.where(c > found, found, y)
+        found = c * y
+        for k in range(1500):
+            found = scalars.where(c > float(k), found, y)
         return found
 
     program = trace(deep, 0.0, 0.0)

@@ -141,7 +141,7 @@ class Ray:
 
 
 def require_ray(where: str) -> Any:
-    """Package ray; a message begins with where it is asked for.
+    """Package ray; an error in one line, which begins with ``where``, if it is missing.
 
     Raises:
         ValueError: one line: it is not installed, or not as a whole.
