@@ -32,6 +32,9 @@ def answered(words: str, place: int, monkeypatch: pytest.MonkeyPatch) -> set[str
         ("skyarm new s", 2, {"scenario", "study"}),
         ("skyarm run --dur", 2, {"--duration"}),
         ("skyarm show zzz", 2, set()),
+        ("skyarm identify la", 2, {"lags"}),
+        ("skyarm identify lags --be", 3, {"--begin"}),
+        ("skyarm identify design --dr", 3, set()),
     ],
 )
 def test_names_commands_and_options_are_completed(words, place, expected, monkeypatch, tmp_path):

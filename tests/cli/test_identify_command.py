@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 
 import skyarm as library
 from commanded import refused, skyarm
+from skyarm.cli.identify_command import OPTIONS, SUBCOMMANDS
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -75,6 +77,52 @@ def test_a_flight_that_does_not_tell_ends_with_3():
     assert (bool(found["rotors"]["reason"]), found["rotors"]["delay"]["value"], found["tables"]) == (True, None, "")
 
 
+START = ("--vehicle", "hummingbird")
+
+
+@pytest.mark.parametrize(
+    ("before", "now"),
+    [
+        (("late.npz",), ("lags", "late.npz")),
+        (("--lags", "other.npz", *START, "--json"), ("lags", "other.npz", *START, "--json")),
+        (("still.npz", "-q"), ("lags", "still.npz", "-q")),
+        (("late.npz", "--begin", "9"), ("lags", "late.npz", "--begin", "9")),
+        (("none.csv", *START), ("flights", "none.csv", *START)),
+        (("other.npz", *START, "--held-out", "no"), ("flights", "other.npz", *START, "--held-out", "no")),
+        (("other.npz", *START, "--known", "mass"), ("flights", "other.npz", *START, "--known", "mass")),
+        (("--design", "hummingbird", "--box", "0"), ("design", "hummingbird", "--box", "0")),
+        (("--design", "hummingbird", "-o", "a.npz"), ("design", "hummingbird", "-o", "a.npz")),
+    ],
+)
+def test_a_word_of_its_own_does_what_the_options_did(before, now):
+    assert skyarm("identify", *now) == skyarm("identify", *before)
+
+
+def test_of_a_log_of_skyarm_the_word_decides_what_is_identified():
+    refused(skyarm("identify", "flights", "late.npz"), "--vehicle: is missing: must be the vehicle as its data sheet")
+
+
+@pytest.mark.parametrize("word", SUBCOMMANDS)
+def test_the_help_of_a_word_has_its_options_and_the_command_takes_them_without_it(word):
+    text = skyarm("identify", word, "--help", columns=100).out
+    assert text.startswith(f"Usage: skyarm identify {word} [OPTIONS] ")
+    assert len(text.splitlines()) <= 25
+    shown = set(re.findall(r"^  (?:-o, )?--([\w-]+)", text, re.MULTILINE)) - {"json", "plugin"}
+    assert shown == {each.replace("_", "-") for each in OPTIONS[word]} - {"gravity"}
+    for option in shown - {"curve", "despite-faults", "drag-height"}:
+        refused(skyarm("identify", f"--{option}"), f"Option '--{option}' requires an argument; see 'skyarm identify -")
+        refused(skyarm("identify", word, f"--{option}"), f"requires an argument; see 'skyarm identify {word} --help'")
+
+
+def test_the_help_of_the_command_lists_the_words_and_hides_the_options_that_were_before():
+    lines = skyarm("identify", "--help", columns=100).out.splitlines()
+    begin = lines.index("Commands:")
+    assert [line.split()[0] for line in lines[begin + 1 : begin + 4]] == [*SUBCOMMANDS]
+    assert begin < lines.index("Options:")
+    assert not any(line.startswith(("  --lags", "  --design", "  --vehicle")) for line in lines)
+    assert skyarm("--help", "identify") == skyarm("--help")
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -88,6 +136,7 @@ def test_a_flight_that_does_not_tell_ends_with_3():
         (("late.npz", "--gravity", "nan"), "--gravity = nan"),
         (("late.npz", "--curve"), "--curve: must be left out without --vehicle, and with --lags"),
         (("late.npz", "other.npz", "--lags"), "flights = 2: must be one with --lags"),
+        (("late.npz", "other.npz"), "--vehicle: is missing: must be the vehicle as its data sheet"),
     ],
 )
 def test_what_cannot_be_is_one_line(words, message):

@@ -32,12 +32,12 @@ def test_what_is_refused(words, message):
 
 
 def test_the_help_has_each_limit_with_its_unit_and_default():
-    lines = skyarm("identify", "--help", columns=100).out.splitlines()
+    lines = skyarm("identify", "design", "--help", columns=100).out.splitlines()
     for each in dataclasses.fields(DesignLimits):
         (line,) = (line for line in lines if line.startswith(f"  --{each.name} "))
         unit, usual = units(DesignLimits)[each.name], each.default
         shown, usual = ("deg", math.degrees(usual)) if unit.unit == "rad" else (unit.unit, usual)
-        assert line.endswith(f"of --design: {shown}, {unit.meaning}  [default: {usual:g}]")
+        assert line.endswith(f"{shown}, {unit.meaning}  [default: {usual:g}]")
 
 
 @pytest.mark.thorough

@@ -15,8 +15,6 @@ import pytest
 
 import skyarm as library
 from commanded import refused, skyarm
-from skyarm.cli import identify_command
-from skyarm.cli.identified_report import correlated_pairs, prediction_lines
 from skyarm.cli.identify_command import known_numbers
 from skyarm.cli.tune_command import wanted_of
 from skyarm.log.flight_log import rows_of
@@ -25,10 +23,11 @@ from skyarm.reference import Constant, Sum, Trajectory
 from skyarm.scenario.scenario_record import Delays, NamedSensor
 from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.sensor_kinds import Imu
-from skyarm.studies.identify import identify_flights
+from skyarm.studies.identify import identify_files, identify_flights
 from skyarm.studies.identify.held_out import CURVE, HOLD, IDENTIFIED, HeldOut, OneStep
 from skyarm.studies.identify.identified_file import identified_file
 from skyarm.studies.identify.identified_numbers import IdentifiedNumber
+from skyarm.studies.identify.identified_report import correlated_pairs, prediction_lines
 from skyarm.studies.identify.identify_flights import known_of_search
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Surroundings
@@ -336,13 +335,13 @@ def test_gravity_is_that_of_the_flights_unless_it_is_given(instead, monkeypatch,
         lambda *a, gravity, **k: felt.append(gravity) or plain(*a, gravity=9.8, **k),
     )
     stated = {"swings.npz": 9.7, "aside.npz": 9.7}
-    load = identify_command.load_flight
+    load = identify_files.load_flight
 
     def flight_of(file, columns=None):
         flight = load(file, columns)
         return dataclasses.replace(flight, facts={**flight.facts, "gravity": stated[Path(file).name]})
 
-    monkeypatch.setattr(identify_command, "load_flight", flight_of)
+    monkeypatch.setattr(identify_files, "load_flight", flight_of)
     words = ("identify", "swings.npz", "--vehicle", "hummingbird", "--held-out", "aside.npz")
     assert skyarm(*words).code == skyarm(*words, "--gravity", "9.5").code == 0
     assert felt == [9.7, 9.5]
@@ -352,7 +351,7 @@ def test_gravity_is_that_of_the_flights_unless_it_is_given(instead, monkeypatch,
 
 def test_a_voltage_that_is_not_used_is_said(instead, monkeypatch):
     instead(found_with(number("delay", 0.006)))
-    load = identify_command.load_flight
+    load = identify_files.load_flight
 
     def flight_of(file, columns=None):
         flight = load(file, columns)
@@ -360,7 +359,7 @@ def test_a_voltage_that_is_not_used_is_said(instead, monkeypatch):
         volts = dataclasses.replace(flight["gyro"], values=12.0 - 0.01 * time[:, None])
         return flight.with_channels({"voltage": volts})
 
-    monkeypatch.setattr(identify_command, "load_flight", flight_of)
+    monkeypatch.setattr(identify_files, "load_flight", flight_of)
     words = ("identify", "swings.npz", "--vehicle", "hummingbird")
     assert "voltage: is measured and not used: " in skyarm(*words).out
     assert "voltage: is measured" not in skyarm(*words, "--known", "voltage=12").out
@@ -472,6 +471,17 @@ def test_a_measurement_counts_once_whatever_its_file_is_called(tmp_path):
     copy.write_bytes(Path("swings.npz").read_bytes())
     done = skyarm("identify", "swings.npz", str(copy), "--vehicle", "hummingbird")
     refused(done, "must be another measurement than 'swings.npz'")
+    refused(
+        skyarm("identify", *["swings.npz"] * 2, "--vehicle", "hummingbird"), "another measurement than 'swings.npz'"
+    )
+
+
+def test_the_word_flights_does_what_was_done_without_it(instead):
+    instead(found_with(number("delay", 0.006)))
+    words = ("swings.npz", "--vehicle", "hummingbird", "--known", "mass=0.8", "--begin", "0.5", "--json")
+    done = skyarm("identify", "flights", *words)
+    assert (done.code, json.loads(done.out)["command"]) == (0, "identify")
+    assert done == skyarm("identify", *words)
 
 
 def test_a_vehicle_file_of_another_hand_is_not_written_over(instead, tmp_path):

@@ -13,8 +13,9 @@ from rich.text import Text
 
 from skyarm.cli.arguments import name_completion
 from skyarm.cli.lines import DIFFERENT
-from skyarm.cli.output import Lines, bar, give, heading, shown_number, tell
+from skyarm.cli.output import Lines, bar, give, heading, tell
 from skyarm.records.files import printable
+from skyarm.records.text_tables import shown_number
 from skyarm.studies.assess.assessment import Assessment
 from skyarm.studies.assess.assessment import check as assess
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding

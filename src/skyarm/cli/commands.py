@@ -57,7 +57,8 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
 }
 """Sections of the help: command -> its line; commands of plugins have a section of their own.
 
-The command NAME is the function NAME of the module NAME_command.
+The command NAME is the function NAME of the module NAME_command. Where that has SUBCOMMANDS, words and functions, a
+command of its own stands behind each word.
 """
 
 COMMANDS = {name: title for section in GROUPS.values() for name, title in section.items()}
@@ -97,9 +98,17 @@ class Spelled(TyperCommand):
             each.opts = [word for word in each.opts if each.name not in EVERY or word not in own]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the options without their older spellings."""
-        for each in self.params:
+        """Write the commands behind this one and the options that all of them share, without older spellings."""
+        begin, every = f"{ctx.info_name} ", ctx.parent.command.commands
+        parts = {name.removeprefix(begin): each for name, each in every.items() if name.startswith(begin)}
+        if parts:
+            with formatter.section("Commands"):
+                formatter.write_dl([(name, each.get_short_help_str(60)) for name, each in parts.items()])
+        shared = [{each.name for each in part.params} for part in parts.values()]
+        options: list[Any] = self.params
+        for each in options:
             each.opts = [word for word in each.opts if OLDER.get(word) not in each.opts]
+            each.hidden = each.hidden or not all(each.name in names for names in shared)
         super().format_options(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -117,14 +126,16 @@ class Grouped(TyperGroup):
     """Typer group whose help lists the commands in sections, and whose errors name what a former one is now."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command that the first argument names."""
+        """Find the command that the first argument names, or the first two."""
+        if " ".join(args[:2]) in self.commands:
+            args = [" ".join(args[:2]), *args[2:]]
         if args[0] not in self.commands and (now := present_names("command").get(args[0])):
             ctx.fail(f"command {args[0]!r}: is now {now}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write each section of the help with its commands."""
-        others = [name for name in self.commands if name not in COMMANDS]
+        others = [name for name, each in self.commands.items() if name not in COMMANDS and not each.hidden]
         for title, names in {**GROUPS, "Plugins": others}.items():
             if names:
                 with formatter.section(title):
@@ -143,8 +154,10 @@ def program(words: Sequence[str]) -> typer.Typer:
     made.callback(invoke_without_command=True)(top)
     for name, title in COMMANDS.items():
         if name in words:
-            found = getattr(import_module(f"skyarm.cli.{name}_command"), name)
-            made.command(name, cls=Spelled)(with_output_options(name, found))
+            module = import_module(f"skyarm.cli.{name}_command")
+            made.command(name, cls=Spelled)(with_output_options(name, getattr(module, name)))
+            for word, function in getattr(module, "SUBCOMMANDS", {}).items():
+                made.command(f"{name} {word}", cls=Spelled, hidden=True)(with_output_options(name, function))
         else:
             made.command(name, help=title)(lambda: None)
     for name, row in registrations("command").items():
@@ -217,8 +230,11 @@ def _bad_usage(error: Any) -> str:
 
 def _command() -> str:
     """Name of the typed command, such as ``skyarm run``, for the message of a usage error."""
-    names = {*COMMANDS, *registrations("command")}
-    return " ".join(["skyarm", *[word for word in sys.argv[1:] if word in names][:1]])
+    words, names = sys.argv[1:], {*COMMANDS, *registrations("command")}
+    while words and words[0] not in names:
+        words = words[1:]
+    behind = getattr(sys.modules.get(f"skyarm.cli.{words[0]}_command"), "SUBCOMMANDS", ()) if words else ()
+    return " ".join(["skyarm", *words[:1], *(word for word in words[1:2] if word in behind)])
 
 
 @contextmanager

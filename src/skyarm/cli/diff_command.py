@@ -8,13 +8,14 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.lines import DIFFERENT, say
-from skyarm.cli.output import aligned_lines, bar, give, tell
+from skyarm.cli.output import bar, give, tell
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import written_scenario
 from skyarm.log.log_differences import LogDifferences, log_differences
 from skyarm.log.metrics.accumulate import CONTINUOUS
 from skyarm.log.metrics.score import score
 from skyarm.records.files import number, shown
+from skyarm.records.text_tables import aligned_lines
 from skyarm.scenario.scenario_differences import scenario_differences
 from skyarm.simulate.check_endings import RUNNING
 from skyarm.simulate.loop import read, replay

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 from rich.console import RenderableType
 
-from skyarm.cli.output import Facts, bar, give, heading, is_document_wanted, plain, shown_number, table_of, tell
+from skyarm.cli.output import Facts, bar, give, heading, plain, table_of, tell
 from skyarm.flight_data.clocks import clock_offset
 from skyarm.flight_data.flight_data import FlightData, format_name, load_flight
 from skyarm.flight_data.motion import joints_in_order
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.records.files import printable
-from skyarm.studies.identify.channel_scales import REFUSED
-from skyarm.studies.identify.data_faults import Fault, channel_gaps, find_faults
-from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
-from skyarm.studies.identify.stretches import stretches_of
+from skyarm.records.text_tables import shown_number
+from skyarm.studies.identify.data_faults import channel_gaps, find_faults
+from skyarm.studies.identify.excitation_report import excitation_facts, excitation_lines, excited_numbers, fault_line
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 
@@ -36,38 +35,26 @@ def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
         advance(last="read")
         flight = load_flight(name, columns)
         facts = flight_facts(flight)
-        faults: tuple[Fault, ...] = ()
-        numbers: tuple[ExpectedNumber, ...] = ()
-        none: ValueError | None = None
         if start is not None:
             advance(last="look for faults")
             flight = joints_in_order(flight, start)
             faults = find_faults(flight, start)
-            if not any(each.severity == REFUSED for each in faults):
-                advance(last="excitation")
-                try:
-                    numbers = expected_numbers(stretches_of(flight, start), start)
-                except ValueError as error:
-                    none = error
-    if none is not None:
-        if not is_document_wanted():
-            for part in (*_sheet(facts), *map(_fault_line, faults)):
-                tell(part, "")
-        raise none
     give(facts)
-    if start is not None:
-        give(
-            start=start.name,
-            faults=[{**plain(each), "words": each.words} for each in faults],
-            excitation=[
-                {**plain(each), "title": each.title, "excited": each.is_excited, "verdict": each.verdict}
-                for each in numbers
-            ],
-        )
-    if is_document_wanted():
-        return
-    for part in (*_sheet(facts), *([] if start is None else _of_vehicle(start.name, faults, numbers))):
+    for part in _sheet(facts):
         tell(part, "")
+    if start is None:
+        return
+    for fault in faults:
+        tell(fault_line(fault), "")
+    with bar(Path(name).name) as advance:
+        advance(last="excitation")
+        numbers = excited_numbers(flight, start, faults)
+    give(excitation_facts(start, faults, numbers))
+    if numbers:
+        tell(heading(f"excitation of {start.name}: expected 95 % intervals"), "")
+        tell("\n".join(excitation_lines(numbers)), "")
+    else:
+        tell("excitation: is shown of a flight without refused faults", "")
 
 
 def flight_facts(flight: FlightData) -> Facts:
@@ -130,20 +117,3 @@ def _sheet(facts: Facts) -> Iterator[RenderableType]:
 
 SHOWN = 12
 """Unused columns that are listed."""
-
-
-def _fault_line(fault: Fault) -> str:
-    return printable(f"{fault.severity}: {fault.channel}: {fault.finding}; {fault.remedy}")
-
-
-def _of_vehicle(vehicle: str, faults: Sequence[Fault], numbers: Sequence[ExpectedNumber]) -> Iterator[RenderableType]:
-    """Yield the faults of a flight and the table of what it excites."""
-    yield from map(_fault_line, faults)
-    if not numbers:
-        yield "excitation: is shown of a flight without refused faults"
-        return
-    yield heading(f"excitation of {vehicle}: expected 95 % intervals")
-    titles = [f"{each.title}:" for each in numbers]
-    widths = max(map(len, titles)), max(len(each.verdict) for each in numbers)
-    rows = zip(titles, numbers, strict=True)
-    yield "\n".join(f"{title:{widths[0]}} {each.verdict:{widths[1]}} {each.name}" for title, each in rows)

@@ -1,40 +1,31 @@
-"""Command ``skyarm identify``: a vehicle from its measured flights, or delays and lags from a log."""
+"""Command ``skyarm identify``: a vehicle from flights, delays and lags from a log, or a flight that shows more.
+
+The words ``flights``, ``lags`` and ``design`` behind it are commands of their own. Without one of them it takes the
+options of all three, as before there were these words.
+"""
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli.arguments import out_option, require_left_out
-from skyarm.cli.design_report import identify_design, limit_option
-from skyarm.cli.identified_report import (
-    FIGURE,
-    NUMBERS,
-    TABLE,
-    TABLE_HEAD,
-    VEHICLE,
-    document_of,
-    prediction_csv,
-    prediction_lines,
-    prediction_png,
-    report_lines,
-)
-from skyarm.cli.lag_report import identify_lags
+from skyarm.cli.arguments import name_completion, out_option, require_left_out
 from skyarm.cli.lines import NOT_COMPLETED, say
-from skyarm.cli.output import Advance, bar, give, json_text, plain, tell
-from skyarm.flight_data.clocks import ClockOffset, align_poses, join_flights
-from skyarm.flight_data.flight_data import FlightData, load_flight
-from skyarm.flight_data.motion import joints_in_order
+from skyarm.cli.output import bar, give, json_text, plain, tell, tell_report
 from skyarm.flight_data.own_log import is_own_mcap
-from skyarm.flight_data.quantities import GRAVITY
-from skyarm.log.formats import require_readable
+from skyarm.log.flight_log import Log, rows_of
+from skyarm.log.formats import load_log, require_readable
 from skyarm.plant.interface import require_gravity
 from skyarm.records.files import (
     number,
+    output_file,
     require_replaceable,
     require_writable,
     shown,
@@ -42,31 +33,44 @@ from skyarm.records.files import (
     unreadable,
     write_atomically,
 )
-from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError
-from skyarm.studies.identify.data_faults import Fault, require_no_refusal
-from skyarm.studies.identify.identified_file import IDENTIFIED_BY, VOLTAGE, identified_file
-from skyarm.studies.identify.identify_flights import identify_aligned, known_of_search
-from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.records.units import units
+from skyarm.studies.identify.design import SEGMENT, DesignLimits
+from skyarm.studies.identify.design_report import design_facts, design_lines
+from skyarm.studies.identify.designed_flight import design_flight
+from skyarm.studies.identify.identified_file import IDENTIFIED_BY, VOLTAGE
+from skyarm.studies.identify.identified_report import (
+    FIGURE,
+    NUMBERS,
+    TABLE,
+    TABLE_HEAD,
+    VEHICLE,
+    prediction_csv,
+    prediction_lines,
+    prediction_png,
+)
+from skyarm.studies.identify.identify_files import identify_files
+from skyarm.studies.identify.identify_flights import known_of_search
+from skyarm.studies.identify.lag_report import every_lag, lag_lines, nominal_model, stated_delays
+from skyarm.studies.identify.loop_lags import lag_tables, loop_lags
+from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 
-OF_DESIGN = ("--box", "--tilt", "--seconds", "--clear")
+FLATTEST, STEEPEST, LONGEST = 2.0, 60.0, 600.0
+"""deg, below what a loop tilts by itself, and far from lying on its side; s, of a battery."""
 
-OF_FITS = ("--columns", "--known", "--curve", "--held-out", "--join", "--despite-faults", "--drag-height")
-"""Options of the identification of a vehicle alone."""
-
-OF_FLIGHTS = ("--begin", "--end", "--lags", "--gravity")
-"""Further options of what is identified from flights."""
-
+USUAL = DesignLimits()
 
 Moment = Annotated[float | None, typer.Option(help="s, of the part of each flight that counts")]
 
+Gravity = Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81", hidden=True)]
 
-def identify(
-    context: typer.Context,
-    flights: Annotated[
-        list[str] | None, typer.Argument(metavar="FLIGHT...", help="logs of any format that is read")
-    ] = None,
+
+Out = Annotated[str | None, out_option("folder of the vehicle file and all numbers; of lags and design a .toml file")]
+
+
+def flights(
+    files: Annotated[list[str], typer.Argument(metavar="FLIGHT", help="logs of any format that is read")],
     vehicle: Annotated[str | None, typer.Option(help="start: a file or name, as data sheet and drawing say")] = None,
     columns: Annotated[str | None, typer.Option(metavar="FILE", help="what the columns of the flights mean")] = None,
     known: Annotated[
@@ -74,11 +78,6 @@ def identify(
         typer.Option(metavar="NAME=VALUE", help="mass=0.034, voltage=4.2, a number of the table; repeat"),
     ] = None,
     curve: Annotated[bool, typer.Option("--curve", help="a thrust curve in place of one coefficient")] = False,
-    drag_height: Annotated[
-        bool, typer.Option("--drag-height", help="hub drag acts at a height of its own; needs the velocity")
-    ] = False,
-    begin: Moment = None,
-    end: Moment = None,
     held_out: Annotated[
         list[str] | None, typer.Option(metavar="FLIGHT", help="predicted and not fitted; repeat")
     ] = None,
@@ -88,152 +87,219 @@ def identify(
     despite_faults: Annotated[
         bool, typer.Option("--despite-faults", help="only warn of faults for which a flight is refused")
     ] = False,
-    lags: Annotated[bool, typer.Option("--lags", help="delays and lags of one log alone")] = False,
-    gravity: Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81", hidden=True)] = None,
-    design: Annotated[
-        str | None,
-        typer.Option(metavar="VEHICLE", help="design a flight that shows the numbers of this vehicle"),
-    ] = None,
-    box: Annotated[float | None, limit_option("box")] = None,
-    tilt: Annotated[float | None, limit_option("tilt")] = None,
-    seconds: Annotated[float | None, limit_option("seconds")] = None,
-    clear: Annotated[float | None, limit_option("clear")] = None,
-    out: Annotated[
-        str | None, out_option("folder of the vehicle file and all numbers; with --lags and --design a file")
-    ] = None,
+    drag_height: Annotated[
+        bool, typer.Option("--drag-height", help="hub drag acts at a height of its own; needs the velocity")
+    ] = False,
+    begin: Moment = None,
+    end: Moment = None,
+    gravity: Gravity = None,
+    out: Out = None,
 ) -> None:
-    """Identify a vehicle, or delays and lags, from flights."""
-    # exit code 3: the flights do not tell
-    if design is not None:
-        if flights:
-            raise ValueError("FLIGHT: must be left out with --design")
-        require_left_out(context, ["--vehicle", *OF_FITS, *OF_FLIGHTS], " with --design")
-        identify_design(design, box, tilt, seconds, clear, out)
-        return
-    require_left_out(context, OF_DESIGN, " without --design")
-    if not flights:
-        raise ValueError("FLIGHT: is missing: must be one log or more, or --design VEHICLE")
-    if lags or (vehicle is None and len(flights) == 1 and _is_own_log(Path(flights[0]))):
-        require_left_out(context, OF_FITS, " without --vehicle, and with --lags")
-        if len(flights) > 1:
-            raise ValueError(f"flights = {len(flights)}: must be one with --lags")
-        identify_lags(flights[0], vehicle, gravity, begin, end, out)
-        return
-    if join is not None and len(flights) > 1:
-        raise ValueError(f"flights = {len(flights)}: must be one with --join")
-    for flight in (*flights, *(held_out or ()), *(() if join is None else (join,))):
+    """Identify a vehicle from measured flights.
+
+    Exit code 3: the flights do not tell.
+    """
+    if join is not None and len(files) > 1:
+        raise ValueError(f"flights = {len(files)}: must be one with --join")
+    for flight in (*files, *(held_out or ()), *(() if join is None else (join,))):
         reason = "" if Path(flight).is_dir() else unreadable(Path(flight))
         if reason:
             raise ValueError(f"flight = {shown(flight)}: {reason}")
     if vehicle is None:
         raise ValueError("--vehicle: is missing: must be the vehicle as its data sheet and drawing say")
     start, given = known_numbers(load_vehicle(vehicle), known or ())
-    felt = None if gravity is None else require_gravity(gravity, "--gravity")
-    options = (columns, start, given, curve, drag_height, _sections(begin, end), felt, despite_faults)
-    work = Work(flights, held_out or (), join, *options)
+    felt, sections = None if gravity is None else require_gravity(gravity, "--gravity"), _sections(begin, end)
+    folder = None if out is None else Path(out)
     with taken_back(out):
-        _identify_vehicle(work, None if out is None else Path(out))
+        with bar(f"identify {start.name}") as advance:
+            if folder is not None:
+                require_writable(folder)
+                require_replaceable(*(folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)))
+                _require_own(folder / VEHICLE)
+            report = identify_files(
+                files,
+                start,
+                held_out=held_out or (),
+                join=join,
+                columns=columns,
+                known=given,
+                curve=curve,
+                drag_height=drag_height,
+                sections=sections,
+                gravity=felt,
+                despite_faults=despite_faults,
+                warn=lambda fault: say(f"warning: {fault.words}"),
+                progress=advance,
+            )
+            found, document = report.found, report.document()
+            contents = {VEHICLE: report.vehicle_file().encode(), NUMBERS: json_text(document).encode()}
+            if found.held_out is not None:
+                contents[TABLE] = prediction_csv(found.held_out).encode()
+                if folder is not None and found.held_out.has_poses:
+                    contents[FIGURE] = prediction_png(found.held_out)
+        tell_report(report.lines())
+        if found.held_out is not None:
+            tell_report(prediction_lines(found.held_out))
+        shows, written = any(each.is_known for each in found.numbers), list[Path]()
+        if folder is not None and shows:
+            written = _write(folder, contents)
+            following = [f"next: skyarm check {folder / VEHICLE}"] if found.settled else []
+            tell(f"written: {', '.join(map(str, written))}", *following)
+        give(document, files=written)
+        if not found.settled:
+            say("the search did not settle: give known numbers (--known), or fly with more motion")
+        if not shows:
+            say("the flights show none of these numbers: fly with more motion, or longer")
+        if not (found.settled and shows):
+            raise typer.Exit(NOT_COMPLETED)
 
 
-@immutable(kw_only=False)
-class Work:
-    """Inputs of the identification of a vehicle.
+def lags(
+    log: Annotated[str, typer.Argument(metavar="LOG", help="log of one flight by skyarm")],
+    vehicle: Annotated[str | None, typer.Option(help="name or file; the model of the log's law if left out")] = None,
+    begin: Moment = None,
+    end: Moment = None,
+    gravity: Gravity = None,
+    out: Out = None,
+) -> None:
+    """Find delays and lags of rotors and joints in one log.
 
-    Attributes:
-        flights: files. held_out: files of flights to predict. join: file of the only flight by another computer.
-        columns: mapping of the columns of all but that.
-        start: vehicle before. known: numbers that are not searched, and the voltage.
-        curve: identify a thrust curve. drag_height: identify the height of the hub drag.
-        sections: parts of the flights that count, s. gravity: m/s^2; None for that of the flights.
-        only_warn: of faults for which a flight is refused.
+    Exit code 3: the flight does not tell.
     """
+    require_readable(log, "flight")
+    if reason := unreadable(Path(log)):
+        raise ValueError(f"flight = {shown(log)}: {reason}")
+    with taken_back(out and Path(out).parent):
+        written, name = None if out is None else output_file(out, "--out", ".toml"), Path(log).name
+        flight = _part(load_log(log), begin, end)
+        felt = None if gravity is None else require_gravity(gravity, "--gravity")
+        (model, felt), stated = nominal_model(flight, vehicle, felt), stated_delays(flight)
+        with bar(f"{name}: delays and lags"):
+            found = loop_lags(flight, model, felt)
+        tables = lag_tables(found, measured=stated["measurement"] or 0.0)
+        tell_report(lag_lines(f"{name}: {found.seconds:g} s, vehicle {model.name}", found, stated))
+        if tables:
+            tell(f"\n{tables}")
+            if written is not None:
+                write_atomically(written, tables.encode())
+        give(plain(found), vehicle=model.name, stated=stated, tables=tables, file=written if tables else None)
+        if not any(each.is_known for each in every_lag(found)):
+            say("the flight does not tell: fly with more motion, or longer")
+            raise typer.Exit(NOT_COMPLETED)
 
-    flights: Sequence[str]
-    held_out: Sequence[str]
-    join: str | None
-    columns: str | None
-    start: Vehicle
-    known: dict[str, float]
-    curve: bool
-    drag_height: bool
-    sections: Sequence[tuple[float, float]]
-    gravity: float | None
-    only_warn: bool
+
+def _limit(name: str) -> Any:
+    """Option of a limit: unit, meaning and usual value as its record declares them, an angle in degrees."""
+    unit, usual = units(DesignLimits)[name], getattr(USUAL, name)
+    of, usual = ("deg", math.degrees(usual)) if unit.unit == "rad" else (unit.unit, usual)
+    return typer.Option(help=f"{of}, {unit.meaning}  [default: {usual:g}]", show_default=False)
 
 
-def _identify_vehicle(work: Work, folder: Path | None) -> None:
-    """Identify a vehicle from flights, predict those that were held out, print and write what was found."""
-    start = work.start
-    known = {name: value for name, value in work.known.items() if name != VOLTAGE}
-    full = work.known.get(VOLTAGE, 0.0)
-    with bar(f"identify {start.name}") as advance:
-        if folder is not None:
-            require_writable(folder)
-            require_replaceable(*(folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)))
-            _require_own(folder / VEHICLE)
-        read, clocks = _read(work, advance)
-        fitted, aside = read[: len(work.flights)], read[len(work.flights) :]
-        _check_measurements(read, fitted, full)
-        felt = _gravity(read) if work.gravity is None else work.gravity
-        for each in fitted:
-            _check_sections(each, work.sections)
-        faults = list[Fault]()
-
-        def report(more: Sequence[Fault]) -> None:
-            faults.extend(more)
-            require_no_refusal(() if work.only_warn else more)
-            for fault in more:
-                say(f"warning: {fault.words}")
-
-        found = identify_aligned(
-            fitted,
-            start,
-            report,
-            held_out=aside,
-            curve=work.curve,
-            drag_height=work.drag_height,
-            full_voltage=full,
-            sections=work.sections,
-            known=known,
-            gravity=felt,
-            progress=lambda words: advance(last=words),
-        )
-        held_out = found.held_out
-        fitted = [each for each, counts in zip(fitted, found.counted, strict=True) if counts]
-        document = document_of(found, start, fitted, work.known, faults, held_out, clocks)
-        contents = {VEHICLE: identified_file(found, start, [Path(each.file).name for each in fitted], known).encode()}
-        contents[NUMBERS] = json_text(document).encode()
-        if held_out is not None:
-            contents |= {TABLE: prediction_csv(held_out).encode()}
-            contents |= {FIGURE: prediction_png(held_out)} if folder is not None and held_out.has_poses else {}
-    tell(
-        *report_lines(found, start, fitted),
-        *_voltage_unused(fitted, full),
-        *([] if held_out is None else prediction_lines(held_out)),
+def design(
+    model: Annotated[
+        str, typer.Argument(metavar="VEHICLE", help="name or file", autocompletion=name_completion("vehicle"))
+    ],
+    box: Annotated[float, _limit("box")] = USUAL.box,
+    tilt: Annotated[float, _limit("tilt")] = math.degrees(USUAL.tilt),
+    seconds: Annotated[float, _limit("seconds")] = USUAL.seconds,
+    clear: Annotated[float, _limit("clear")] = USUAL.clear,
+    out: Out = None,
+) -> None:
+    """Design a flight that shows the numbers of a vehicle."""
+    limits = DesignLimits(
+        box=number(box, "--box", low=0.0, strict=True),
+        tilt=math.radians(_within(tilt, "--tilt", FLATTEST, STEEPEST)),
+        seconds=_within(seconds, "--seconds", SEGMENT, LONGEST),
+        clear=number(clear, "--clear", low=0.0),
     )
-    shows, written = any(each.is_known for each in found.numbers), list[Path]()
-    if folder is not None and shows:
-        written = _write(folder, contents)
-        following = [f"next: skyarm check {folder / VEHICLE}"] if found.settled else []
-        tell(f"written: {', '.join(map(str, written))}", *following)
-    give(plain(document), files=written)
-    if not found.settled:
-        say("the search did not settle: give known numbers (--known), or fly with more motion")
-    if not shows:
-        say("the flights show none of these numbers: fly with more motion, or longer")
-    if not (found.settled and shows):
-        raise typer.Exit(NOT_COMPLETED)
+    start = load_vehicle(model)
+    with taken_back(out and Path(out).parent):
+        written = None if out is None else output_file(out, "--out", ".toml")
+        folder = Path() if written is None else Path(written).parent
+        name = model if model in list_vehicles() else os.path.relpath(model, folder)
+        with bar(f"design {start.name}") as advance:
+            found = design_flight(start, name, limits, folder=folder, progress=advance)
+        tell_report(design_lines(found, start.name, limits.seconds))
+        if written is not None:
+            write_atomically(written, found.text().encode())
+            tell(f"written: {written}", f"next: skyarm run {written}")
+        give(numbers=design_facts(found), vehicle=start.name, file=written)
+
+
+SUBCOMMANDS: Mapping[str, Callable[..., None]] = {"flights": flights, "lags": lags, "design": design}
+"""Word behind the command -> its function."""
+
+OPTIONS = {
+    word: {
+        name: each.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        for name, each in inspect.signature(function, eval_str=True).parameters.items()
+        if each.default is not each.empty
+    }
+    for word, function in SUBCOMMANDS.items()
+}
+"""Word -> parameters of its options, which are all that may be left out."""
+
+
+def _words_and_files(begun: str) -> list[str]:
+    """Complete a word behind the command, or the name of a file of the present folder."""
+    return [each for each in (*SUBCOMMANDS, *os.listdir()) if each.startswith(begun)]
+
+
+def identify(
+    context: typer.Context,
+    files: Annotated[
+        list[str] | None, typer.Argument(metavar="flights|lags|design", autocompletion=_words_and_files)
+    ] = None,
+    only_lags: Annotated[bool, typer.Option("--lags")] = False,
+    designed: Annotated[str | None, typer.Option("--design")] = None,
+    **options: Any,
+) -> None:
+    """Identify a vehicle, or delays and lags, from flights.
+
+    Without one of these words the options of all three are taken: FLIGHT... --vehicle START identifies a vehicle,
+    one log alone or with --lags gives delays and lags, --design VEHICLE designs a flight.
+    """
+    if designed is not None:
+        if files:
+            raise ValueError("FLIGHT: must be left out with --design")
+        require_left_out(context, [*_beyond("flights", "design"), "--lags"], " with --design")
+        design(designed, **_of("design", options))
+        return
+    require_left_out(context, _beyond("design", "flights"), " without --design")
+    if not files:
+        raise ValueError("FLIGHT: is missing: must be one log or more, or --design VEHICLE")
+    if only_lags or (options["vehicle"] is None and len(files) == 1 and _is_own_log(Path(files[0]))):
+        require_left_out(context, _beyond("flights", "lags"), " without --vehicle, and with --lags")
+        if len(files) > 1:
+            raise ValueError(f"flights = {len(files)}: must be one with --lags")
+        lags(files[0], **_of("lags", options))
+        return
+    flights(files, **_of("flights", options))
+
+
+*_own, _options = inspect.signature(identify, eval_str=True).parameters.values()
+identify.__dict__["__signature__"] = inspect.Signature(
+    [*_own, *(OPTIONS["design"] | OPTIONS["lags"] | OPTIONS["flights"]).values()]
+)
+
+
+def _of(word: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of a command among those of all."""
+    return {name: options[name] for name in OPTIONS[word]}
+
+
+def _beyond(word: str, other: str) -> list[str]:
+    """Options of a command that another one lacks."""
+    return [f"--{name.replace('_', '-')}" for name in OPTIONS[word] if name not in OPTIONS[other]]
 
 
 def _is_own_log(path: Path) -> bool:
     """True for the log of a simulated flight, by its name and, of an MCAP file, its content."""
     if path.suffix == ".mcap" and path.is_file():
         return is_own_mcap(path)
-    try:
-        require_readable(path)
-    except RegistryError:
-        return False
-    return True
+    with suppress(RegistryError):
+        return bool(require_readable(path))
+    return False
 
 
 def _sections(begin: float | None, end: float | None) -> tuple[tuple[float, float], ...]:
@@ -247,23 +313,25 @@ def _sections(begin: float | None, end: float | None) -> tuple[tuple[float, floa
     return ((low, high),)
 
 
-def _read(work: Work, advance: Advance) -> tuple[list[FlightData], dict[str, ClockOffset]]:
-    """Read all flights, on the clocks of their gyros, and the offsets of the clocks that were moved."""
-    fit = {Path(each).resolve() for each in work.flights}
-    for each in work.held_out:
-        if Path(each).resolve() in fit:
-            raise ValueError(f"--held-out = {shown(each)}: must not be among the flights of the fit")
-    files, found, clocks = [*work.flights, *work.held_out], list[FlightData](), dict[str, ClockOffset]()
-    for i, file in enumerate(files):
-        advance(i, len(files), f"read {Path(file).name}")
-        flight, clock = align_poses(joints_in_order(load_flight(file, work.columns), work.start))
-        if not i and work.join is not None:
-            flight, clock = join_flights(flight, joints_in_order(load_flight(work.join), work.start))
-        if clock is not None:
-            clocks[flight.name] = clock
-        found.append(flight)
-    advance()
-    return found, clocks
+def _part(log: Log, begin: float | None, end: float | None) -> Log:
+    """Rows of a log between two times, s."""
+    for low, high in _sections(begin, end):
+        inside = ((log.time >= low) & (log.time <= high)).nonzero()[0]
+        if not len(inside):
+            option, value = ("--end", high) if begin is None else ("--begin", low)
+            first, last = float(log.time[0]), float(log.time[-1])
+            raise ValueError(
+                f"{option} = {value:g}: nothing of the flight is left, whose times are {first:g} to {last:g} s"
+            )
+        log = rows_of(log, slice(int(inside[0]), int(inside[-1]) + 1))
+    return log
+
+
+def _within(value: float, option: str, low: float, high: float) -> float:
+    """Number from a lowest to a highest one."""
+    if not low <= number(value, option) <= high:
+        raise ValueError(f"{option} = {value:g}: must be from {low:g} to {high:g}")
+    return value
 
 
 def _require_own(file: Path) -> None:
@@ -279,43 +347,6 @@ def _write(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
         for name in {TABLE, FIGURE} - set(contents):
             (folder / name).unlink(missing_ok=True)
     return [write_atomically(folder / name, content) for name, content in contents.items()]
-
-
-def _voltage_unused(flights: Sequence[FlightData], full: float) -> list[str]:
-    """Remark on flights whose measured voltage is not used, as that of the rotors' data is not known."""
-    if full or not any("voltage" in each for each in flights):
-        return []
-    return [f"voltage: is measured and not used: state that of the rotors' data, --known {VOLTAGE}=VALUE"]
-
-
-def _gravity(flights: Sequence[FlightData]) -> float:
-    """Gravity that the flights state, m/s^2; the usual one where none does."""
-    stated = {each.name: each.gravity for each in flights if "gravity" in each.facts}
-    if len(set(stated.values())) > 1:
-        listed = ", ".join(f"{name} {value:g}" for name, value in stated.items())
-        raise ValueError(f"--gravity: is missing: the flights state several, m/s^2: {listed}")
-    return next(iter(stated.values()), GRAVITY)
-
-
-def _check_measurements(read: Sequence[FlightData], fitted: Sequence[FlightData], full: float) -> None:
-    """Raise an error in one line for a measurement that is given twice, as a copy too, or lacks a known voltage."""
-    measured = dict[bytes, str]()
-    for flight in read:
-        if "gyro" in flight and flight["gyro"].time.size:
-            same = measured.setdefault(flight["gyro"].values.tobytes(), flight.file)
-            if same is not flight.file:
-                raise ValueError(f"flight = {shown(flight.file)}: must be another measurement than {shown(same)}")
-    if full and not any("voltage" in flight for flight in fitted):
-        raise ValueError(f"--known {VOLTAGE} = {full:g}: must be left out: no flight measures the voltage")
-
-
-def _check_sections(flight: FlightData, sections: Sequence[tuple[float, float]]) -> None:
-    """Raise an error in one line for a part that counts of which a flight has nothing."""
-    for begin, end in sections:
-        if begin >= flight.end:
-            raise ValueError(f"--begin = {begin:g}: must be below {flight.end:g} s, the end of {flight.name}")
-        if end <= flight.start:
-            raise ValueError(f"--end = {end:g}: must be above {flight.start:g} s, the begin of {flight.name}")
 
 
 def known_numbers(start: Vehicle, words: Sequence[str]) -> tuple[Vehicle, dict[str, float]]:

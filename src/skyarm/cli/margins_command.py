@@ -11,11 +11,12 @@ import typer
 
 from skyarm.cli.arguments import Laws, Scenario, one_law, out_option, require_not_another, require_within
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
-from skyarm.cli.output import Row, aligned_lines, bar, give, heading, plain, plugin_facts, tell, write_json
+from skyarm.cli.output import bar, give, heading, plain, plugin_facts, tell, write_json
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
 from skyarm.records.files import output_file, shown, taken_back, write_atomically
+from skyarm.records.text_tables import Row, aligned_lines
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario as Record

@@ -42,18 +42,12 @@ SCHEMA = 1
 PAUSE = 10.0
 """s between two lines of progress at least, and before the first."""
 
-NOTHING = 1e-12
-"""Numbers below this are rounding and are shown as 0."""
-
 Advance = Callable[..., None]
 """(done, total, last): counts so far, and words about the last step."""
 
 
 Facts = dict[str, Any]
 """Result of a command as plain data, for its document."""
-
-Row = tuple[str, ...]
-"""Cells of a line of a table."""
 
 Lines = list[RenderableType]
 """Texts and tables that are printed one below the other."""
@@ -95,9 +89,10 @@ def heading(text: str) -> Text:
     return Text(printable(text), style="bold")
 
 
-def shown_number(value: float, digits: int = 3) -> str:
-    """Format a number with a few significant digits; values below 1e-12 become 0."""
-    return "0" if abs(value) < NOTHING else f"{value:.{digits}g}"
+def tell_report(lines: Sequence[str]) -> None:
+    """Print the lines of a report, of which the first is its title."""
+    title, *others = lines
+    tell(heading(title), *others)
 
 
 def table_of(columns: Sequence[str], rows: Iterable[Sequence[str]], *, left: int = 1, title: str = "") -> Group:
@@ -108,18 +103,6 @@ def table_of(columns: Sequence[str], rows: Iterable[Sequence[str]], *, left: int
     for row in rows:
         table.add_row(*(Text(printable(cell)) for cell in row))  # rich would read [s] in a cell as markup
     return Group(*([heading(title)] if title else []), table)
-
-
-def aligned_lines(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Format table rows as text lines with aligned columns, the first to the left, others to the right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        " ".join(
-            cell.rjust(width) if i else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
 
 
 @dataclass

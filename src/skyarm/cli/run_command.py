@@ -27,7 +27,7 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.autopilot_option import load_under_autopilot, outside_command
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious, say_unlikely
-from skyarm.cli.output import Advance, Facts, Lines, bar, give, heading, say_cause, shown_number, table_of, tell
+from skyarm.cli.output import Advance, Facts, Lines, bar, give, heading, say_cause, table_of, tell
 from skyarm.control.catalogue import require_different
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators.rotor import push
@@ -52,6 +52,7 @@ from skyarm.records.files.names import picture_file
 from skyarm.records.files.own_inputs import is_input
 from skyarm.records.files.writing import TakenError, one_writer
 from skyarm.records.registry.plugins import law_of_file_name
+from skyarm.records.text_tables import shown_number
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario

@@ -12,17 +12,7 @@ from rich.console import RenderableType
 
 from skyarm.cli.arguments import name_completion, out_option, require_left_out, require_not_another
 from skyarm.cli.lines import say_unlikely
-from skyarm.cli.output import (
-    NOTHING,
-    Facts,
-    Lines,
-    bar,
-    give,
-    is_document_wanted,
-    shown_number,
-    table_of,
-    tell,
-)
+from skyarm.cli.output import Facts, Lines, bar, give, is_document_wanted, table_of, tell
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
@@ -31,6 +21,7 @@ from skyarm.dynamics.workspace import MANY, reach, samples_of, static_torques
 from skyarm.plant.interface import require_gravity
 from skyarm.records.files import errors_as, number, read_toml
 from skyarm.records.leaves import field_names, walk
+from skyarm.records.text_tables import NOTHING, shown_number
 from skyarm.records.units import units
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle

@@ -99,11 +99,11 @@ def studio(
 
 def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, columns: str | None) -> Replay:
     """Read a flight and a vehicle, with what was identified together with it, and predict the flight."""
-    from skyarm.cli.identified_report import NUMBERS
     from skyarm.flight_data.flight_data import load_flight
     from skyarm.flight_data.motion import joints_in_order
     from skyarm.studies.identify.data_faults import find_faults
     from skyarm.studies.identify.identified_file import read_surroundings
+    from skyarm.studies.identify.identified_report import NUMBERS
     from skyarm.studies.identify.motion_model import Surroundings
     from skyarm.studies.identify.open_loop_motion import OpenLoopFlight
     from skyarm.vehicle.vehicle_files import load_vehicle

@@ -20,7 +20,7 @@ from skyarm.cli.arguments import (
     workers,
 )
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
-from skyarm.cli.output import Facts, Row, aligned_lines, bar, give, heading, plugin_facts, tell
+from skyarm.cli.output import Facts, bar, give, heading, plugin_facts, tell
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.records.files import (
     must_be_one_of,
@@ -33,6 +33,7 @@ from skyarm.records.files import (
 )
 from skyarm.records.immutable import immutable
 from skyarm.records.registry.plugins import is_law_of_file, law_of_file_name
+from skyarm.records.text_tables import Row, aligned_lines
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import LIBRARY, kind_of_file, load_scenario
 from skyarm.scenario.scenario_record import Scenario

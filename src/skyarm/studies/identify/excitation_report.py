@@ -1,0 +1,51 @@
+"""Report of a measured flight for a start vehicle: its faults, and the numbers that it excites."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from skyarm.flight_data.flight_data import FlightData
+from skyarm.records.files import printable
+from skyarm.studies.identify.channel_scales import REFUSED
+from skyarm.studies.identify.data_faults import Fault
+from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
+from skyarm.studies.identify.stretches import stretches_of
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+def excited_numbers(flight: FlightData, start: Vehicle, faults: Sequence[Fault]) -> Sequence[ExpectedNumber]:
+    """Accuracy that a flight allows for each number of a vehicle; empty for a flight with refused faults.
+
+    Raises:
+        ValueError: one line: a flight that is too short or does not fit the vehicle.
+    """
+    if any(each.severity == REFUSED for each in faults):
+        return ()
+    return expected_numbers(stretches_of(flight, start), start)
+
+
+def excitation_facts(start: Vehicle, faults: Sequence[Fault], numbers: Sequence[ExpectedNumber]) -> dict[str, Any]:
+    """Faults and excited numbers of a flight as plain data."""
+    return {
+        "start": start.name,
+        "faults": [{**asdict(each), "words": each.words} for each in faults],
+        "excitation": [
+            {**asdict(each), "title": each.title, "excited": each.is_excited, "verdict": each.verdict}
+            for each in numbers
+        ],
+    }
+
+
+def fault_line(fault: Fault) -> str:
+    """Fault as one line, without its file."""
+    return printable(f"{fault.severity}: {fault.channel}: {fault.finding}; {fault.remedy}")
+
+
+def excitation_lines(numbers: Sequence[ExpectedNumber]) -> list[str]:
+    """Table of the expected 95 % intervals, a line for each number."""
+    titles = [f"{each.title}:" for each in numbers]
+    widths = max(map(len, titles)), max(len(each.verdict) for each in numbers)
+    rows = zip(titles, numbers, strict=True)
+    return [f"{title:{widths[0]}} {each.verdict:{widths[1]}} {each.name}" for title, each in rows]

@@ -1,0 +1,231 @@
+"""Report of an identified vehicle: numbers with intervals, correlations, and errors of predicted held-out flights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skyarm.flight_data.clocks import ClockOffset
+from skyarm.flight_data.flight_data import FlightData
+from skyarm.flight_data.series import rates_note
+from skyarm.records.files import printable
+from skyarm.records.immutable import immutable
+from skyarm.records.text_tables import Row, aligned_lines, shown_number
+from skyarm.studies.identify.data_faults import Fault
+from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, PAST, START, HeldOut, table_horizons
+from skyarm.studies.identify.identified_file import VOLTAGE, identified_file
+from skyarm.studies.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, IdentifiedNumber
+from skyarm.studies.identify.identify_vehicle import Identified
+from skyarm.studies.identify.stretches import joint_rates_note, period_note
+from skyarm.vehicle.vehicle_records import Vehicle
+
+VEHICLE, NUMBERS, TABLE, FIGURE = "vehicle.toml", "identified.json", "prediction.csv", "prediction.png"
+"""Names of the file of the vehicle, of all numbers, and of the errors of predictions."""
+
+CLOSE, MOST = 0.9, 12
+"""Correlation from which two numbers are named; lines of them at most."""
+
+WIDENED = 1.5
+"""Times by which an interval is wider as flights disagree, from which it is said."""
+
+LISTED = 4
+"""Flights that a heading names."""
+
+HEADS = ("", "value", "95 % interval", "start", "unit")
+
+
+@immutable(eq=False)
+class IdentifiedReport:
+    """Vehicle identified from files of flights, and what is printed and written of it.
+
+    Attributes:
+        found: identified vehicle.
+        start: vehicle before.
+        flights: of the fit, without those of which no part counts.
+        known: numbers that were not searched, and the voltage of the rotors' data, by name.
+        faults: of which was warned.
+        clocks: of each flight whose pose was moved to the gyro's clock.
+    """
+
+    found: Identified
+    start: Vehicle
+    flights: Sequence[FlightData]
+    known: Mapping[str, float]
+    faults: Sequence[Fault]
+    clocks: Mapping[str, ClockOffset]
+
+    def lines(self) -> list[str]:
+        """Lines of text: title, table of the numbers and remarks."""
+        found, flights = self.found, self.flights
+        names = _few_names([each.name for each in flights])
+        rows = [HEADS, *map(_row, found.numbers)]
+        wide = max(len(each[-1]) for each in rows)
+        lines = [f"{self.start.name} from {names}: {found.seconds:.3g} s"]
+        lines += [line.rstrip() for line in aligned_lines([(*each[:-1], each[-1].ljust(wide)) for each in rows])]
+        lines += _apart_lines(found.numbers)
+        lines.append(GIVEN)
+        if not found.settled:
+            lines.append("the search did not settle: do not rely on these numbers; intervals hold its last moves alone")
+        apart = ", ".join(f"{each.name} {each.widened:.2g}" for each in found.numbers if each.widened > WIDENED)
+        if apart:
+            lines.append(f"flights disagree; intervals are wider than their noise explains, times: {apart}")
+        shares = ", ".join(f"{row} {share:.0%}" for row, share in found.explained.items())
+        lines.append(f"explained one step ahead: {shares}")
+        pairs = correlated_pairs(found)
+        lines += [f"hard to separate: {a} and {b}, correlation {r:+.3f}" for a, b, r in pairs[:MOST]]
+        if len(pairs) > MOST:
+            lines.append(f"and {len(pairs) - MOST} more pairs with a correlation beyond {CLOSE:g}")
+        lines += [f"{each.name}: {note}" for each in flights for note in each.notes]
+        for each in flights:
+            clock = 1.0 / max(each["gyro"].rate, 1e-9)
+            lines += filter(None, (period_note(each, self.start), joint_rates_note(each), rates_note(each, clock)))
+        if VOLTAGE not in self.known and any("voltage" in each for each in flights):
+            lines.append(f"voltage: is measured and not used: state that of the rotors' data, --known {VOLTAGE}=VALUE")
+        return [printable(line) for line in lines]
+
+    def document(self) -> dict[str, Any]:
+        """All numbers as plain data; a value that the flights do not show is null."""
+        found, unknown = self.found, dict.fromkeys(("value", "low", "high"))
+        return {
+            "start": self.start.name,
+            "flights": [{"name": each.name, "file": each.file, "notes": each.notes} for each in self.flights],
+            "clocks": self.clocks,
+            "faults": [{"severity": each.severity, "text": each.words} for each in self.faults],
+            "seconds": found.seconds,
+            "period": found.period,
+            "settled": found.settled,
+            "numbers": [asdict(each) | ({} if each.is_known else unknown) for each in found.numbers],
+            "given": GIVEN,
+            "known": self.known,
+            "correlation": found.correlation,
+            "surroundings": found.surroundings,
+            "explained": found.explained,
+            "deviation": found.deviation,
+        } | ({} if found.held_out is None else {"held_out": found.held_out})
+
+    def vehicle_file(self) -> str:
+        """Text of the vehicle file."""
+        known = {name: value for name, value in self.known.items() if name != VOLTAGE}
+        return identified_file(self.found, self.start, [Path(each.file).name for each in self.flights], known)
+
+
+ERRORS = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "rad/s"}
+"""Error of a prediction over a horizon -> unit."""
+
+STEPS = {"specific_force": "m/s^2", "angular_acceleration": "rad/s^2"}
+"""Error of a prediction of one step -> unit."""
+
+TABLE_HEAD = ",".join(
+    ("horizon_s", "predictor", "predictions", *(f"{name}_{unit.replace('/', '_')}" for name, unit in ERRORS.items()))
+)
+"""First line of the table of predictions."""
+
+
+def prediction_lines(held_out: HeldOut) -> list[str]:
+    """Title, table and remarks of the predictions of held-out flights."""
+    rows: list[Row] = [("horizon", *ERRORS, "predictions")]
+    wide = max(map(len, held_out.errors))
+    for k in table_horizons(held_out):
+        for i, (name, errors) in enumerate(held_out.errors.items()):
+            cells = ((getattr(errors[k], field), unit) for field, unit in ERRORS.items())
+            words = [f"{shown_number(value)} {unit}" if math.isfinite(value) else "-" for value, unit in cells]
+            first = "" if i else f"{errors[k].horizon:g} s"
+            rows.append((f"{first:<7} {name:<{wide}}", *words, str(errors[k].begins)))
+    lines = [printable(f"held out: {_few_names(held_out.flights)}: errors of predictions"), *aligned_lines(rows)]
+    for field, unit in STEPS.items():
+        step = f"one step of {1e3 * held_out.period:.3g} ms: {field.replace('_', ' ')}, {unit}"
+        sizes = (f"{name} {shown_number(getattr(each, field))}" for name, each in held_out.one_step.items())
+        lines.append(f"{step}: {', '.join(sizes)}")
+    lines.append(f"Root mean squares; one step of '{HOLD}': the spread of what is measured about its mean.")
+    if PAST in held_out.errors:
+        lines += [
+            f"'{IDENTIFIED}', '{START}': from the state and the commands. '{PAST}': disturbances estimated until",
+            "the begin go on, and the model counts beside holding as much as is best in the flights of the fit.",
+        ]
+    worse = _worse_than_holding(held_out)
+    if worse:
+        lines.append(f"'{IDENTIFIED}' is worse than '{HOLD}': {'; '.join(worse)}")
+    return [*lines, *map(printable, held_out.notes)]
+
+
+def _worse_than_holding(held_out: HeldOut) -> list[str]:
+    """Quantities, each with its horizon, that the identified vehicle predicts worse than holding does."""
+    own, held = (held_out.one_step[name] for name in (IDENTIFIED, HOLD))
+    worse = [
+        f"{field.replace('_', ' ')} over {1e3 * held_out.period:.3g} ms"
+        for field in STEPS
+        if getattr(own, field) > getattr(held, field)
+    ]
+    pairs = [(held_out.errors[IDENTIFIED][k], held_out.errors[HOLD][k]) for k in table_horizons(held_out)]
+    for field in ERRORS:
+        horizons = [f"{a.horizon:g}" for a, b in pairs if getattr(a, field) > getattr(b, field)]
+        worse += [f"{field} after {', '.join(horizons)} s"] if horizons else []
+    return worse
+
+
+def prediction_csv(held_out: HeldOut) -> str:
+    """Errors over each horizon as a table of text, a row for each horizon and predictor."""
+    lines = [TABLE_HEAD]
+    for k, horizon in enumerate(held_out.horizons):
+        for name, errors in held_out.errors.items():
+            sizes = (f"{getattr(errors[k], field):.6g}" for field in ERRORS)
+            lines.append(",".join((f"{horizon:g}", name, str(errors[k].begins), *sizes)))
+    return "\n".join(lines) + "\n"
+
+
+LEGEND = {
+    IDENTIFIED: "identified vehicle",
+    PAST: "identified, with the flight's past",
+    START: "start vehicle",
+    HOLD: "velocity and rate held",
+}
+"""Predictor -> its name in a figure."""
+
+
+def prediction_png(held_out: HeldOut) -> bytes:
+    """Figure of the errors of position and attitude over the horizon."""
+    from skyarm.view.figures.prediction_figure import PredictionCurve, prediction_figure
+    from skyarm.view.figures.style import DPI, image_bytes
+
+    curves = {
+        LEGEND[name]: PredictionCurve([each.position for each in errors], [each.attitude for each in errors])
+        for name, errors in held_out.errors.items()
+    }
+    return image_bytes(prediction_figure(held_out.horizons, curves), dpi=DPI)
+
+
+def _few_names(names: Sequence[str]) -> str:
+    """Names of a few flights, and how many more there are."""
+    more = len(names) - LISTED
+    return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _row(number: IdentifiedNumber) -> Row:
+    start = shown_number(number.start, 4)
+    if not number.is_known:
+        reason = f"{NOT_SHOWN} (*)" if number.reason.startswith(APART) else number.reason
+        return (number.name, "", reason, start, number.unit)
+    low, high = shown_number(number.low, 4), shown_number(number.high, 4)
+    return (number.name, shown_number(number.value, 4), f"{low} to {high}", start, number.unit)
+
+
+def _apart_lines(numbers: Sequence[IdentifiedNumber]) -> list[str]:
+    """Numbers that show beside another one only, a line for each of those."""
+    beside = dict[str, list[str]]()
+    for each in numbers:
+        if each.reason.startswith(APART):
+            beside.setdefault(each.reason.removeprefix(APART), []).append(each.name)
+    return [f"(*) shown beside {name} only: {', '.join(names)}" for name, names in beside.items()]
+
+
+def correlated_pairs(found: Identified) -> list[tuple[str, str, float]]:
+    """Pairs of numbers, of which the flights show one at least, whose errors go together, the strongest first."""
+    strong = np.argwhere(np.triu(np.abs(found.correlation) > CLOSE, 1))
+    rows = [(found.numbers[i], found.numbers[j], float(found.correlation[i, j])) for i, j in strong]
+    pairs = [(a.name, b.name, r) for a, b, r in rows if a.is_known or b.is_known]
+    return sorted(pairs, key=lambda each: -abs(each[2]))

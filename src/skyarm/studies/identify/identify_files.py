@@ -1,0 +1,123 @@
+"""Identification of a vehicle from files of flights: reading on one clock, checks, and the report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from skyarm.flight_data.clocks import ClockOffset, align_poses, join_flights
+from skyarm.flight_data.flight_data import FlightData, load_flight
+from skyarm.flight_data.motion import joints_in_order
+from skyarm.flight_data.quantities import GRAVITY
+from skyarm.records.files import shown
+from skyarm.studies.identify.data_faults import Fault, require_no_refusal
+from skyarm.studies.identify.identified_file import VOLTAGE
+from skyarm.studies.identify.identified_report import IdentifiedReport
+from skyarm.studies.identify.identify_flights import identify_aligned
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+def identify_files(
+    files: Sequence[str],
+    start: Vehicle,
+    *,
+    held_out: Sequence[str],
+    join: str | None,
+    columns: str | None,
+    known: Mapping[str, float],
+    curve: bool,
+    drag_height: bool,
+    sections: Sequence[tuple[float, float]],
+    gravity: float | None,
+    despite_faults: bool,
+    warn: Callable[[Fault], object],
+    progress: Callable[..., None],
+) -> IdentifiedReport:
+    """Identify a vehicle from files of flights.
+
+    Args:
+        files: of the fit.
+        start: vehicle before.
+        held_out: files of flights to predict.
+        join: file of the only flight by another computer.
+        columns: mapping of the columns of all files but that.
+        known: numbers of the search that are not searched, and the voltage of the rotors' data, V, by name.
+        curve: identify a thrust curve.
+        drag_height: identify the height of the hub drag.
+        sections: (begin, end), s, of each flight that count.
+        gravity: m/s^2; None for that of the flights.
+        despite_faults: warn of faults for which a flight is refused.
+        warn: called with each fault.
+        progress: called with (done, total, last) while files are read, then with ``last``, a line a step.
+
+    Raises:
+        ValueError: one line: a file that cannot be read, a fault, or options that do not fit the flights.
+    """
+    fit = {Path(each).resolve() for each in files}
+    for each in held_out:
+        if Path(each).resolve() in fit:
+            raise ValueError(f"--held-out = {shown(each)}: must not be among the flights of the fit")
+    every, read, clocks, faults = [*files, *held_out], list[FlightData](), dict[str, ClockOffset](), list[Fault]()
+    for i, file in enumerate(every):
+        progress(i, len(every), f"read {Path(file).name}")
+        flight, clock = align_poses(joints_in_order(load_flight(file, columns), start))
+        if not i and join is not None:
+            flight, clock = join_flights(flight, joints_in_order(load_flight(join), start))
+        if clock is not None:
+            clocks[flight.name] = clock
+        read.append(flight)
+    progress()
+    _require_measurements(read)
+    fitted, full = read[: len(files)], known.get(VOLTAGE, 0.0)
+    if full and not any("voltage" in flight for flight in fitted):
+        raise ValueError(f"--known {VOLTAGE} = {full:g}: must be left out: no flight measures the voltage")
+    felt = _gravity(read) if gravity is None else gravity
+    for flight in fitted:
+        for begin, end in sections:
+            if begin >= flight.end:
+                raise ValueError(f"--begin = {begin:g}: must be below {flight.end:g} s, the end of {flight.name}")
+            if end <= flight.start:
+                raise ValueError(f"--end = {end:g}: must be above {flight.start:g} s, the begin of {flight.name}")
+
+    def report(more: Sequence[Fault]) -> None:
+        faults.extend(more)
+        require_no_refusal(() if despite_faults else more)
+        for fault in more:
+            warn(fault)
+
+    found = identify_aligned(
+        fitted,
+        start,
+        report,
+        held_out=read[len(files) :],
+        curve=curve,
+        drag_height=drag_height,
+        full_voltage=full,
+        sections=sections,
+        known={name: value for name, value in known.items() if name != VOLTAGE},
+        gravity=felt,
+        progress=lambda words: progress(last=words),
+    )
+    counted = [each for each, counts in zip(fitted, found.counted, strict=True) if counts]
+    return IdentifiedReport(found=found, start=start, flights=counted, known=known, faults=faults, clocks=clocks)
+
+
+def _require_measurements(flights: Sequence[FlightData]) -> None:
+    """Raise an error in one line for a measurement that is given twice, as a copy too."""
+    measured = dict[bytes, str]()
+    for flight in flights:
+        if "gyro" in flight and flight["gyro"].time.size:
+            rates = flight["gyro"].values.tobytes()
+            if rates in measured:
+                same = shown(measured[rates])
+                raise ValueError(f"flight = {shown(flight.file)}: must be another measurement than {same}")
+            measured[rates] = flight.file
+
+
+def _gravity(flights: Sequence[FlightData]) -> float:
+    """Gravity that the flights state, m/s^2; the usual one where none does."""
+    stated = {each.name: each.gravity for each in flights if "gravity" in each.facts}
+    if len(set(stated.values())) > 1:
+        listed = ", ".join(f"{name} {value:g}" for name, value in stated.items())
+        raise ValueError(f"--gravity: is missing: the flights state several, m/s^2: {listed}")
+    return next(iter(stated.values()), GRAVITY)

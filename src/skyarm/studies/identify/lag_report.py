@@ -1,0 +1,92 @@
+"""Report of the delays and lags of one flight log: the nominal model that they refer to, table and notes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from skyarm.flight_data.quantities import GRAVITY
+from skyarm.log.flight_log import Log
+from skyarm.log.flown_scenario import written_part
+from skyarm.records.files import printable
+from skyarm.records.text_tables import Row, aligned_lines
+from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags
+from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
+
+HEADS = ("", "delay and lag", "delay", "up", "down", "over believed", "explained")
+
+
+def nominal_model(log: Log, vehicle: str | None, gravity: float | None) -> tuple[Vehicle, float]:
+    """Vehicle and gravity (m/s^2) against which delays and lags of a log are identified.
+
+    Args:
+        log: of one flight.
+        vehicle: name or file; None for the model of the log's law.
+        gravity: m/s^2; None for the log's, or 9.81.
+
+    Raises:
+        ValueError: one line: neither a vehicle nor a log that holds its scenario.
+    """
+    if vehicle is not None:
+        return load_vehicle(vehicle), GRAVITY if gravity is None else gravity
+    if not log.info.get("scenario_record"):
+        raise ValueError(
+            "--vehicle: is missing; the log does not say which vehicle flew (with --lags, for its lags alone)"
+        )
+    model = log.scenario.controller.par.model
+    return model.vehicle, float(model.gravity) if gravity is None else gravity
+
+
+def stated_delays(log: Log) -> dict[str, float | None]:
+    """Delays of commands and measurements in the log's scenario, s; None where it states none."""
+    delays = written_part(log.info, "agent", "delays") or {}
+    return {name: float(delays[name]) if name in delays else None for name in ("command", "measurement")}
+
+
+def every_lag(found: LoopLags) -> list[Lag]:
+    """Lags of the rotors, if there are any, and of each joint."""
+    return [*([found.rotors] if found.rotors else []), *found.joints]
+
+
+def lag_lines(title: str, found: LoopLags, stated: Mapping[str, float | None]) -> list[str]:
+    """Lines of the report of delays and lags, ms, with 95 % confidence intervals; the first is the title.
+
+    Args:
+        title: names of log and vehicle.
+        found: delays and lags.
+        stated: delays of the scenario, s, of :func:`stated_delays`.
+    """
+    rows = [HEADS, *map(_row, every_lag(found))]
+    return [title, *aligned_lines(rows), *map(printable, _notes(found, stated))]
+
+
+def _row(lag: Lag) -> Row:
+    if not lag.is_known:
+        return (lag.name, "not known", "", "", "", "", f"{lag.explained:.0%}")
+    factors = " ".join(f"{each:.2f}" for each in dict.fromkeys(lag.factor) if not math.isnan(each))
+    cells = (_cell(each) for each in (lag.together, lag.delay, lag.up, lag.down))
+    return (lag.name, *cells, factors or "-", f"{lag.explained:.0%}")
+
+
+def _cell(found: Estimated) -> str:
+    """Format an identified time in milliseconds with its 95 % confidence interval."""
+    return f"{1e3 * found.value:.1f} ({1e3 * found.low:.1f}-{1e3 * found.high:.1f})"
+
+
+def _notes(found: LoopLags, stated: Mapping[str, float | None]) -> list[str]:
+    """Notes on how to read the identified delays and lags."""
+    lines = ["ms, with the interval of 95 %; 'delay and lag': both together, as a small swing meets them."]
+    lines += [f"{each.name}: not known: {each.reason}" for each in every_lag(found) if not each.is_known]
+    lines += [f"{name}: not asked: {reason}" for name, reason in found.left_out.items()]
+    vague = [each.name for each in every_lag(found) if each.is_known and not each.apart and each.together.low > 0.0]
+    if vague:
+        who = ", ".join(vague)
+        lines.append(f"{who}: delay and lag cannot be told apart in this flight; trust what they are together")
+    if stated["command"] is None:
+        lines.append("The delay runs from a command to the logged rates: if the log holds them as they were received,")
+        lines.append("their age is in it, and what passes through the loop shows the sum of both only.")
+    else:
+        told = ", ".join(f"{name} {1e3 * (value or 0.0):g} ms" for name, value in stated.items())
+        lines.append(f"The log holds the true state: delays are of commands alone. The scenario states: {told}.")
+    return lines
