@@ -32,7 +32,6 @@ from skyarm.studies.identify.identify_flights import known_of_search
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.open_loop import HORIZONS, HorizonErrors
-from skyarm.studies.identify.stretches import stretches_of_flights
 from skyarm.studies.identify.unknowns import second_moments
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
 from skyarm.vehicle.vehicle_files import list_vehicles
@@ -191,22 +190,23 @@ def test_motion_capture_of_another_clock_gives_the_numbers_of_the_aligned_log(id
     assert min(clock["offset_error"], clock["drift_error"]) > 0.0
     for one, other in zip(found["numbers"], same["numbers"], strict=True):
         assert one["name"] == other["name"]
-        if other["value"] is not None:
+        if other["value"] is not None and one["name"] != "pose_delay":  # what the offset's own error leaves
             assert one["value"] == pytest.approx(other["value"], abs=0.1 * (other["high"] - other["low"])), one["name"]
 
 
 def test_flights_are_identified_in_python_as_well(monkeypatch):
     given = []
-    monkeypatch.setattr(identify_flights, "identify_vehicle", lambda *a, **k: given.append((a, k)) or found_with())
+    monkeypatch.setattr(identify_flights, "identify_by_windows", lambda *a, **k: given.append((a, k)) or found_with())
     monkeypatch.setattr(identify_flights, "implausible_numbers", lambda *_: ())
     flight = library.load_flight("swings.npz")
     library.identify_flights([flight], START, known={"delay": 0.004}, sections=((0.5, 2.9),))
-    ((stretches, start), options), *_ = given
+    ((flights, start), options), *_ = given
     assert (start, options["known"]) == (START, {"delay": 0.004})
-    assert [each.seconds for each in stretches] == pytest.approx([2.4])
+    assert ([each.name for each in flights], options["sections"]) == (["swings"], ((0.5, 2.9),))
     blind = dataclasses.replace(flight, channels={name: flight[name] for name in flight if name != "accelerometer"})
     with pytest.raises(ValueError, match=r"^swings\.npz: accelerometer: is not in this flight"):
         library.identify_flights([blind], START)
+    monkeypatch.undo()
     with pytest.warns(UserWarning, match=r"^swings\.npz: acc"), pytest.raises(ValueError, match="accelerometer"):
         library.identify_flights([blind], START, despite_faults=True)
 
@@ -214,7 +214,7 @@ def test_flights_are_identified_in_python_as_well(monkeypatch):
 def test_python_weighs_the_vehicle_and_predicts_other_flights(monkeypatch):
     """As the command does: the mass is the whole vehicle's, and drag may act at a height of its own."""
     given = []
-    monkeypatch.setattr(identify_flights, "identify_vehicle", lambda *a, **k: given.append((a, k)) or found_with())
+    monkeypatch.setattr(identify_flights, "identify_by_windows", lambda *a, **k: given.append((a, k)) or found_with())
     monkeypatch.setattr(identify_flights, "implausible_numbers", lambda *_: ())
     monkeypatch.setattr(identify_flights, "predict_held_out", lambda *a, **k: given.append((a, k)))
     both = [library.load_flight(name) for name in ("swings.npz", "aside.npz")]
@@ -251,8 +251,9 @@ def number(name, value, **more):
     )
 
 
-def found_with(*numbers, settled=True, correlation=None):
+def found_with(*numbers, settled=True, correlation=None, counted=(True,)):
     return Identified(
+        counted=counted,
         numbers=numbers,
         correlation=np.eye(len(numbers)) if correlation is None else np.array(correlation),
         vehicle=START,
@@ -267,19 +268,14 @@ def found_with(*numbers, settled=True, correlation=None):
 @pytest.fixture
 def instead(monkeypatch):
     """Function that puts a result in place of the search's."""
-    return lambda found: monkeypatch.setattr(identify_flights, "identify_vehicle", lambda *_, **__: found)
+    return lambda found: monkeypatch.setattr(identify_flights, "identify_by_windows", lambda *_, **__: found)
 
 
-def test_a_flight_of_which_nothing_counts_is_named_and_is_no_source(instead, monkeypatch, tmp_path):
-    instead(found_with(number("base.mass", 0.7)))
-    names = ("swings.npz", "aside.npz")
-    parts = stretches_of_flights([library.load_flight(name) for name in names], START)
-    sizes = [max(each.size for each in part) for part in parts]
-    monkeypatch.setattr(identify_flights, "LEAST", sizes[1] + 1)
-    done = skyarm("identify", *names, "--vehicle", "hummingbird", "--out", str(tmp_path / "new"))
+def test_a_flight_of_which_nothing_counts_is_named_and_is_no_source(instead, tmp_path):
+    instead(found_with(number("base.mass", 0.7), counted=(True, False)))
+    done = skyarm("identify", "swings.npz", "aside.npz", "--vehicle", "hummingbird", "--out", str(tmp_path / "new"))
     (line,) = [each for each in done.err.splitlines() if "no part counts" in each]
-    assert line.startswith("skyarm: warning: aside.npz: time: no part counts: ")
-    assert f"must be at least {(sizes[1] + 1) * parts[1][0].period:.3g} s" in line
+    assert line.startswith("skyarm: warning: aside.npz: time: no part counts: nowhere 0.25 s in the air without a gap")
     assert "from swings: " in done.out
     assert "aside" not in (tmp_path / "new" / "vehicle.toml").read_text()
 

@@ -9,18 +9,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from skyarm.algebra.frames import turn_vectors
 from skyarm.flight_data.clocks import (
-    _inside,
-    _Means,
+    ClockOffset,
+    _is_inside,
     _robust,
     align,
     align_poses,
     clock_offset,
     join_flights,
     rotation_steps,
+    straight_stamps,
 )
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.raw_tables import attitude_at, turn_vectors
+from skyarm.flight_data.series import attitude_at, columns_at
 
 LENGTH, FINE = 30.0, 2000
 
@@ -109,9 +111,8 @@ def test_intervals_cover_the_truth(stream: str) -> None:
 
 
 def test_a_row_whose_kernel_begins_with_the_reference_is_inside_it() -> None:
-    reference = Channel(time=np.arange(11) / 10.0, values=np.zeros((11, 3)), source="")
-    means = _Means(np.zeros(0), np.zeros((0, 3)), 0.1, 2)
-    assert _inside(reference, means, np.array([0.1, 0.2, 0.8, 0.9])).tolist() == [False, True, True, False]
+    reference = np.arange(11) / 10.0
+    assert _is_inside(reference, np.array([0.1, 0.2, 0.8, 0.9]), 0.2).tolist() == [False, True, True, False]
 
 
 def test_a_landing_does_not_decide() -> None:
@@ -231,3 +232,78 @@ def test_a_pose_measured_in_a_turned_world_has_the_same_clock(stream: str) -> No
     assert after.offset == pytest.approx(before.offset, abs=1e-6)
     assert after.correlation == pytest.approx(before.correlation, abs=1e-6)
     assert abs(after.offset - 0.137) < 0.002
+
+
+def stamped(samples: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Rows at which a log writes samples: the first that is not before each."""
+    return rows[np.searchsorted(rows, samples - 1e-9)]
+
+
+def test_even_samples_that_a_log_stamps_on_its_rows_are_straightened_up_to_a_constant() -> None:
+    rows, samples = np.arange(10001) / 500.0, 0.0031 + np.arange(1190) / 60.0
+    stamps = stamped(samples, rows)
+    assert np.ptp(stamps - samples) > 1e-3
+    assert np.ptp(straight_stamps(stamps, rows) - samples) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("rate", "jitter", "gap"),
+    [
+        (60.0, 3e-3, 0),  # beyond a row
+        (60.0, 0.0, 5),  # a lost sample
+        (100.0, 0.0, 0),  # every fifth row: the samples are those of the rows
+        (500.0, 0.0, 0),
+    ],
+)
+def test_stamps_that_are_real_stay(rate: float, jitter: float, gap: int) -> None:
+    rng = np.random.default_rng(3)
+    rows = np.arange(10001) / 500.0 + rng.uniform(0.0, 1e-3 if rate == 100.0 else 0.0, 10001)
+    samples = 0.0031 + np.arange(round(19 * rate)) / rate
+    stamps = np.unique(stamped(samples + rng.uniform(0.0, 2.0 * jitter, samples.size), rows))
+    if rate == 100.0:
+        stamps = rows[::5]
+    if gap:
+        stamps = np.delete(stamps, gap)
+    assert straight_stamps(stamps, rows) is stamps
+
+
+def test_stamps_that_are_no_rows_stay() -> None:
+    rows, stamps = np.arange(10001) / 500.0, stamped(0.0031 + np.arange(1190) / 60.0, np.arange(10001) / 500.0)
+    stamps[600] += 1e-4
+    assert straight_stamps(stamps, rows) is stamps
+    assert straight_stamps(stamps[:5], rows).size == 5
+
+
+@pytest.mark.parametrize("noise", [0.1, 1.0])
+def test_a_pose_stamped_on_the_gyro_s_rows_is_straightened_with_what_has_its_times(noise: float) -> None:
+    given = flight(2, noise=noise)
+    rows = given["gyro"].time
+    samples = np.arange(1.0, 28.9, 1.0 / 60.0)
+    channels = {
+        name: Channel(
+            time=stamped(samples, rows), values=columns_at(samples, given[name].time, given[name].values), source=""
+        )
+        for name in ("position", "velocity", "quaternion")
+    }
+    channels["joint_positions"] = Channel(time=stamped(samples, rows), values=np.zeros((samples.size, 2)), source="")
+    found, clock = align_poses(given.with_channels(channels))
+    names = "position, velocity, quaternion, joint_positions"
+    assert found.notes[0] == f"{names}: stamps straightened: they are even but for the rows of the gyro."
+    for name in channels:
+        assert np.ptp(found[name].time - samples) < 1e-4 + (0.0 if clock is None else 1e-3)
+    assert found["gyro"] is given["gyro"]
+
+
+def test_a_clock_in_words() -> None:
+    found = ClockOffset("gyro", "quaternion", 0.0123, 2e-4, -5e-5, 1e-5, 3.0, 0.0011, 0.987)
+    assert found.words == (
+        "offset +12.30 ms, +- 0.20, drift -50 ppm, +- 10, parts of the flight up to 1.1 ms from that, of quaternion "
+        "against gyro (correlation 0.99)"
+    )
+
+
+def test_a_velocity_without_an_attitude_shows_no_clock() -> None:
+    given = flight(1)
+    bare = FlightData(name="a", file="", channels={name: given[name] for name in ("accelerometer", "velocity")})
+    with pytest.raises(ValueError, match="clocks: must hold gyro and quaternion or"):
+        clock_offset(bare)

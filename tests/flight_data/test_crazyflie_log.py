@@ -78,6 +78,14 @@ def test_a_file_that_is_cut_off_or_damaged_is_read_as_far_as_it_goes_with_a_note
     assert "unknown number" in found.notes[0]
 
 
+def test_the_position_of_the_filter_is_that_of_the_firmware_s_log_group(tmp_path: Path) -> None:
+    """Crazyflie's firmware, estimator_kalman.c: LOG_GROUP kalman with stateX, stateY, stateZ."""
+    event = {1: ("kalman", ("kalman.stateX(f)", "kalman.stateY(f)", "kalman.stateZ(f)"))}
+    rows = [(1, 5000 + k, struct.pack("<3f", 1.0, 2.0, 3.0)) for k in range(3)]
+    flight = load_flight(written(tmp_path, packed(2, event, rows)))
+    np.testing.assert_array_equal(flight["position"].values, [[1, 2, 3]] * 3)
+
+
 @pytest.mark.parametrize(
     ("data", "words"),
     [
@@ -87,6 +95,7 @@ def test_a_file_that_is_cut_off_or_damaged_is_read_as_far_as_it_goes_with_a_note
         (b"\xbc\x02\x00\xff\xff" + b"a" * 40, "head: is cut off"),
         (packed(2, {1: ("e", ("gyro.x(q)",))}, []), r"variable = 'gyro.x\(q\)'"),
         (packed(2, {1: ("e", ("a(f)", "a(f)"))}, []), "variable"),
+        (packed(2, {1: ("e", ("a(f]",))}, []), "variable"),
         (packed(2, {1: ("e", ("a(f)",)), 2: ("e", ("b(f)",))}, []), "is declared twice"),
         (packed(2, {1: GYRO}, []), "must hold a quantity or more"),
         (packed(2, {1: POWER}, [(1, 5, b"\0\0"), (1, 4, b"\0\0"), (1, 3, b"\0\0")]), "rises in 1 of 3 rows"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -274,3 +275,63 @@ def test_a_bag_without_measurements_lists_its_topics(tmp_path: Path) -> None:
 
     with pytest.raises(ValueError, match=r"topics: none that is read holds a message; there is /text \(std_msgs/"):
         load_flight(write("mcap", tmp_path, messages))
+
+
+def test_without_rosbags_the_extra_that_has_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.bag").write_bytes(b"#ROSBAG V2.0\n")
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    with pytest.raises(ValueError, match=r"rosbags: is missing; a bag of ROS needs the extra 'flights': "):
+        load_flight(tmp_path / "a.bag")
+
+
+def test_an_entry_with_a_name_is_a_column_by_its_place_too(tmp_path: Path) -> None:
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text('[joint_commands]\ntopic = "/joint_states"\ncolumns = ["position[1]", "position[shoulder]"]\n')
+    flight = load_flight(write("mcap", tmp_path, flight_messages), mapping)
+    rows = [k for _, k in states()]
+    np.testing.assert_array_equal(flight["joint_commands"].values, flown().joints[rows][:, [1, 0]])
+
+
+@pytest.mark.parametrize(
+    ("names", "columns"),
+    [
+        (["a", "b"], ("position[a]", "position[b]")),
+        (["a", "a"], ("position[0]", "position[1]")),  # one name twice
+        (["a", ""], ("position[0]", "position[1]")),
+        (["a"], ("position[0]", "position[1]")),  # fewer names than numbers
+        ([], ("position[0]", "position[1]")),
+        ([f"joint{k}" for k in range(33)], ()),  # a list of more than 32 numbers
+    ],
+)
+def test_entries_of_lists_have_the_names_of_the_message_if_these_are_good(
+    names: list[str], columns: tuple[str, ...], tmp_path: Path
+) -> None:
+    def messages(store: Any, kind: str) -> list[tuple[str, str, int, Any]]:
+        make, found = Messages(store, kind), []
+        lists = {"position": np.ones(max(2, len(names))), "velocity": np.zeros(0), "effort": np.zeros(0)}
+        for k in range(3):
+            stamp = START + k * 10**7
+            joints = make.make("sensor_msgs/msg/JointState", header=make.header(stamp), name=names, **lists)
+            found.append(("/joints", "sensor_msgs/msg/JointState", stamp, joints))
+            found.append(("/imu", "sensor_msgs/msg/Imu", stamp, make.imu(stamp, [1, 2, 3], [0, 0, 9.8])))
+        return found
+
+    flight = load_flight(write("mcap", tmp_path, messages))
+    assert ("joint_positions" in flight) == bool(columns)
+    if columns:
+        assert flight["joint_positions"].source == f"/joints: {', '.join(columns)}"
+        assert flight["joint_positions"].names == (("a", "b") if "position[a]" in columns else ())
+
+
+def test_a_message_that_cannot_be_decoded_is_left_out_and_said(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    make, (made, path) = Messages(store, "mcap"), writer("mcap", tmp_path)
+    with made:
+        topic = made.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=store)
+        for k in range(4):
+            stamp = START + k * 10**7
+            data = store.serialize_cdr(make.imu(stamp, [k, 2, 3], [0, 0, 9.8]), "sensor_msgs/msg/Imu")
+            made.write(topic, stamp, data[:20] if k == 2 else data)
+    flight = load_flight(path)
+    assert flight["gyro"].values[:, 0].tolist() == [0, 1, 3]
+    assert flight.notes == ("bag: 1 messages cannot be decoded and are left out.",)

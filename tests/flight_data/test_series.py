@@ -39,9 +39,9 @@ def test_means_are_those_of_straight_lines_between_uneven_samples() -> None:
     for row, begin, end in zip(found, begins, ends, strict=True):
         corners = np.concatenate([[begin], time[(time > begin) & (time < end)], [end]])
         for mean, column in zip(row, values.T, strict=True):
-            assert mean == pytest.approx(
-                np.trapezoid(np.interp(corners, time, column), corners) / (end - begin), abs=1e-9
-            )
+            heights = np.interp(corners, time, column)
+            area = np.sum(0.5 * (heights[1:] + heights[:-1]) * np.diff(corners))
+            assert mean == pytest.approx(area / (end - begin), abs=1e-9)
 
 
 def test_an_attitude_whose_sign_jumps_turns_as_one_whose_does_not() -> None:

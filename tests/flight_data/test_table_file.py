@@ -10,6 +10,7 @@ import pytest
 
 from skyarm.flight_data.columns_file import columns_from, read_columns
 from skyarm.flight_data.flight_data import FlightData, load_flight
+from skyarm.flight_data.raw_tables import _ordinal
 from skyarm.records.files import read_toml
 
 FLIGHTS = Path(__file__).parents[1] / "data" / "flights"
@@ -131,6 +132,11 @@ def test_a_slower_quantity_in_the_rows_of_a_faster_one_has_its_own_rate(tmp_path
     )
 
 
+def test_columns_that_no_mapping_names_are_unused_and_may_hold_anything(tmp_path: Path) -> None:
+    found = flight(tmp_path, "t,p,q,r,,x,x,y\n0,1,2,3,a,b,c,d\n1,1,2,3,a,b,c,d\n", TIME + GYRO)
+    assert (found.unused, found.notes) == (("x", "y"), ())
+
+
 def test_a_stamp_far_ahead_does_not_take_the_rest_with_it(tmp_path: Path) -> None:
     found = flight(tmp_path, "t,p,q,r\n0,1,1,1\n1e9,2,2,2\n2,3,3,3\n2,3,3,3\n3,4,4,4\n", TIME + GYRO)
     np.testing.assert_allclose(found["gyro"].time, [0, 2, 3])
@@ -188,6 +194,8 @@ def test_a_wrong_mapping_is_one_line(tmp_path: Path, mapping: str, words: str) -
     ("text", "mapping", "words"),
     [
         ("", TIME + GYRO, "head = ''"),
+        ("t,p,q,r,\0\n1,2,3,4,5\n", TIME + GYRO, "must be the names of the columns"),
+        ("t,p,q,r,\ufffd\n1,2,3,4,5\n", TIME + GYRO, "must be the names of the columns"),
         ("t,p,q,r\n", TIME + GYRO, "rows = 0"),
         ("t,p,q,r\n1,2,3,4\n", GYRO, "time.column: is missing; there are t, p, q, r"),
         ("t,p,q\n1,2,3\n", TIME + GYRO, "gyro.columns = 'r': must be one of"),
@@ -229,9 +237,48 @@ def test_the_mapping_of_the_page_reads_a_table(tmp_path: Path) -> None:
     row = "0,0,90,0,0,1,0,0,0,1,0.1,0.2,0.3,1000,1500,2000,1250\n"
     rows = f"0,{row}10000,{row}"
     found = flight(tmp_path, head + rows, mapping)
+    assert found.unused == ()
     assert found["gyro"].time == pytest.approx([0.0, 0.01])
     assert found["gyro"].values[0] == pytest.approx([0.0, 0.0, np.pi / 2.0])
     assert found["accelerometer"].values[0] == pytest.approx([0.0, 0.0, 9.80665])
     assert found["quaternion"].values[0] == pytest.approx([1.0, 0.0, 0.0, 0.0])
     assert found["velocity"].values[0] == pytest.approx([0.1, -0.2, -0.3])
     assert found["rotor_commands"].values[0] == pytest.approx([0.0, 0.5, 1.0, 0.25])
+
+
+QUATERNION = '[quaternion]\ncolumns = ["w", "x", "y", "z"]\n'
+
+
+def test_rows_whose_quaternion_is_no_rotation_are_left_out_and_the_first_begins_with_a_positive_number(
+    tmp_path: Path,
+) -> None:
+    rows = ["0,-2,0,0,0", "1,0,0,0,0", "2,-1,-1e-9,0,0", "3,1e9,0,0,0", "4,1,0,0,0"]
+    found = flight(tmp_path, "\n".join(["t,w,x,y,z", *rows]), TIME + QUATERNION)
+    np.testing.assert_allclose(found["quaternion"].values, [[1, 0, 0, 0], [1, 1e-9, 0, 0], [1, 0, 0, 0]], atol=1e-12)
+    assert found.notes == ("quaternion: 2 of 5 rows are without numbers and are left out.",)
+    text = "t,w,x,y,z,p,q,r\n0,0,0,0,0,1,2,3\n1,0,0,0,0,1,2,3\n"
+    empty = flight(tmp_path, text, TIME + QUATERNION + GYRO)
+    assert "quaternion" not in empty
+    assert empty.notes[-1] == "quaternion: no row of w, x, y, z holds numbers, so that the channel is left out."
+
+
+def test_a_velocity_in_base_axes_is_turned_where_there_is_an_attitude(tmp_path: Path) -> None:
+    half = 0.5**0.5
+    rows = [f"{k},{f'{half},0,0,{half}' if 1 <= k <= 3 else ',,,'},1,0,0" for k in range(6)]
+    mapping = TIME + QUATERNION + '[velocity]\ncolumns = ["u", "v", "s"]\nframe = "FLU"\n'
+    found = flight(tmp_path, "\n".join(["t,w,x,y,z,u,v,s", *rows]), mapping)
+    np.testing.assert_allclose(found["velocity"].values, [[0, 1, 0]] * 3, atol=1e-12)
+    np.testing.assert_allclose(found["velocity"].time, [0, 1, 2])  # the flight begins with the attitude
+    assert found["velocity"].source == "u, v, s, turned by the attitude"
+    assert found.notes[-1] == "velocity: 3 of 6 rows lie outside the attitude and are left out."
+
+
+def test_a_minus_belongs_to_a_column_that_bears_it(tmp_path: Path) -> None:
+    mapping = TIME + '[gyro]\ncolumns = ["-p", "-q", "r"]\n'
+    found = flight(tmp_path, "t,-p,q,r\n0,1,2,3\n1,1,2,3\n", mapping)
+    np.testing.assert_allclose(found["gyro"].values, [[1, -2, 3]] * 2)
+
+
+def test_ordinal_numbers_of_rows() -> None:
+    numbers = {2: "2nd", 3: "3rd", 4: "4th", 11: "11th", 12: "12th", 13: "13th", 21: "21st", 111: "111th"}
+    assert {count: _ordinal(count) for count in numbers} == numbers

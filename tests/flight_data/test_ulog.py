@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import struct
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from skyarm.flight_data.clocks import align_poses
 from skyarm.flight_data.flight_data import load_flight
+from skyarm.flight_data.ulog import NUMBER_OF_ROTORS
+
+pyulog = pytest.importorskip("pyulog", reason="needs the extra 'flights'")
 
 CUT = Path(__file__).parents[1] / "data" / "flights" / "px4" / "sample_px4_events_cut.ulg"
 MAGIC = b"ULog\x01\x12\x35\x01"
@@ -108,6 +113,7 @@ def test_axes_units_and_clocks_of_px4_become_ours(tmp_path: Path) -> None:
     np.testing.assert_allclose(flight["rotor_commands"].time, [0.04], atol=1e-12)
     assert flight.facts["start"] == pytest.approx(1.5)
     assert flight.facts["parameter PWM_MIN"] == 1100
+    assert (flight.facts["vehicle"], flight.facts["firmware"]) == ("PX4", "PX4")
     assert flight.notes == ()
 
 
@@ -138,6 +144,15 @@ def test_outputs_belong_to_motors_by_their_functions_and_limits(tmp_path: Path) 
     flight = load_flight(written(tmp_path, packed(rows, functions)))
     np.testing.assert_allclose(flight["rotor_commands"].values, [[0.25, 0.5, 0.8, 0.5], [0.0, 1.0, 0.8, 0.5]])
     assert flight["rotor_commands"].source.endswith("output MAIN 3, output MAIN 1, output AUX 2, output AUX 1")
+    assert flight.notes == ()
+    common = {
+        **functions,
+        "PWM_MIN": 900,
+        "PWM_MAIN_MIN": 1100,
+        "PWM_MAIN_FUNC7": 101,
+    }  # of the first bank, the first of two
+    shares = load_flight(written(tmp_path, packed(rows, common)))["rotor_commands"].values
+    np.testing.assert_allclose(shares[0], [150 / 900, 150 / 400, 0.8, 0.5])
 
 
 @pytest.mark.parametrize(
@@ -146,14 +161,26 @@ def test_outputs_belong_to_motors_by_their_functions_and_limits(tmp_path: Path) 
         ({"MAV_TYPE": 22}, "no parameter says how many rotors", 0),
         ({"MAV_TYPE": 2}, "limits of 1000 and 2000 us are assumed", 4),
         ({"MAV_TYPE": 2, "PWM_MIN": 1900, "PWM_MAX": 1100}, "limits are 1900 and 1100", 0),
+        ({"MAV_TYPE": 2, "PWM_MIN": 1500, "PWM_MAX": 1500, "THR_MDL_FAC": 0.3}, "limits are 1500 and 1500", 0),
+        ({"MAV_TYPE": 2, "CA_ROTOR_COUNT": 3}, "limits of 1000 and 2000 us", 3),
+        ({"MAV_TYPE": 2, "CA_ROTOR_COUNT": 13}, "limits of 1000 and 2000 us", 4),
     ],
 )
 def test_what_is_unknown_of_the_rotors_is_said(
     tmp_path: Path, parameters: dict[str, float], note: str, width: int
 ) -> None:
-    flight = load_flight(written(tmp_path, packed([combined(1_500_000), outputs(1_500_000, 1500)], parameters)))
-    assert note in " ".join(flight.notes)
-    assert ("rotor_commands" in flight) == bool(width)
+    esc = "esc_status", (1_530_000, 4, 3000.0, 1, 6000.0, 1, 0.0, 1, 60.0, 1)
+    flight = load_flight(written(tmp_path, packed([combined(1_500_000), outputs(1_500_000, 1500), esc], parameters)))
+    assert len(flight.notes) == 1
+    assert note in flight.notes[0]
+    assert flight["rotor_commands"].values.shape[1] == width if width else "rotor_commands" not in flight
+    assert ("rotor_speeds" in flight) == (parameters["MAV_TYPE"] == 2)
+
+
+def test_numbers_of_rotors_are_those_of_mavlink_s_types() -> None:
+    mavlink = pytest.importorskip("pymavlink.dialects.v20.common", reason="needs the extra 'test'")
+    rotors = {"TRICOPTER": 3, "QUADROTOR": 4, "HEXAROTOR": 6, "OCTOROTOR": 8, "DECAROTOR": 10, "DODECAROTOR": 12}
+    assert {getattr(mavlink, f"MAV_TYPE_{name}"): count for name, count in rotors.items()} == NUMBER_OF_ROTORS
 
 
 def test_the_faster_topic_of_motors_is_taken_where_both_are_signals(tmp_path: Path) -> None:
@@ -165,6 +192,7 @@ def test_the_faster_topic_of_motors_is_taken_where_both_are_signals(tmp_path: Pa
     assert load_flight(written(tmp_path, packed(rows, thrust)))["rotor_commands"].source.startswith("rotor signals")
     flight = load_flight(written(tmp_path, packed(motors, thrust)))
     assert "shares of the thrust" in flight.notes[0]
+    assert load_flight(written(tmp_path, packed(motors))).notes == ()
 
 
 def test_a_mapping_takes_any_topic_and_instance(tmp_path: Path) -> None:
@@ -172,7 +200,8 @@ def test_a_mapping_takes_any_topic_and_instance(tmp_path: Path) -> None:
         '[rotor_commands]\ntopic = "actuator_outputs[1]"\ncolumns = ["output[1]"]\nlow = 1000\nhigh = 2000\n'
     )
     rows = [combined(1_500_000), outputs(1_500_000, 1, 2), outputs(1_500_000, 1, 1750, instance=1)]
-    flight = load_flight(written(tmp_path, packed(rows)), tmp_path / "columns.toml")
+    flight = load_flight(written(tmp_path, packed(rows, {"MAV_TYPE": 22})), tmp_path / "columns.toml")
+    assert flight.notes == ()
     np.testing.assert_allclose(flight["rotor_commands"].values, [[0.75]])
     assert "gyro" in flight
 
@@ -194,6 +223,7 @@ def test_losses_are_named(tmp_path: Path) -> None:
         (MAGIC, "first bytes = 554c6f67011235: must be"),
         (packed([]), "file: holds no topic with numbers"),
         (packed([]).replace(bytes(40), bytes(8) + b"\2" + bytes(31)), "flags = 0200000000000000: must be"),
+        (packed([]).replace(bytes(40), bytes(15) + b"\1" + bytes(24)), "flags = 0000000000000001: must be"),
         (packed([("battery_status", (1, 2))])[:-1], "file: holds no topic"),
     ],
 )
@@ -282,7 +312,6 @@ def test_data_that_were_appended_after_a_crash_are_read(tmp_path: Path) -> None:
 
 
 def test_a_published_log_has_the_numbers_of_pyulog_and_stands_upright() -> None:
-    pyulog = pytest.importorskip("pyulog", reason="needs the extra 'test'")
     flight, log = load_flight(CUT), pyulog.ULog(str(CUT))
     topics = {(each.name, each.multi_id): each.data for each in log.data_list}
     flip = np.array([1.0, -1.0, -1.0])
@@ -305,3 +334,69 @@ def test_a_published_log_has_the_numbers_of_pyulog_and_stands_upright() -> None:
     assert flight["accelerometer"].values[:, 2].mean() == pytest.approx(9.8, abs=0.3)
     rising = np.interp(flight["velocity"].time, flight["position"].time, flight["position"].values[:, 2])
     assert np.corrcoef(np.gradient(rising, flight["velocity"].time), flight["velocity"].values[:, 2])[0, 1] > 0.9
+
+
+def test_without_pyulog_the_extra_that_has_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyulog", None)
+    with pytest.raises(ValueError, match=r"pyulog: is missing; a log of PX4 needs the extra 'flights': ") as error:
+        load_flight(written(tmp_path, packed([combined(1_500_000)])))
+    assert "\n" not in str(error.value)
+
+
+def test_rows_lack_the_padding_at_the_end_of_their_format(tmp_path: Path) -> None:
+    data = packed([("battery_status", (1_500_000 + k, 15.0 + k)) for k in range(4)])
+    (size,) = struct.unpack("<H", data[data.index(b"battery_status:") - 3 :][:2])
+    for padding in (b"uint8_t[4] _padding0;", b"uint8_t[3] _padding0;uint8_t _padding1;"):
+        head = struct.pack("<H", size + len(padding)) + b"F"
+        own = data.replace(struct.pack("<H", size) + b"Fbattery_status:", head + b"battery_status:")
+        flight = load_flight(written(tmp_path, own.replace(b"float voltage_v;", b"float voltage_v;" + padding)))
+        np.testing.assert_allclose(flight["voltage"].values.ravel(), [15, 16, 17, 18])
+        assert flight.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("letter", "body"),
+    [
+        ("P", keyed("int32_t", "PWM_MIN", struct.pack("<i", 1234))),  # changed in flight
+        ("P", keyed("float", "PWM_MIN", b"12")),  # a value of two bytes
+        ("O", b"1"),
+        ("A", b"\0"),
+        ("I", keyed("uint32_t", "ver_data_format", b"1")),
+        ("A", struct.pack("<BH", 0, 7) + b"esc_report"),  # a topic without times
+        ("F", b"sensor_combined:uint64_t timestamp;"),
+        ("L", b"6" + bytes(8) + b"a text"),
+    ],
+)
+def test_what_pyulog_would_stumble_over_does_not_end_the_rows(tmp_path: Path, letter: str, body: bytes) -> None:
+    rows = [combined(1_500_000 + 4000 * k) for k in range(4)]
+    data = packed(rows)
+    size = 3 + 2 + struct.calcsize(PACKED["sensor_combined"])
+    first = data.index(b"A\0\0\0sensor") - 2
+    for place in (first, len(data) - size):
+        flight = load_flight(written(tmp_path, data[:place] + message(letter, body) + data[place:]))
+        assert flight["gyro"].time.size == 4
+        assert flight.facts["parameter PWM_MIN"] == (1234 if b"int32_t PWM" in body and place == first else 1100)
+        assert flight.notes == ()
+
+
+def test_a_number_that_is_taken_keeps_its_topic(tmp_path: Path) -> None:
+    data = packed([combined(1_500_000 + 4000 * k) for k in range(4)])
+    flight = load_flight(written(tmp_path, data + message("A", struct.pack("<BH", 0, 0) + b"battery_status")))
+    assert (flight["gyro"].time.size, flight.notes) == (4, ())
+
+
+def test_stamps_of_a_recorder_that_takes_every_so_many_rows_stay() -> None:
+    """PX4 stamps attitudes with the samples of the gyro, of which it logs every 12th or 13th: an even line is worse."""
+    aligned, clock = align_poses(load_flight(CUT))
+    assert clock is not None
+    assert "straightened" not in " ".join(aligned.notes)
+
+
+def test_the_time_of_a_mapping_is_that_of_what_it_maps(tmp_path: Path) -> None:
+    (tmp_path / "columns.toml").write_text(
+        '[time]\ncolumn = "timestamp"\nunit = "ms"\n[voltage]\ntopic = "battery_status"\ncolumns = ["voltage_v"]\n'
+    )
+    rows = [combined(1_500_000), ("battery_status", (1_500, 15.0)), ("battery_status", (1_600, 15.0))]
+    flight = load_flight(written(tmp_path, packed(rows)), tmp_path / "columns.toml")
+    np.testing.assert_allclose(flight["voltage"].time, [1.0, 1.1], atol=1e-9)
+    np.testing.assert_allclose(flight["gyro"].time, [0.0], atol=1e-9)

@@ -12,16 +12,17 @@ show whether one offset and drift are enough.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Annotated, TypeAlias
+from typing import Annotated
 
 import numpy as np
 
-from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.algebra import Quaternion
+from skyarm.algebra.frames import to_base
+from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.raw_tables import to_base
 from skyarm.flight_data.series import attitude_at, columns_at, integral_of, middle, thin_samples
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import must_be_one_of
@@ -64,10 +65,17 @@ PARTS = 4
 NORMAL = 1.959964
 """Half-width of an interval of 95 %, in standard deviations."""
 
-ITERATIONS = 30
+ITERATIONS, FEWEST = 30, 10
+"""Turns of a search; rows that show a clock."""
+
+WORSE = 0.9
+"""Ratio of the offset's interval to that of straightened stamps below which the stamps are the true ones."""
+
+UNEVEN = 0.2
+"""Part of the usual step by which one may differ whose difference counts."""
 
 
-@immutable
+@immutable(kw_only=False)
 class ClockOffset:
     """Offset of a stream's clock: a sample stamped t was taken at t + offset + drift (t - middle) of the reference.
 
@@ -116,8 +124,10 @@ def clock_offset(flight: FlightData, stream: str = "", *, other: FlightData | No
     if stream and stream not in {name for _, name in PAIRS}:
         raise ValueError(f"stream = {stream!r}: {must_be_one_of([name for _, name in PAIRS], stream)}")
     for first, name in PAIRS:
-        if first in flight and name in second and name == (stream or name) and _is_measurable(second, name):
-            return _offset(flight[first], first, name, *_means(second, name), WITHIN if other is None else WIDEST)
+        needed = {name, "quaternion"}  # positions and velocities need an attitude
+        if first in flight and needed <= set(second) and name == (stream or name):
+            pair, time = _Pair(flight, first, second, name), second[name].time
+            return _offset(pair, first, name, 0.5 * float(time[0] + time[-1]), WITHIN if other is None else WIDEST)
     wanted = " or ".join(f"{first} and {name}" for first, name in PAIRS if name == (stream or name))
     there = ", ".join({**flight.channels, **second.channels})
     raise ValueError(f"{flight.name}: clocks: must hold {wanted}; there is {there}")
@@ -133,22 +143,50 @@ def align(flight: FlightData, found: ClockOffset, channels: Sequence[str]) -> Fl
 def align_poses(flight: FlightData) -> tuple[FlightData, ClockOffset | None]:
     """Return a flight whose pose is on the gyro's clock, and its offset; the same flight if that shows none.
 
-    An offset and a drift that lie within their intervals, or move no sample by a millisecond, change nothing. Channels
-    with the very times of the attitude are of its clock, too, unless the gyro has these times as well.
+    Stamps of the attitude that are even but for the gyro's rows are straightened before, where it then fits the gyro as
+    well. An offset and a drift that lie within their intervals, or move no sample by a millisecond, change nothing.
+    Channels with the very times of the attitude are of its clock, too, unless the gyro has these times as well.
     """
+    if "gyro" not in flight or "quaternion" not in flight:
+        return flight, None
+    rows, stamps = flight["gyro"].time, flight["quaternion"].time
+    alike = [name for name in flight if np.array_equal(flight[name].time, stamps)]
+    pose = [name for name in flight if name in POSE or (name in alike and "gyro" not in alike)]
+    found = _clock_of_attitude(flight)
+    if (even := straight_stamps(stamps, rows)) is not stamps:
+        words = f"{', '.join(alike)}: stamps straightened: they are even but for the rows of the gyro."
+        straight = flight.with_channels({name: replace(flight[name], time=even) for name in alike}, words)
+        other = _clock_of_attitude(straight)
+        # a recorder that takes every so many rows has such stamps, too, but true ones
+        if other is not None and (found is None or WORSE * other.offset_error < found.offset_error):
+            flight, found = straight, other
+    if found is None:
+        return flight, None
+    late, drifted = abs(found.offset), 0.5 * abs(found.drift) * flight["quaternion"].duration
+    if late <= max(found.offset_error, NEGLIGIBLE) and (abs(found.drift) <= found.drift_error or drifted <= NEGLIGIBLE):
+        return flight, None
+    return align(flight, found, pose), found
+
+
+def _clock_of_attitude(flight: FlightData) -> ClockOffset | None:
+    """Offset of the attitude's clock; None if its motion shows none."""
     try:
-        found = clock_offset(flight, "quaternion")
-    except ValueError:  # no attitude, or a motion that does not show its clock
-        return flight, None
-    time = flight["quaternion"].time
-    late = abs(found.offset), 0.5 * abs(found.drift) * float(np.ptp(time))
-    if (late[0] <= max(found.offset_error, NEGLIGIBLE)) and (
-        abs(found.drift) <= found.drift_error or late[1] <= NEGLIGIBLE
-    ):
-        return flight, None
-    own = not np.array_equal(time, flight["gyro"].time)
-    moved = [name for name in flight if name in POSE or (own and np.array_equal(flight[name].time, time))]
-    return align(flight, found, moved), found
+        return clock_offset(flight, "quaternion")
+    except ValueError:
+        return None
+
+
+def straight_stamps(time: Array, rows: Array) -> Array:
+    """Even times (N,), s, of samples whose stamps a log rounded to its rows (M,); the stamps where they are real.
+
+    Rounded stamps are a saw of less than a row around a straight line. Stamps stay if one is no row, if all are equally
+    many rows apart, as samples of the rows themselves are, or if a line leaves a row or more: a gap, a real jitter.
+    """
+    if time.size < FEWEST or not np.isin(time, rows).all() or np.ptp(np.diff(np.searchsorted(rows, time))) == 0:
+        return time
+    count = np.arange(time.size) - 0.5 * (time.size - 1)
+    line = np.mean(time) + count * float(count @ time) / float(count @ count)
+    return line if np.ptp(time - line) < np.median(np.diff(rows)) else time
 
 
 def join_flights(flight: FlightData, other: FlightData) -> tuple[FlightData, ClockOffset]:
@@ -168,175 +206,103 @@ def join_flights(flight: FlightData, other: FlightData) -> tuple[FlightData, Clo
     return replace(both, facts={**other.facts, **flight.facts}), found
 
 
-def _is_measurable(flight: FlightData, name: str) -> bool:
-    """True if a stream gives rates or forces: positions and velocities need an attitude of the same clock."""
-    return name == "quaternion" or "quaternion" in flight
+class _Pair:
+    """Signal of a reference, and its means by a stream, over kernels of one box or of two in one another.
+
+    Attributes:
+        reference: times (M,), s, of the signal.
+        integrals: the signal (M, 3) and its integrals, as many as a kernel has boxes.
+        time: (N,) s, middles of the kernels. values: (N, 3). width: of a box, s.
+
+    Raises:
+        ValueError: one line: a stream or a reference of a few rows.
+    """
+
+    def __init__(self, flight: FlightData, first: str, other: FlightData, name: str) -> None:
+        time, values = thin_samples(other[name], STEP)
+        if time.size < FEWEST:
+            raise ValueError(f"{other.name}: {name}: {other[name].time.size} rows: must be of a longer flight")
+        steps, order = np.diff(time), 2 if name == "position" else 1
+        self.width = float(np.median(steps))
+        even = np.convolve(np.abs(steps - self.width) < UNEVEN * self.width, np.ones(order), "valid") == order
+        self.reference, self.integrals = flight[first].time, [flight[first].values]
+        for _ in range(order):
+            slopes = rotation_steps(values) if name == "quaternion" else np.diff(values, axis=0)
+            values, time = slopes / np.diff(time)[:, None], middle(time)
+            self.integrals.append(integral_of(self.reference, self.integrals[-1]))
+        self.time, self.values, self.order = time[even], values[even], order
+        if min(self.reference.size, self.time.size) < FEWEST:
+            raise ValueError(f"clock of {name}: must be of a longer flight")
+        if name != "quaternion":
+            force = self.values + np.array([0.0, 0.0, GRAVITY])
+            self.values = to_base(attitude_at(other["quaternion"], self.time), force)
+
+    def means(self, when: Array) -> tuple[Array, Array]:
+        """Means of the reference at the middles of kernels (K,), s, and their slopes."""
+        edges = when + self.width * (np.arange(self.order + 1)[:, None] - 0.5 * self.order)
+        tables = self.integrals[:-3:-1]
+        values = [np.stack([columns_at(each, self.reference, table) for each in edges]) for table in tables]
+        mean, slope = (np.diff(each, self.order, axis=0)[0] / self.width**self.order for each in values)
+        return mean, slope
+
+    def is_inside(self, when: Array) -> Mask:
+        """Kernels that lie within the reference."""
+        return _is_inside(self.reference, when, self.width * self.order)
 
 
-@immutable(kw_only=False)
-class _Means:
-    """Means of a signal: (N, 3) at (N,) s, each over a kernel of ``order`` boxes of a width in s."""
-
-    time: Array
-    values: Array
-    width: float
-    order: int
-
-
-def _means(flight: FlightData, name: str) -> tuple[_Means, Array]:
-    """Means of the reference's signal from a stream, with the times of its rows."""
-    channel = flight[name]
-    time, values = thin_samples(channel, STEP)
-    if time.size < 10:
-        raise ValueError(f"{flight.name}: {name}: {channel.time.size} rows: must be of a longer flight")
-    steps = np.diff(time)
-    width = float(np.median(steps))
-    off = np.abs(steps - width)
-    if name == "position":
-        at, order = time[1:-1], 2
-        slopes = (values[2:] - 2.0 * values[1:-1] + values[:-2]) / width**2
-        even = (off[1:] < 0.01 * width) & (off[:-1] < 0.01 * width)
-    else:
-        at, order = middle(time), 1
-        slopes = (rotation_steps(values) if name == "quaternion" else np.diff(values, axis=0)) / steps[:, None]
-        even = off < 0.2 * width
-    if name != "quaternion":
-        slopes = to_base(attitude_at(flight["quaternion"], at), slopes + np.array([0.0, 0.0, GRAVITY]))
-    return _Means(at[even], slopes[even], width, order), time
+def _is_inside(reference: Array, when: Array, edge: float) -> Mask:
+    """True for times that are an edge, s, within the first and the last of a reference."""
+    return np.asarray((when - edge >= reference[0]) & (when + edge <= reference[-1]))
 
 
 def rotation_steps(quaternions: Array) -> Array:
     """Rotation vectors (N - 1, 3), base axes, from each attitude to the next."""
-    w, v = quaternions[:, :1], quaternions[:, 1:]
-    real = w[:-1] * w[1:] + np.sum(v[:-1] * v[1:], axis=1, keepdims=True)
-    imaginary = w[:-1] * v[1:] - w[1:] * v[:-1] - np.cross(v[:-1], v[1:])
-    size = np.linalg.norm(imaginary, axis=1, keepdims=True)
+    before, after = (Quaternion(*each.T) for each in (quaternions[:-1] * [1.0, -1.0, -1.0, -1.0], quaternions[1:]))
+    real, *imaginary = (before * after)[:]
+    turn = np.stack(imaginary, axis=1)
+    size = np.linalg.norm(turn, axis=1)
     angle = 2.0 * np.arctan2(size, np.abs(real))
-    found: Array = np.sign(real) * imaginary * np.where(size > 1e-12, angle / np.maximum(size, 1e-12), 2.0)
-    return found
-
-
-Smooth: TypeAlias = Callable[[Array], tuple[Array, Array]]
-
-
-def _smooth(channel: Channel, width: float, order: int) -> Smooth:
-    """Function of time that returns the means of a channel over a kernel, and their slopes."""
-    time, values = channel.time, channel.values
-    integral = integral_of(time, values)
-    double = integral_of(time, integral)
-
-    def at(table: Array, when: Array) -> Array:
-        return columns_at(when, time, table)
-
-    def mean(when: Array) -> tuple[Array, Array]:
-        if order == 1:
-            before, after = when - 0.5 * width, when + 0.5 * width
-            means, slopes = (at(each, after) - at(each, before) for each in (integral, values))
-            return means / width, slopes / width
-        before, after = when - width, when + width
-        means, slopes = (at(each, after) - 2.0 * at(each, when) + at(each, before) for each in (double, integral))
-        return means / width**2, slopes / width**2
-
-    return mean
-
-
-def _offset(reference: Channel, first: str, name: str, means: _Means, time: Array, widest: float) -> ClockOffset:
-    """Offset and drift of a stream by least squares, from the best offset of the cross-correlation on."""
-    if reference.time.size < 10 or means.time.size < 10:
-        raise ValueError(f"clock of {name}: must be of a longer flight")
-    mean = _smooth(reference, means.width, means.order)
-    start = _best_offset(reference, means, mean, widest)
-    middle = 0.5 * float(time[0] + time[-1])
-    found, errors = _refine(reference, means, mean, np.array([start, 0.0]), middle)
-    inside = _inside(reference, means, means.time + found[0])
-    fitted, _ = mean(means.time[inside] + found[0] + found[1] * (means.time[inside] - middle))
-    correlation = _correlation(_clip(fitted), _clip(means.values[inside]))
-    if correlation < LEAST_CORRELATION:
-        raise ValueError(
-            f"clock of {name}: correlation with {first} = {correlation:.2f}: must be at least {LEAST_CORRELATION}, "
-            "else the motion does not show its offset"
-        )
-    edges = np.linspace(means.time[0], means.time[-1], PARTS + 1)
-    wander = 0.0
-    for begin, end in pairwise(edges.tolist()):
-        rows = (means.time >= begin) & (means.time <= end)
-        part = replace(means, time=means.time[rows], values=means.values[rows])
-        if _inside(reference, part, part.time + found[0]).sum() > 10:
-            own, _ = _refine(reference, part, mean, found, middle, drifts=False)
-            wander = max(wander, abs(float(own[0] - found[0])))
-    return ClockOffset(
-        reference=first,
-        stream=name,
-        offset=float(found[0]),
-        offset_error=float(errors[0]),
-        drift=float(found[1]),
-        drift_error=float(errors[1]),
-        middle=middle,
-        wander=wander,
-        correlation=correlation,
-    )
+    factor = np.sign(real) * np.where(size > 1e-12, angle / np.maximum(size, 1e-12), 2.0)
+    return np.asarray(turn * factor[:, None])
 
 
 def _scale(values: Array) -> Array:
     """Robust standard deviation of each column, from the median distance from its median."""
-    distance = np.median(np.abs(values - np.median(values, axis=0)), axis=0)
-    return 1.4826 * distance + 1e-12
+    return np.asarray(1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0) + 1e-12)
 
 
 def _is_usual(values: Array) -> Mask:
     """Rows without a shock, which would have most of the leverage on a fit."""
-    distance = np.abs(values - np.median(values, axis=0)) / _scale(values)
-    found: Mask = distance.max(axis=1, initial=0.0) < SHOCK
-    return found
+    return np.asarray((np.abs(values - np.median(values, axis=0)) < SHOCK * _scale(values)).all(axis=1))
 
 
 def _clip(values: Array) -> Array:
-    """Signal without its medians, cut off at some robust standard deviations."""
-    limit = CLIPPED * _scale(values)
-    return np.clip(values - np.median(values, axis=0), -limit, limit)
+    """Signal cut off at some robust standard deviations from its medians, without its means."""
+    limit, usual = CLIPPED * _scale(values), np.median(values, axis=0)
+    clipped = np.clip(values, usual - limit, usual + limit)
+    return np.asarray(clipped - clipped.mean(axis=0))
 
 
-def _inside(reference: Channel, means: _Means, when: Array) -> Mask:
-    """Rows whose kernels lie within the reference."""
-    edge = means.width * means.order
-    found: Mask = (when - edge >= reference.time[0]) & (when + edge <= reference.time[-1])
-    return found
-
-
-def _correlation(first: Array, second: Array) -> float:
-    """Correlation of two signals (N, 3), each column without its mean, all columns together."""
-    a, b = first - first.mean(axis=0), second - second.mean(axis=0)
-    size = float(np.sqrt(np.sum(a * a) * np.sum(b * b)))
-    return float(np.sum(a * b)) / size if size > 0.0 else 0.0
-
-
-def _best_offset(reference: Channel, means: _Means, mean: Smooth, widest: float) -> float:
+def _best_offset(pair: _Pair, widest: float) -> float:
     """Offset of the largest correlation on an even grid.
 
     Raises:
         ValueError: one line: two offsets that are equally good.
     """
-    step = means.width
-    grid = np.arange(reference.time[0], reference.time[-1], step)
-    other = np.arange(means.time[0], means.time[-1], step)
-    a = _clip(mean(grid)[0])
-    b = _clip(columns_at(other, means.time, means.values))
-    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
-    size = 1 << (len(a) + len(b) - 1).bit_length()
-    spectrum = np.fft.rfft(a, size, axis=0) * np.conj(np.fft.rfft(b, size, axis=0))
-    sums = np.fft.irfft(spectrum, size, axis=0).sum(axis=1)
-    lags = np.concatenate([np.arange(-len(b) + 1, 0), np.arange(len(a))])
-    sums = np.concatenate([sums[size - len(b) + 1 :], sums[: len(a)]])
+    step = pair.width
+    grid, other = (np.arange(each[0], each[-1], step) for each in (pair.reference, pair.time))
+    a, b = len(grid), len(other)
+    signals = zip(_clip(pair.means(grid)[0]).T, _clip(columns_at(other, pair.time, pair.values)).T, strict=True)
+    sums, lags = np.sum([np.correlate(one, two, "full") for one, two in signals], axis=0), np.arange(1 - b, a)
     offsets = grid[0] - other[0] + lags * step
-    overlap = np.minimum(lags + len(b), len(a)) - np.maximum(lags, 0)
-    near = (np.abs(offsets) <= widest) & (overlap >= 0.3 * min(len(a), len(b)))
+    overlap = np.minimum(lags + b, a) - np.maximum(lags, 0)
+    near = (np.abs(offsets) <= widest) & (overlap >= 0.3 * min(a, b))
     if not near.any():
         raise ValueError("clocks: must be of streams that were taken at the same time")
     scores = np.where(near, sums, -np.inf)
     best = int(np.argmax(scores))
     peaks = np.flatnonzero((scores[1:-1] >= scores[:-2]) & (scores[1:-1] >= scores[2:])) + 1
-    rivals = peaks[np.abs(lags[peaks] - lags[best]) * step > 3.0 * step]
-    rival = int(rivals[np.argmax(scores[rivals])]) if rivals.size else best
+    rival = max(peaks[np.abs(peaks - best) > 3], key=scores.__getitem__, default=best)
     if rival != best and scores[rival] > RIVAL * scores[best] > 0.0:
         raise ValueError(
             f"clocks: offsets of {offsets[best]:.2f} and {offsets[rival]:.2f} s fit equally well: must be a motion "
@@ -345,38 +311,63 @@ def _best_offset(reference: Channel, means: _Means, mean: Smooth, widest: float)
     return float(offsets[best])
 
 
-def _refine(
-    reference: Channel, means: _Means, mean: Smooth, start: Array, middle: float, *, drifts: bool = True
-) -> tuple[Array, Array]:
-    """Offset and drift by Gauss-Newton, a scale and a bias of each axis beside them, and half-widths of 95 %."""
-    found = start.copy()
-    free = [0, 1] if drifts else [0]
+def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2) -> tuple[Array, Array]:
+    """Offset and drift by Gauss-Newton, a scale and a bias of each axis beside them, and half-widths of 95 %.
+
+    Args:
+        pair: signals.
+        rows: (N,) of the stream that count.
+        start: offset (s) and drift.
+        middle: s, time of the stream at which the offset holds.
+        free: 1 if only the offset is searched.
+    """
+    found, errors = start.copy(), np.zeros(2)
     for _ in range(ITERATIONS):
-        inside = _inside(reference, means, means.time + found[0] + found[1] * (means.time - middle))
-        time, given = means.time[inside] - middle, means.values[inside]
-        fitted, slope = mean(means.time[inside] + found[0] + found[1] * time)
-        usual = _is_usual(fitted) & _is_usual(slope) & _is_usual(given)
+        when = pair.time + found[0] + found[1] * (pair.time - middle)
+        inside = rows & pair.is_inside(when)
+        time, given = pair.time[inside] - middle, pair.values[inside]
+        fitted, slope = pair.means(when[inside])
+        usual = _is_usual(np.hstack([fitted, slope, given]))
         time, given, fitted, slope = time[usual], given[usual], fitted[usual], slope[usual]
         count, axes = fitted.shape
-        jacobian = np.zeros((count, axes, 2 + 2 * axes))
-        jacobian[:, :, 0], jacobian[:, :, 1] = slope, slope * time[:, None]
-        for axis in range(axes):
-            jacobian[:, axis, 2 + axis], jacobian[:, axis, 2 + axes + axis] = 1.0, fitted[:, axis]
-        jacobian = jacobian[:, :, [*free, *range(2, 2 + 2 * axes)]]
+        moved = slope[:, :, None] * time[:, None, None] ** np.arange(free)
+        biases = np.broadcast_to(np.eye(axes), (count, axes, axes))
+        jacobian = np.concatenate([moved, biases, biases * fitted[:, :, None]], axis=2)
         change, residual, weights = _robust(jacobian, given - fitted)
-        limit = np.array([means.width, means.width / max(1.0, float(np.ptp(time)))])[free]
-        step = np.clip(change[: len(free)], -limit, limit)
-        found[free] += step
+        limit = pair.width / max(1.0, float(np.ptp(time))) ** np.arange(free)
+        step = np.clip(change[:free], -limit, limit)
+        found[:free] += step
         if np.abs(step[0]) < 1e-7 and np.abs(step[-1]) < 1e-8:
             break
     moments = np.einsum("nap,na->np", jacobian * weights[:, :, None], residual)
     curved = (jacobian * (weights == 1.0)[:, :, None]).reshape(count * axes, -1)  # of Huber's loss, linear beyond
-    memory = max(1, round(MEMORY / means.width))
+    memory = max(1, round(MEMORY / pair.width))
     share = memory / max(count, 1)
     normal = NORMAL + 2.9694 * share + 0.4160 * share**2  # of an estimate over some of the rows (Kiefer, Vogelsang)
-    errors = np.zeros(2)
-    errors[free] = normal * np.sqrt(np.maximum(np.diag(_covariance(curved, moments, memory))[: len(free)], 0.0))
+    errors[:free] = normal * np.sqrt(np.maximum(np.diag(_covariance(curved, moments, memory))[:free], 0.0))
     return found, errors
+
+
+def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float) -> ClockOffset:
+    """Offset and drift of a stream by least squares, from the best offset of the cross-correlation on."""
+    found, errors = _refine(pair, pair.time > -np.inf, np.array([_best_offset(pair, widest), 0.0]), middle)
+    when = pair.time + found[0] + found[1] * (pair.time - middle)
+    inside = pair.is_inside(when)
+    a, b = _clip(pair.means(when[inside])[0]), _clip(pair.values[inside])
+    correlation = float(np.sum(a * b) / max(np.sqrt(np.sum(a * a) * np.sum(b * b)), 1e-300))
+    if correlation < LEAST_CORRELATION:
+        raise ValueError(
+            f"clock of {name}: correlation with {first} = {correlation:.2f}: must be at least {LEAST_CORRELATION}, "
+            "else the motion does not show its offset"
+        )
+    wander = 0.0
+    for begin, end in pairwise(np.linspace(pair.time[0], pair.time[-1], PARTS + 1)):
+        part = (pair.time >= begin) & (pair.time <= end)
+        if (part & inside).sum() > FEWEST:
+            own, _ = _refine(pair, part, found, middle, 1)
+            wander = max(wander, abs(float(own[0] - found[0])))
+    (offset, drift), (offset_error, drift_error) = found.tolist(), errors.tolist()
+    return ClockOffset(first, name, offset, offset_error, drift, drift_error, middle, wander, correlation)
 
 
 def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
@@ -394,8 +385,6 @@ def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
 def _covariance(jacobian: Array, moments: Array, memory: int) -> Array:
     """Covariance of a least-squares estimate whose residuals are correlated over some rows (Newey and West)."""
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
-    spread = moments.T @ moments
-    for lag in range(1, min(memory, len(moments) - 1) + 1):
-        shifted = moments[lag:].T @ moments[:-lag]
-        spread = spread + (1.0 - lag / (memory + 1.0)) * (shifted + shifted.T)
-    return inverse @ spread @ inverse
+    sums = np.cumsum(np.pad(moments, ((memory + 1, memory), (0, 0))), axis=0)
+    windows = sums[memory + 1 :] - sums[: -memory - 1]  # whose products have Bartlett's weights
+    return np.asarray(inverse @ (windows.T @ windows) @ inverse / (memory + 1))

@@ -31,15 +31,15 @@ import os
 from collections.abc import Mapping
 from dataclasses import field
 from pathlib import Path
+from typing import Any
 
+from skyarm.algebra.frames import FRAMES, ORDERS, WORLDS
 from skyarm.flight_data.quantities import ATTITUDE, BODY, QUANTITIES, WORLD, Quantity
 from skyarm.records.files import Fields, PathLike, must_be_one_of, read_toml, shown, unreadable
 from skyarm.records.immutable import immutable
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time -> seconds."""
-
-FRAMES, WORLDS, ORDERS = ("FLU", "FRD"), ("z up", "NED"), ("wxyz", "xyzw")
 
 ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
 """Units of Euler angles."""
@@ -143,6 +143,16 @@ def columns_from(document: object, file: str = "columns") -> Columns:
     return Columns(signals=signals, time=column, time_unit=unit, file=file)
 
 
+SOURCES: Mapping[str, Any] = read_toml(Path(__file__).with_name("usual_sources.toml").read_bytes())
+"""Sources of quantities that formats define: quantity -> tables, by format, and by type of a message of ROS."""
+
+
+def usual_signals(tables: Mapping[str, Any]) -> dict[str, tuple[Signal, ...]]:
+    """Sources of each quantity, the first ones first, of a part of :data:`SOURCES`."""
+    every = {name: Fields(tables, "").tables(name) for name in tables}
+    return {name: tuple(_signal(QUANTITIES[name], each) for each in found) for name, found in every.items()}
+
+
 def _signal(quantity: Quantity, fields: Fields) -> Signal:
     """Read the table of a quantity."""
     columns = _names(fields)
@@ -153,37 +163,24 @@ def _signal(quantity: Quantity, fields: Fields) -> Signal:
             f"{fields.at('columns')} = {shown(list(columns))}: must be {quantity.width} names{euler_words}"
         )
     units = ANGLES if euler else quantity.units
-    unit = fields.choice("unit", tuple(units), next(iter(units)))
-    frame, world, order, inverse, low, high = "", "z up", "wxyz", False, 0.0, 1.0
+    given: dict[str, Any] = {"unit": fields.choice("unit", tuple(units), next(iter(units)))}
     if quantity.axes in (BODY, ATTITUDE):
-        frame = fields.choice("frame", FRAMES, "FLU")
+        given["frame"] = fields.choice("frame", FRAMES, FRAMES[0])
     if quantity.axes in (WORLD, ATTITUDE):
-        world = fields.choice("world", WORLDS, "z up")
+        given["world"] = fields.choice("world", WORLDS, WORLDS[0])
     if quantity is QUANTITIES["velocity"] and "frame" in fields.table:
-        frame = fields.choice("frame", FRAMES)
+        given["frame"] = fields.choice("frame", FRAMES)
         if "world" in fields.table:
-            raise ValueError(f"{fields.at('frame')} = {shown(frame)}: must be left out beside 'world'")
-    if quantity.axes == ATTITUDE and not euler:
-        order = fields.choice("order", ORDERS, "wxyz")
+            raise ValueError(f"{fields.at('frame')} = {shown(given['frame'])}: must be left out beside 'world'")
     if quantity.axes == ATTITUDE:
-        inverse = fields.flag("inverse", False)
+        given["inverse"] = fields.flag("inverse", False)
+        given["order"] = ORDERS[0] if euler else fields.choice("order", ORDERS, ORDERS[0])
     if quantity is QUANTITIES["rotor_commands"]:
-        low, high = fields.number("low", 0.0), fields.number("high", 1.0)
-        if high == low:
-            raise ValueError(f"{fields.at('high')} = {high:g}: must differ from low")
-    found = Signal(
-        columns=columns,
-        topic=fields.text("topic", ""),
-        unit=unit,
-        frame=frame,
-        world=world,
-        order=order,
-        inverse=inverse,
-        low=low,
-        high=high,
-        time=fields.text("time", ""),
-        stamp=fields.choice("stamp", STAMPS, "header"),
-    )
+        given |= {"low": fields.number("low", 0.0), "high": fields.number("high", 1.0)}
+        if given["high"] == given["low"]:
+            raise ValueError(f"{fields.at('high')} = {given['high']:g}: must differ from low")
+    given |= {"topic": fields.text("topic", ""), "time": fields.text("time", "")}
+    found = Signal(columns=columns, stamp=fields.choice("stamp", STAMPS, "header"), **given)
     fields.done()
     return found
 

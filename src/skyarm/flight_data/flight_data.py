@@ -210,13 +210,10 @@ def format_name(path: PathLike) -> str:
         with file.open("rb") as stream:
             head = stream.read(64)
     formats = {name: _checked(name, find("flight_format", name)) for name in reversed(names("flight_format"))}
-    for name, each in formats.items():
-        if any(head.startswith(first) for first in each.begins):
-            return name
-    suffix = file.suffix.removeprefix(".").lower() if not folder else BAG_FOLDER
-    for name, each in formats.items():
-        if suffix in each.suffixes:
-            return name
+    suffix = BAG_FOLDER if folder else file.suffix.removeprefix(".").lower()
+    begun = [name for name, each in formats.items() if each.begins and head.startswith(each.begins)]
+    if fitting := [*begun, *(name for name, each in formats.items() if suffix in each.suffixes)]:
+        return fitting[0]
     if not folder and not head:
         raise ValueError(f"{at}: is empty")
     allowed = ", ".join(f"{name} ({', '.join(formats[name].suffixes) or 'no suffix'})" for name in reversed(formats))

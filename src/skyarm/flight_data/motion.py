@@ -11,7 +11,6 @@ from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.series import attitude_at, continuous, unit_rows, values_at
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import field_names
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -69,10 +68,12 @@ class PredictedMotion:
 
 def join_motions(motions: Sequence[Motion]) -> Motion:
     """One motion of several that follow each other, with no known pose between them."""
-    pieces = [each for motion in motions for each in (motion, _unknown_from(motion))]
-    return Motion(
-        **{name: np.concatenate([getattr(each, name) for each in pieces]) for name in field_names(Motion) or ()}
-    )
+    parts = {name: list[Array]() for name in ("time", "position", "quaternion", "joints")}
+    for motion in motions:
+        for name, pieces in parts.items():
+            values: Array = getattr(motion, name)
+            pieces += [values, values[-1:] if name == "time" else np.full((1, values.shape[1]), np.nan)]
+    return Motion(**{name: np.concatenate(pieces) for name, pieces in parts.items()})
 
 
 def distance_between(one: Motion, other: Motion) -> tuple[Array, Array]:
@@ -127,11 +128,3 @@ def measured_motion(flight: FlightData, vehicle: Vehicle) -> Motion:
         quaternion=attitude_at(attitude, time),
         joints=joints,
     )
-
-
-def _unknown_from(motion: Motion) -> Motion:
-    """One row of NaN at the end of a motion."""
-    position, quaternion, joints = (
-        np.full((1, values.shape[1]), np.nan) for values in (motion.position, motion.quaternion, motion.joints)
-    )
-    return Motion(time=motion.time[-1:], position=position, quaternion=quaternion, joints=joints)

@@ -29,14 +29,17 @@ FIELDS: Mapping[str, str] = {
 }
 """Field of a reading -> quantity."""
 
-TRUE: Mapping[str, str] = {quantity: field for field, quantity in FIELDS.items() if quantity != "accelerometer"}
-"""Quantity -> array of the log that holds its true value, of those that the state has."""
-
 COMMANDED: Mapping[str, str] = {"rotor_speed_commands": "rotor_commands", "rotor_speeds": "rotor_speeds"}
 """Quantity -> array of the log that is no reading of a sensor."""
 
-POSITION = "rad or m"
-"""Unit of the setpoint of a drive that takes a position."""
+STATED: Mapping[str, str] = {
+    **{quantity: field for field, quantity in FIELDS.items() if quantity != "accelerometer"},
+    **COMMANDED,
+}
+"""Quantity -> array of the log that holds its true value, of those that the state has, or the command."""
+
+SETPOINTS: Mapping[str, str] = {"": "joint_efforts", "rad or m": "joint_commands"}
+"""Unit of the setpoints of all drives -> what they are."""
 
 SIMULATED = "simulated"
 """Fact ``vehicle`` of such a flight."""
@@ -81,38 +84,25 @@ def measured_flight(log: Log, path: Path) -> FlightData:
                 channel = _reading(log, name, field, source, array)
                 if channel.time.size:
                     found[quantity] = channel
-    read = set(found)
-    for quantity, array_name in {**TRUE, **COMMANDED}.items():
-        array = log[array_name]
-        if quantity not in found and _fits(quantity, array):
-            found[quantity] = Channel(time=log.time, values=array, source=array_name)
+    stated = {name: each for name, each in STATED.items() if name not in found and _fits(name, log[each])}
+    found |= {name: Channel(time=log.time, values=log[each], source=each) for name, each in stated.items()}
     notes = list[str]()
     if log.efforts.size:
         setpoints = list(setpoints_of(log.info).values())
-        names = {"": "joint_efforts", POSITION: "joint_commands"}
-        told = set(setpoints) if len(setpoints) == log.efforts.shape[1] else {*setpoints, ""}
-        if len(told) == 1 and told <= set(names):
-            found[names[told.pop()]] = Channel(time=log.time, values=log.efforts, source="efforts")
+        units = set(setpoints) if len(setpoints) == log.efforts.shape[1] else {*setpoints, ""}
+        if len(units) == 1 and units <= set(SETPOINTS):
+            found[SETPOINTS[units.pop()]] = Channel(time=log.time, values=log.efforts, source="efforts")
         else:
             notes.append("joint_commands: are left out, as the joints' drives take setpoints of several units.")
-    true = [quantity for quantity in TRUE if quantity in found and quantity not in read]
-    if true:
+    if true := [name for name in stated if name not in COMMANDED]:
         notes.append(f"{', '.join(true)}: are true values, as no sensor of the flight reads them.")
     facts: dict[str, str | float] = {"vehicle": SIMULATED}
     facts |= {key: str(log.info[key]) for key in ("scenario", "status", "digest") if key in log.info}
-    given = {
-        "gravity": log.info.get("plant_gravity"),
-        "command_delay": written_part(log.info, "agent", "delays", "command"),
-    }
+    gravity, delay = log.info.get("plant_gravity"), written_part(log.info, "agent", "delays", "command")
+    given = {"gravity": gravity, "command_delay": delay, "start": log.time[0] if log.time.size else 0.0}
     facts |= {key: float(value) for key, value in given.items() if isinstance(value, (int, float))}
-    order = [name for name in QUANTITIES if name in found]
-    return FlightData(
-        name=path.stem,
-        file=str(path),
-        channels={name: found[name] for name in order},
-        notes=tuple(notes),
-        facts={**facts, "start": float(log.time[0]) if log.time.size else 0.0},
-    )
+    channels = {name: found[name] for name in QUANTITIES if name in found}
+    return FlightData(name=path.stem, file=str(path), channels=channels, notes=tuple(notes), facts=facts)
 
 
 def _fits(quantity: str, array: Array) -> bool:
@@ -124,16 +114,13 @@ def _fits(quantity: str, array: Array) -> bool:
 def _reading(log: Log, name: str, field: str, source: Source, array: Array) -> Channel:
     """Channel of a sensor, one row for each of its readings, at the times at which they were taken."""
     stamps = log.received.get(f"{name}.time")
-    period = 1.0 / float(log.info["rates_hz"]["control"])
-    if stamps is None:
-        rows = np.arange(source.late, log.time.size, source.every)
-        time = log.time[rows] - source.late * period
-    else:
-        rows, time = np.arange(log.time.size), stamps.ravel()
+    rows = np.arange(source.late if stamps is None else 0, log.time.size, source.every if stamps is None else 1)
+    late = source.late / float(log.info["rates_hz"]["control"])
+    time = log.time[rows] - late if stamps is None else stamps.ravel()
     finite = np.isfinite(array[rows]).all(axis=1) & np.isfinite(time)
     rows, time = rows[finite], time[finite]
-    kept = rising_rows(time)
-    return Channel(time=time[kept], values=array[rows[kept]], source=f"{name}.{field}")
+    rising = rising_rows(time)
+    return Channel(time=time[rising], values=array[rows[rising]], source=f"{name}.{field}")
 
 
 OWN_LOG = FlightFormat(read_own_log, suffixes=("npz",), begins=(b"PK\x03\x04",))

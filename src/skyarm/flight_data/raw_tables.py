@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.algebra.frames import of_euler_angles, to_our_attitude, to_our_axes, turn_vectors
 from skyarm.flight_data.columns_file import ANGLES, TIMES, Columns, Signal
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.quantities import ATTITUDE, BODY, QUANTITIES
+from skyarm.flight_data.quantities import ATTITUDE, QUANTITIES
 from skyarm.flight_data.series import attitude_at, continuous, unit_rows
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files.messages import comma_list
 from skyarm.records.immutable import immutable
 
 RISING = 0.5
@@ -27,6 +29,9 @@ SMALLEST, LARGEST = 1e-6, 1e6
 UNUSED = 200
 """Names of unused columns that a flight lists at most."""
 
+FASTER = 1.2
+"""Ratio of rates from which a source is taken in place of one that comes before it."""
+
 
 @immutable
 class Table:
@@ -34,7 +39,7 @@ class Table:
 
     Attributes:
         columns: numbers (N,) by name; a row without one holds NaN.
-        time: (N,) s since ``origin`` of the flight.
+        time: (N,) s since ``origin`` of the flight; empty where only a mapping knows the time.
         received: (N,) s, times of arrival, where they differ.
     """
 
@@ -42,13 +47,13 @@ class Table:
     time: Array
     received: Array | None = None
 
-    def column(self, name: str) -> Array | None:
-        """Numbers of a column; a minus before its name turns their sign; None if there is none."""
-        if name in self.columns:
-            return self.columns[name]
-        if name.startswith("-") and name[1:] in self.columns:
-            return -self.columns[name[1:]]
-        return None
+    def has(self, *names: str) -> bool:
+        """True if the table has all of some columns; a minus before a name does not count."""
+        return all(each in self.columns or each.removeprefix("-") in self.columns for each in names)
+
+    def numbers(self, name: str) -> Array:
+        """Numbers (N,) of a column that is there; a minus before its name turns their sign."""
+        return self.columns[name] if name in self.columns else -self.columns[name[1:]]
 
 
 def flight_of(
@@ -59,13 +64,13 @@ def flight_of(
     *,
     origin: float = 0.0,
     facts: Mapping[str, str | float] | None = None,
-    notes: Sequence[str] = (),
+    notes: Iterable[str] = (),
 ) -> FlightData:
     """Make a measured flight from the tables of a file.
 
     Args:
         path: of the file.
-        tables: by topic.
+        tables: by topic; one of the name "" for a file of one table.
         usual: sources of each quantity that the format itself defines; the fastest that the file holds is taken, the
             first of those that are equally fast.
         columns: mapping of the user, whose quantities replace the usual ones.
@@ -76,117 +81,101 @@ def flight_of(
     Raises:
         ValueError: one line: a column that is not there, times that do not rise, or no quantity at all.
     """
-    own = {} if columns is None else columns.signals
-    chosen = {name: signal for name, every in usual.items() if name not in own for signal in _fastest(tables, every)}
-    signals = {**chosen, **own}
-    found: dict[str, Channel] = {}
-    said = list(notes)
+    columns = columns or Columns()
+    chosen = {name: each for name, every in usual.items() if (each := _fastest(tables, every))}
+    signals = {**chosen, **columns.signals}
+    found, said = dict[str, Channel](), list(notes)
     for name in (each for each in QUANTITIES if each in signals):
-        channel = _channel(name, signals[name], tables, columns if name in own else None, said)
+        channel = _channel(name, signals[name], tables, columns, said)
         if channel.time.size:
             found[name] = channel
         else:
             said.append(f"{name}: no row of {channel.source} holds numbers, so that the channel is left out.")
     if not found:
-        there = (
-            ", ".join(tables) if len(tables) > 1 else ", ".join(next(iter(tables.values())).columns) if tables else ""
-        )
-        raise ValueError(f"channels = none: must hold a quantity or more; there is {there or 'no number'}")
+        there = tables if len(tables) > 1 else [name for each in tables.values() for name in each.columns]
+        raise ValueError(f"channels = none: must hold a quantity or more; there is {comma_list(there) or 'no number'}")
     if "velocity" in found and signals["velocity"].frame:
-        found["velocity"] = _into_world(found, said)
-        if not found["velocity"].time.size:
-            del found["velocity"]
+        _turn_into_world(found, said)
     begin = min(float(each.time[0]) for each in found.values())
-    shifted = {name: replace(each, time=each.time - begin) for name, each in found.items()}
     return FlightData(
         name=path.stem,
         file=str(path),
-        channels=shifted,
+        channels={name: replace(each, time=each.time - begin) for name, each in found.items()},
         notes=tuple(said),
         facts={**(facts or {}), "start": origin + begin},
-        unused=_unused_names(tables, signals),
+        unused=_unused_names(tables, signals, columns.time),
     )
 
 
-def _fastest(tables: Mapping[str, Table], signals: Sequence[Signal]) -> list[Signal]:
-    """Signal of the highest rate among those that a file holds, as a list of one; empty if it holds none."""
-    best: list[Signal] = []
-    rate = 0.0
+def _fastest(tables: Mapping[str, Table], signals: Sequence[Signal]) -> Signal | None:
+    """Signal of the highest rate among those that a file holds; None if it holds none."""
+    best, rate = None, 0.0
     for signal in signals:
-        table = tables.get(signal.topic) if signal.topic else _first_with(tables, signal.columns)
-        if table is None or not table.time.size or any(table.column(each) is None for each in signal.columns):
-            continue
-        if signal.time and table.column(signal.time) is None:
-            continue
-        if not np.isfinite(_numbers_of(table, signal.columns[0])).any():
+        table = _holding(tables, signal)
+        needed = (*signal.columns, *filter(None, [signal.time]))
+        if table is None or not table.has(*needed) or not np.isfinite(table.numbers(signal.columns[0])).any():
             continue
         span = float(np.nanmax(table.time) - np.nanmin(table.time))
         own = table.time.size / span if span > 0.0 else 0.0
-        if not best or own > 1.2 * rate:
-            best, rate = [signal], own
+        if best is None or own > FASTER * rate:
+            best, rate = signal, own
     return best
 
 
-def _first_with(tables: Mapping[str, Table], columns: Sequence[str]) -> Table | None:
-    """First table that has all of the given columns."""
-    return next(
-        (each for each in tables.values() if all(each.column(name) is not None for name in columns)),
-        None,
-    )
-
-
-def _table(name: str, signal: Signal, tables: Mapping[str, Table], where: str) -> Table:
-    """Table that holds a signal."""
-    at = f"{where}{name}"
+def _holding(tables: Mapping[str, Table], signal: Signal) -> Table | None:
+    """Table of a signal's topic, or the first that has its columns; None if there is none."""
     if signal.topic:
-        if signal.topic not in tables:
-            raise ValueError(f"{at}.topic = {shown(signal.topic)}: {must_be_one_of(tables, signal.topic)}")
-        table = tables[signal.topic]
-    else:
-        found = _first_with(tables, signal.columns)
-        if found is None and len(tables) > 1:
-            raise ValueError(f"{at}.columns: no table has {', '.join(signal.columns)}; topic must name one")
-        table = next(iter(tables.values())) if found is None else found
+        return tables.get(signal.topic)
+    return next((each for each in tables.values() if each.has(*signal.columns)), None)
+
+
+def _table(at: str, signal: Signal, tables: Mapping[str, Table]) -> Table:
+    """Table that holds a signal: of its topic, the first that has its columns, or the only one.
+
+    Raises:
+        ValueError: one line: no such topic or column.
+    """
+    found = _holding(tables, signal)
+    if signal.topic and "" in tables:
+        raise ValueError(f"{at}.topic = {shown(signal.topic)}: must be left out for a file of one table")
+    if signal.topic and found is None:
+        raise ValueError(f"{at}.topic = {shown(signal.topic)}: {must_be_one_of(tables, signal.topic)}")
+    if found is None and len(tables) != 1:
+        raise ValueError(f"{at}.columns: no table has {', '.join(signal.columns)}; topic must name one")
+    found = found or next(iter(tables.values()))
     for column in signal.columns:
-        if table.column(column) is None:
-            raise ValueError(f"{at}.columns = {shown(column)}: {must_be_one_of(table.columns, column)}")
-    return table
+        if not found.has(column):
+            raise ValueError(f"{at}.columns = {shown(column)}: {must_be_one_of(found.columns, column)}")
+    return found
 
 
-def _channel(
-    name: str, signal: Signal, tables: Mapping[str, Table], columns: Columns | None, notes: list[str]
-) -> Channel:
+def _channel(name: str, signal: Signal, tables: Mapping[str, Table], columns: Columns, notes: list[str]) -> Channel:
     """Channel of a quantity in SI units and our axes; what was lost is appended to the notes."""
-    where = "" if columns is None else f"{columns.file}: "
-    table = _table(name, signal, tables, where)
-    time = _time(name, signal, table, columns, where)
+    table = _table(f"{columns.file}: {name}", signal, tables)
+    time = _time(name, signal, table, columns if name in columns.signals else Columns())
     with np.errstate(all="ignore"):
-        values = _in_si(name, signal, np.stack([_numbers_of(table, each) for each in signal.columns], axis=1))
+        values = _in_si(name, signal, np.stack([table.numbers(each) for each in signal.columns], axis=1))
     whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
     if name == "quaternion":
         size = np.abs(np.where(np.isfinite(values), values, 0.0)).max(axis=1)
         whole &= (size > SMALLEST) & (size < LARGEST)
-    if not whole.all():
-        every = _rows_apart(whole)
-        due = -(-whole.size // every)
-        lost = max(0, due - int(whole.sum()))
-        time, values = time[whole], values[whole]
-        if every > 1:
-            rate = Channel(time=time[rising_rows(time)], values=values[rising_rows(time)], source="").rate
-            notes.append(f"{name}: has numbers in every {_ordinal(every)} row only, {rate:.4g} Hz.")
-        if lost:
-            notes.append(f"{name}: {lost} of {due} rows are without numbers and are left out.")
-    kept = rising_rows(time)
-    if kept.size < time.size:
-        if kept.size < RISING * time.size:
-            raise ValueError(f"time of {name}: rises in {kept.size} of {time.size} rows only: must rise")
-        notes.append(f"{name}: {time.size - kept.size} of {time.size} rows are left out, as their times do not rise.")
-        time, values = time[kept], values[kept]
-    if name == "quaternion":
-        values = continuous(unit_rows(values))
-        if len(values) and values[0, 0] < 0.0:
-            values = -values
-    return Channel(time=time, values=values, source=signal.source, names=signal.names)
+    every = _rows_apart(np.diff(np.flatnonzero(whole)))
+    time, values, due = time[whole], values[whole], -(-whole.size // every)
+    rising = rising_rows(time)
+    rows, lost = time.size, time.size - rising.size
+    if rising.size < RISING * rows:
+        raise ValueError(f"time of {name}: rises in {rising.size} of {rows} rows only: must rise")
+    time, values = time[rising], values[rising]
+    if name == "quaternion" and time.size:
+        values = continuous(unit_rows(values)) * (-1.0 if values[0, 0] < 0.0 else 1.0)
+    found = Channel(time=time, values=values, source=signal.source, names=signal.names)
+    if every > 1:
+        notes.append(f"{name}: has numbers in every {_ordinal(every)} row only, {found.rate:.4g} Hz.")
+    if due > rows:
+        notes.append(f"{name}: {due - rows} of {due} rows are without numbers and are left out.")
+    if lost:
+        notes.append(f"{name}: {lost} of {rows} rows are left out, as their times do not rise.")
+    return found
 
 
 FEWEST = 10
@@ -196,9 +185,8 @@ REGULAR, NEAR = 0.8, 0.34
 """Share of the steps between rows with numbers that are alike, by this part, where a quantity is logged more seldom."""
 
 
-def _rows_apart(whole: Mask) -> int:
+def _rows_apart(steps: npt.NDArray[np.intp]) -> int:
     """Rows from one with numbers to the next where these come at a rate of their own; 1 where rows are missing."""
-    steps = np.diff(np.flatnonzero(whole))
     if steps.size < FEWEST:
         return 1
     usual = round(float(np.median(steps)))
@@ -211,113 +199,77 @@ def _ordinal(count: int) -> str:
     return f"{count}{'th' if count % 100 in (11, 12, 13) else endings.get(count % 10, 'th')}"
 
 
-def _numbers_of(table: Table, column: str) -> Array:
-    """Numbers of a column that is there."""
-    found = table.column(column)
-    assert found is not None
-    return found
-
-
-def _time(name: str, signal: Signal, table: Table, columns: Columns | None, where: str) -> Array:
+def _time(name: str, signal: Signal, table: Table, columns: Columns) -> Array:
     """Times of the rows of a signal, s."""
-    wanted = signal.time or ("" if columns is None else columns.time)
-    if not wanted:
-        return table.received if signal.stamp == "receive" and table.received is not None else table.time
-    found = table.column(wanted)
-    if found is None:
-        field_name = f"{name}.time" if signal.time else "time.column"
-        raise ValueError(f"{where}{field_name} = {shown(wanted)}: {must_be_one_of(table.columns, wanted)}")
-    unit = "s" if columns is None else columns.time_unit
-    return found * TIMES[unit]
+    column = signal.time or columns.time
+    if column and not table.has(column):
+        place = f"{name}.time" if signal.time else "time.column"
+        raise ValueError(f"{columns.file}: {place} = {shown(column)}: {must_be_one_of(table.columns, column)}")
+    if column:
+        return table.numbers(column) * TIMES[columns.time_unit]
+    if not table.time.size:
+        raise ValueError(f"{columns.file}: time.column: is missing; there are {comma_list(list(table.columns))}")
+    return table.received if signal.stamp == "receive" and table.received is not None else table.time
 
 
 def _in_si(name: str, signal: Signal, given: Array) -> Array:
     """Numbers of a quantity in SI units and our axes."""
     quantity = QUANTITIES[name]
     if quantity.axes == ATTITUDE:
-        return _quaternions(signal, given)
+        euler = given.shape[1] == 3
+        w, *xyz = (
+            of_euler_angles(*given.T * ANGLES[signal.unit or "rad"])
+            if euler
+            else (given[:, signal.order.index(letter)] for letter in "wxyz")
+        )
+        x, y, z = (-each if signal.inverse else each for each in xyz)
+        return np.stack([*to_our_attitude(w, x, y, z, signal.frame, signal.world)], axis=1)
     values = given * quantity.units[signal.unit or quantity.unit]
     if name == "rotor_commands":
         values = (values - signal.low) / (signal.high - signal.low)
-    turned = signal.frame == "FRD" if quantity.axes == BODY or signal.frame else signal.world == "NED"
-    return values * [1.0, -1.0, -1.0] if turned else values
+    turned = signal.frame == "FRD" if signal.frame else signal.world == "NED"
+    return np.stack([*to_our_axes(*values.T)], axis=1) if turned else values
 
 
-def _quaternions(signal: Signal, given: Array) -> Array:
-    """Quaternions w, x, y, z from our base axes to our world axes, from those of a file or from Euler angles."""
-    if given.shape[1] == 3:
-        half = given * (0.5 * ANGLES[signal.unit or "rad"])
-        (cr, cp, cy), (sr, sp, sy) = np.cos(half).T, np.sin(half).T
-        w, x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
-        y, z = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
-    elif signal.order == "xyzw":
-        x, y, z, w = given.T
-    else:
-        w, x, y, z = given.T
-    if signal.inverse:
-        x, y, z = -x, -y, -z
-    if signal.frame == "FRD":  # base axes turned by half a turn about x: the factor i from the right
-        w, x, y, z = -x, w, z, -y
-    if signal.world == "NED":  # world axes likewise: from the left
-        w, x, y, z = -x, w, -z, y
-    return np.stack([w, x, y, z], axis=1)
-
-
-def turn_vectors(quaternions: Array, vectors: Array) -> Array:
-    """Vectors (N, 3) turned by quaternions (N, 4), w first."""
-    w, v = quaternions[:, :1], quaternions[:, 1:]
-    twice = 2.0 * np.cross(v, vectors)
-    return vectors + w * twice + np.cross(v, twice)
-
-
-def to_base(quaternions: Array, vectors: Array) -> Array:
-    """Vectors (N, 3) in base axes from those in world axes; quaternions (N, 4), w first, base to world."""
-    return turn_vectors(quaternions * [1.0, -1.0, -1.0, -1.0], vectors)
-
-
-def _into_world(found: Mapping[str, Channel], notes: list[str]) -> Channel:
-    """Channel of a velocity in world axes, from one in base axes and the attitude."""
-    velocity = found["velocity"]
+def _turn_into_world(found: dict[str, Channel], notes: list[str]) -> None:
+    """Turn a velocity in base axes into world axes by the attitude; without one it is left out."""
+    velocity = found.pop("velocity")
     if "quaternion" not in found:
         notes.append("velocity: is in base axes, and the flight has no attitude to turn it by; it is left out.")
-        return Channel(time=np.zeros(0), values=np.zeros((0, 3)), source=velocity.source)
+        return
     attitude = found["quaternion"]
     inside = velocity.section(float(attitude.time[0]), float(attitude.time[-1]))
     if lost := velocity.time.size - inside.time.size:
         notes.append(f"velocity: {lost} of {velocity.time.size} rows lie outside the attitude and are left out.")
-    values = turn_vectors(attitude_at(attitude, inside.time), inside.values)
-    return Channel(time=inside.time, values=values, source=f"{velocity.source}, turned by the attitude")
+    if inside.time.size:
+        values = turn_vectors(attitude_at(attitude, inside.time), inside.values)
+        found["velocity"] = replace(inside, values=values, source=f"{velocity.source}, turned by the attitude")
 
 
 def rising_rows(time: Array) -> npt.NDArray[np.intp]:
     """Rows of the longest run of strictly rising times, of which rows between may be left out."""
     if (np.diff(time) > 0.0).all():
         return np.arange(time.size)
-    tails: list[float] = []
-    last: list[int] = []
+    tails, last = list[float](), list[int]()
     before = np.full(time.size, -1, dtype=np.intp)
     for row, stamp in enumerate(time.tolist()):
         place = bisect_left(tails, stamp)
         if place:
             before[row] = last[place - 1]
-        if place == len(tails):
-            tails.append(stamp)
-            last.append(row)
-        else:
-            tails[place], last[place] = stamp, row
-    kept, row = [], last[-1] if last else -1
+        tails[place : place + 1], last[place : place + 1] = [stamp], [row]
+    rows, row = list[int](), last[-1]
     while row >= 0:
-        kept.append(row)
+        rows.append(row)
         row = int(before[row])
-    return np.array(kept[::-1], dtype=np.intp)
+    return np.array(rows[::-1], dtype=np.intp)
 
 
-def _unused_names(tables: Mapping[str, Table], signals: Mapping[str, Signal]) -> tuple[str, ...]:
+def _unused_names(tables: Mapping[str, Table], signals: Mapping[str, Signal], time: str) -> tuple[str, ...]:
     """Names of the topics that no quantity was made of; of the columns, where topics have no names of their own."""
-    topics = {signal.topic for signal in signals.values()}
-    free = [signal for signal in signals.values() if not signal.topic]
-    used = {each.removeprefix("-") for signal in free for each in (*signal.columns, signal.time)}
-    if any(topics):
-        found = [name for name, each in tables.items() if name not in topics and not used & set(each.columns)]
-        return tuple(found[:UNUSED])
-    return tuple([name for each in tables.values() for name in each.columns if name not in used][:UNUSED])
+    if any(signal.topic for signal in signals.values()):
+        read = {id(_holding(tables, signal)) for signal in signals.values()}
+        names = [name for name, each in tables.items() if id(each) not in read]
+    else:
+        columns = {each.removeprefix("-") for one in signals.values() for each in (time, one.time, *one.columns)}
+        names = [name for each in tables.values() for name in each.columns if name not in columns]
+    return tuple(names[:UNUSED])

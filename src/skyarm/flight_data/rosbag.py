@@ -8,16 +8,15 @@ odometry, batteries, joint states, speeds of motors. Topics of references and co
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from operator import attrgetter
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyarm.flight_data.columns_file import Columns, Signal
+from skyarm.flight_data.columns_file import SOURCES, Columns, Signal, usual_signals
 from skyarm.flight_data.flight_data import BAG_FOLDER, FlightData, FlightFormat
 from skyarm.flight_data.own_log import is_own_mcap, read_own_log
 from skyarm.flight_data.raw_tables import Table, flight_of
@@ -35,6 +34,12 @@ METADATA = "metadata.yaml"
 LONGEST_LIST = 32
 """Numbers of a list that become columns."""
 
+DEEPEST = 8
+"""Messages in one another."""
+
+ENTRY = re.compile(r"\w+\[(.*\D.*)\]")
+"""Entry of a list that has a name."""
+
 NOT_MEASURED = re.compile(r"reference|setpoint|goal|desired|target|command|cmd", re.IGNORECASE)
 """Names of topics that hold no measurement."""
 
@@ -44,41 +49,8 @@ LARGE = re.compile(r"Image|PointCloud|LaserScan|OccupancyGrid|Marker|TFMessage")
 SECOND, NANO = 1_000_000_000, 1e-9
 
 
-def _signal(topic: str, columns: Sequence[str], frame: str = "", order: str = "wxyz") -> Signal:
-    entries = [re.fullmatch(r"\w+\[(.*\D.*)\]", each) for each in columns]
-    names = tuple(each[1] for each in entries if each)
-    return Signal(columns=tuple(columns), topic=topic, frame=frame, order=order, names=names)
-
-
-def _xyz(place: str) -> list[str]:
-    return [f"{place}.{axis}" for axis in "xyz"]
-
-
-def _pose(place: str, translation: str, rotation: str) -> dict[str, tuple[list[str], str]]:
-    return {"position": (_xyz(f"{place}.{translation}"), ""), "quaternion": (_turn(f"{place}.{rotation}"), "")}
-
-
-def _turn(place: str) -> list[str]:
-    return [f"{place}.{axis}" for axis in "xyzw"]
-
-
-TYPES: Mapping[str, Mapping[str, tuple[list[str], str]]] = {
-    "sensor_msgs/msg/Imu": {
-        "gyro": (_xyz("angular_velocity"), "FLU"),
-        "accelerometer": (_xyz("linear_acceleration"), "FLU"),
-        "quaternion": (_turn("orientation"), ""),
-    },
-    "geometry_msgs/msg/PoseStamped": _pose("pose", "position", "orientation"),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": _pose("pose.pose", "position", "orientation"),
-    "geometry_msgs/msg/TransformStamped": _pose("transform", "translation", "rotation"),
-    "nav_msgs/msg/Odometry": {
-        **_pose("pose.pose", "position", "orientation"),
-        "velocity": (_xyz("twist.twist.linear"), "FLU"),
-        "gyro": (_xyz("twist.twist.angular"), "FLU"),
-    },
-    "sensor_msgs/msg/BatteryState": {"voltage": (["voltage"], "")},
-}
-"""Type of a message -> quantity -> columns, and frame of the base. Odometry has its speeds in base axes."""
+TYPES = {kind: usual_signals(each) for kind, each in SOURCES["ros"].items()}
+"""Type of a message -> quantity -> its sources."""
 
 LISTS: Mapping[str, Mapping[str, str]] = {
     "sensor_msgs/msg/JointState": {
@@ -92,18 +64,16 @@ LISTS: Mapping[str, Mapping[str, str]] = {
 """Type of a message -> quantity -> list with a number for each joint or rotor."""
 
 
+COMMANDS = {"rotor_speeds": "rotor_speed_commands", "joint_positions": "joint_commands"}
+"""Quantity of a list -> that of a topic that holds no measurement."""
+
+
 @dataclass(slots=True)
 class _Rows:
-    """Numbers of the messages of a topic, as they are decoded."""
+    """Messages of a topic as they are decoded: times of arrival, ns; names of numbers -> rows with these numbers."""
 
-    scalars: list[str]
-    lists: list[str]
-    stamped: bool
     received: list[int] = field(default_factory=list)
-    stamps: list[int] = field(default_factory=list)
-    numbers: list[tuple[float, ...]] = field(default_factory=list)
-    listed: list[list[Array]] = field(default_factory=list)
-    names: list[tuple[str, ...]] = field(default_factory=list)
+    numbers: dict[tuple[str, ...], list[tuple[int, Array]]] = field(default_factory=dict)
 
 
 def read_bag(path: Path, columns: Columns | None) -> FlightData:
@@ -125,11 +95,15 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     own = {} if columns is None else columns.signals
     topics = {signal.topic for signal in own.values()}
     rows: dict[str, _Rows] = {}
-    with _one_line(), AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-        kinds = {each.topic: str(each.msgtype) for each in reader.connections}
-        chosen = [each for each in reader.connections if _is_read(each, topics)]
-        if chosen:
-            _read(reader, chosen, rows, notes)
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            kinds = {each.topic: str(each.msgtype) for each in reader.connections}
+            if chosen := [each for each in reader.connections if _is_read(each, topics)]:
+                _read(reader, chosen, rows, notes)
+    except OSError:
+        raise
+    except Exception as error:  # YAML, SQLite, compression and messages have readers of their own
+        raise ValueError(f"bag: must be a whole bag of ROS ({type(error).__name__}: {error})") from None
     if not rows:
         there = ", ".join(sorted(f"{topic} ({kind})" for topic, kind in kinds.items())[:20])
         raise ValueError(f"topics: none that is read holds a message; there is {there or 'none'}")
@@ -142,17 +116,6 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
             notes.append(f"{name}: there is {listed}; the fastest is taken unless a columns.toml names another.")
     facts: dict[str, str | float] = {f"topic {topic}": kind for topic, kind in sorted(kinds.items())[:100]}
     return flight_of(path, tables, usual, columns, origin=origin * NANO, facts=facts, notes=notes)
-
-
-@contextmanager
-def _one_line() -> Iterator[None]:
-    """Context manager that makes one error of all that a damaged bag raises in its readers."""
-    try:
-        yield
-    except OSError:
-        raise
-    except Exception as error:  # YAML, SQLite, compression and messages have readers of their own
-        raise ValueError(f"bag: must be a whole bag of ROS ({type(error).__name__}: {error})") from None
 
 
 def _is_read(connection: Connection, topics: Collection[str]) -> bool:
@@ -168,9 +131,11 @@ def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Ro
         for connection, received, data in reader.messages(connections=chosen):
             try:
                 message = reader.deserialize(data, connection.msgtype)
-                if connection.topic not in rows:
-                    rows[connection.topic] = _columns_of(message)
-                _append(rows[connection.topic], message, received)
+                found = {name: float(value) for name, value in _numbers_of(message, "")}
+                of_topic = rows.setdefault(connection.topic, _Rows())
+                alike = of_topic.numbers.setdefault(tuple(found), [])
+                alike.append((len(of_topic.received), np.array([*found.values()])))
+                of_topic.received.append(received)
             except Exception:  # of a damaged message, in whichever of its fields
                 wrong += 1
     except Exception as error:  # of a damaged chunk: those before it are read
@@ -179,126 +144,74 @@ def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Ro
         notes.append(f"bag: is damaged and read up to there ({type(error).__name__}: {error}).")
     if wrong:
         notes.append(f"bag: {wrong} messages cannot be decoded and are left out.")
-    for topic in [topic for topic, each in rows.items() if not each.received]:
-        del rows[topic]
 
 
-def _columns_of(message: object) -> _Rows:
-    """Columns of a topic, by its first message."""
-    scalars, lists = list[str](), list[str]()
-
-    def walk(part: object, place: str) -> None:
-        for name in getattr(part, "__dataclass_fields__", {}):
-            if name.startswith("__"):
-                continue
-            value, at = getattr(part, name), f"{place}{name}"
-            if isinstance(value, (bool, int, float, np.number)):
-                scalars.append(at)
-            elif isinstance(value, np.ndarray):
-                if value.size <= LONGEST_LIST and value.dtype.kind in "biuf":
-                    lists.append(at)
-            elif hasattr(value, "__dataclass_fields__") and place.count(".") < 8:
-                walk(value, f"{at}.")
-
-    walk(message, "")
-    return _Rows(scalars, lists, {"header.stamp.sec", "header.stamp.nanosec"} <= set(scalars))
-
-
-def _append(rows: _Rows, message: object, received: int) -> None:
-    """Append the numbers of a message to those of its topic."""
-    numbers = tuple(float(attrgetter(name)(message)) for name in rows.scalars)
-    listed = [np.asarray(attrgetter(name)(message), dtype=float)[:LONGEST_LIST] for name in rows.lists]
-    stamp = received
-    if rows.stamped:
-        head = attrgetter("header.stamp")(message)
-        stamp = int(head.sec) * SECOND + int(head.nanosec) or received
-    rows.numbers.append(numbers)
-    rows.listed.append(listed)
-    rows.names.append(_names_of(message))
-    rows.received.append(received)
-    rows.stamps.append(stamp)
-
-
-def _names_of(message: object) -> tuple[str, ...]:
-    """Names of the entries of a message's lists, as of joints; none if it has none, or one of them twice."""
+def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, Any]]:
+    """Yield the numbers of a message with their places; entries of lists by the names that the message gives them."""
     names = getattr(message, "name", ())
-    if not isinstance(names, (list, tuple)) or not all(isinstance(each, str) and each for each in names):
-        return ()
-    return tuple(names[:LONGEST_LIST]) if len(set(names)) == len(names) else ()
-
-
-def _entries(rows: _Rows, k: int) -> dict[str, Array]:
-    """Columns of a list by the names of its entries, which messages may give in any order; by places without names."""
-    every = list(dict.fromkeys(name for names in rows.names for name in names))
-    if not every or any(
-        each[k].size not in (0, len(names)) for each, names in zip(rows.listed, rows.names, strict=True)
-    ):
-        every = [str(place) for place in range(max(each[k].size for each in rows.listed))]
-        places = [list(range(each[k].size)) for each in rows.listed]
-    else:
-        column = {name: place for place, name in enumerate(every)}
-        places = [[column[name] for name in names] for names in rows.names]
-    table = np.full((len(rows.listed), len(every)), np.nan)
-    for row, (each, at) in enumerate(zip(rows.listed, places, strict=True)):
-        if each[k].size:
-            table[row, at] = each[k].ravel()
-    return {name: table[:, place] for place, name in enumerate(every)}
+    named = isinstance(names, (list, tuple)) and all(isinstance(each, str) and each for each in names)
+    for name in (each for each in getattr(message, "__dataclass_fields__", ()) if not each.startswith("__")):
+        value, at = getattr(message, name), f"{place}{name}"
+        if isinstance(value, (bool, int, float, np.number)):
+            yield at, value
+        elif isinstance(value, np.ndarray):
+            if value.size <= LONGEST_LIST and value.dtype.kind in "biuf":
+                entries = names if named and len(set(names)) == value.size else range(value.size)
+                yield from ((f"{at}[{entry}]", each) for entry, each in zip(entries, value.ravel(), strict=True))
+        elif place.count(".") < DEEPEST:
+            yield from _numbers_of(value, f"{at}.")
 
 
 def _table(rows: _Rows, origin: int) -> Table:
-    """Table of a topic; rows of a shorter list hold NaN for the rest."""
-    columns: dict[str, Array] = {}
-    if rows.scalars:
-        found = np.array(rows.numbers, dtype=float)
-        columns |= {name: found[:, k] for k, name in enumerate(rows.scalars)}
-    for k, name in enumerate(rows.lists):
-        entries = _entries(rows, k)
-        columns |= {f"{name}[{entry}]": each for entry, each in entries.items()}
-        columns |= {f"{name}[{place}]": each for place, each in enumerate(entries.values())}
-    time, received = (
-        np.array([each - origin for each in given], dtype=float) * NANO for given in (rows.stamps, rows.received)
-    )
-    return Table(columns=columns, time=time, received=received)
+    """Table of a topic: NaN where a message lacks a number; entries with names have their places as names, too."""
+    every = {name: place for place, name in enumerate(dict.fromkeys(chain(*rows.numbers)))}
+    table = np.full((len(rows.received), len(every)), np.nan)
+    for names, alike in rows.numbers.items():
+        at, values = zip(*alike, strict=True)
+        table[np.ix_(at, [every[name] for name in names])] = np.array(values)
+    columns = {name: table[:, place] for name, place in every.items()}
+    lists: dict[str, list[str]] = {}
+    for name in filter(ENTRY.fullmatch, every):
+        lists.setdefault(name[: name.index("[")], []).append(name)
+    columns |= {f"{name}[{k}]": columns[each] for name, entries in lists.items() for k, each in enumerate(entries)}
+    received = np.array(rows.received)
+    stamps = received
+    if {"header.stamp.sec", "header.stamp.nanosec"} <= set(columns):
+        stated = columns["header.stamp.sec"].astype(int) * SECOND + columns["header.stamp.nanosec"].astype(int)
+        stamps = np.where(stated == 0, received, stated)
+    return Table(columns=columns, time=(stamps - origin) * NANO, received=(received - origin) * NANO)
 
 
 def _usual(tables: Mapping[str, Table], kinds: Mapping[str, str]) -> dict[str, list[Signal]]:
     """Sources of each quantity by the types of the messages."""
     found: dict[str, list[Signal]] = {}
     ranks = [*TYPES, *LISTS]
-    ordered = sorted(tables, key=lambda topic: ranks.index(kinds[topic]) if kinds[topic] in ranks else len(ranks))
-    for topic in ordered:
-        table, kind = tables[topic], kinds[topic]
-        commanded = NOT_MEASURED.search(topic) is not None
-        for name, (columns, frame) in TYPES.get(kind, {}).items():
-            if commanded or (name == "quaternion" and _is_unknown(table)):
-                continue
-            signal = _signal(topic, columns, frame, "xyzw" if name == "quaternion" else "wxyz")
-            found.setdefault(name, []).append(signal)
-        for name, listed in LISTS.get(kind, {}).items():
-            columns = _usual_entries(table, listed)
-            if not columns:
-                continue
-            commands = {"rotor_speeds": "rotor_speed_commands", "joint_positions": "joint_commands"}
-            if not commanded:
-                found.setdefault(name, []).append(_signal(topic, columns))
-            elif name in commands:
-                found.setdefault(commands[name], []).append(_signal(topic, columns))
+    for topic in sorted((each for each in tables if kinds[each] in ranks), key=lambda each: ranks.index(kinds[each])):
+        table, kind, measured = tables[topic], kinds[topic], NOT_MEASURED.search(topic) is None
+        for name, signals in TYPES.get(kind, {}).items() if measured else ():
+            if name != "quaternion" or not _is_unknown(table):
+                found.setdefault(name, []).extend(replace(each, topic=topic) for each in signals)
+        for listed, place in LISTS.get(kind, {}).items():
+            name = listed if measured else COMMANDS.get(listed, "")
+            if name and (entries := _usual_entries(table, f"{place}[")):
+                names = tuple(match[1] for match in map(ENTRY.fullmatch, entries) if match)
+                found.setdefault(name, []).append(Signal(columns=entries, topic=topic, names=names))
     return found
 
 
-def _usual_entries(table: Table, listed: str) -> list[str]:
+def _usual_entries(table: Table, begin: str) -> tuple[str, ...]:
     """Columns of a list with the most numbers, by their names if they have any: others are of other messages."""
-    every = [each for each in table.columns if each.startswith(f"{listed}[")]
-    named = [each for each in every if not re.fullmatch(r"\d+", each[len(listed) + 1 : -1])] or every
-    counts = {each: int(np.isfinite(table.columns[each]).sum()) for each in named}
-    most = max(counts.values(), default=0)
-    return [each for each, count in counts.items() if count == most > 0]
+    every = [each for each in table.columns if each.startswith(begin)]
+    counts = {each: int(np.isfinite(table.columns[each]).sum()) for each in every}
+    named = [each for each in every if ENTRY.fullmatch(each)] or every
+    most = max((counts[each] for each in named), default=0)
+    return tuple(each for each in named if counts[each] == most > 0)
 
 
 def _is_unknown(table: Table) -> bool:
     """True if an inertial unit gives no attitude: the first of its variances is negative, or all numbers are zero."""
     variance = table.columns.get("orientation_covariance[0]")
-    turns = [table.columns[name] for name in _turn("orientation") if name in table.columns]
+    turns = [each for name, each in table.columns.items() if re.fullmatch(r"orientation\.[wxyz]", name)]
     return (variance is not None and bool((variance < 0.0).all())) or (bool(turns) and not np.any(turns))
 
 

@@ -7,18 +7,20 @@ largest output.
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from skyarm.flight_data.columns_file import Columns, Signal
+from skyarm.flight_data.columns_file import SOURCES, Columns, Signal, usual_signals
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
 from skyarm.flight_data.raw_tables import Table, flight_of
-from skyarm.flight_data.ulog_messages import MAGIC, Messages, read_messages
+from skyarm.flight_data.ulog_recovery import MAGIC, WholeMessages
 from skyarm.records.arrays import Array
+from skyarm.records.files import needs_extra
 
 Parameters: TypeAlias = Mapping[str, float]
 
@@ -34,10 +36,7 @@ NUMBER_OF_ROTORS = {2: 4, 13: 6, 14: 8, 15: 3, 29: 12, 35: 10}
 FIRST_MOTOR, MOST_ROTORS = 101, 12
 """Function of an output channel that drives the first motor; motors that PX4 counts."""
 
-BANKS = "MAIN", "AUX"
-"""Names of the groups of outputs: instances of ``actuator_outputs``."""
-
-LEAST, LARGEST = 1000.0, 2000.0
+USUAL_LIMITS = {"MIN": 1000.0, "MAX": 2000.0}
 """Outputs of no and of full signal where no parameter states others, us."""
 
 KEPT = re.compile(r"(SYS_AUTOSTART|MAV_TYPE|THR_MDL_FAC|CA_ROTOR.*|PWM_(MAIN_|AUX_)?(MIN|MAX|FUNC)\d*)")
@@ -47,47 +46,28 @@ SHARES = "rotor signals"
 """Table of the rotors' signals as shares, made from outputs and parameters."""
 
 
-def _xyz(topic: str, *columns: str, time: str = "") -> Signal:
-    return Signal(columns=columns, topic=topic, frame="FRD", time=time)
-
-
-def _local(*columns: str) -> Signal:
-    return Signal(columns=columns, topic="vehicle_local_position", world="NED")
-
-
-USUAL: Mapping[str, tuple[Signal, ...]] = {
-    "gyro": (
-        _xyz("sensor_combined", *(f"gyro_rad[{k}]" for k in range(3))),
-        _xyz("vehicle_angular_velocity", *(f"xyz[{k}]" for k in range(3))),
-    ),
-    "accelerometer": (
-        _xyz("sensor_combined", *(f"accelerometer_m_s2[{k}]" for k in range(3)), time="accelerometer_time"),
-        _xyz("vehicle_acceleration", *(f"xyz[{k}]" for k in range(3))),
-    ),
-    "position": (_local("x", "y", "z"),),
-    "velocity": (_local("vx", "vy", "vz"),),
-    "quaternion": (
-        Signal(columns=tuple(f"q[{k}]" for k in range(4)), topic="vehicle_attitude", frame="FRD", world="NED"),
-    ),
-    "voltage": (Signal(columns=("voltage_v",), topic="battery_status"),),
-}
-"""Topics of PX4 that are quantities of a flight. Rates before the filters of the controller come first."""
-
-
 def read_ulog(path: Path, columns: Columns | None) -> FlightData:
     """Read a PX4 log.
 
     Raises:
-        ValueError: one line: it is no such file. OSError: it cannot be read.
+        ValueError: one line: pyulog is missing, or it is no such file. OSError: it cannot be read.
     """
-    log = read_messages(path.read_bytes())
-    tables = dict(
-        filter(None, (_table(name, instance, rows, log.start) for (name, instance), rows in log.rows.items()))
-    )
+    whole = WholeMessages(path.read_bytes())
+    try:
+        from pyulog import ULog
+    except ImportError:
+        raise ValueError(f"pyulog: is missing; a log of PX4 {needs_extra('flights')}") from None
+    log = ULog(io.BytesIO(whole.found))
+    start = int(log.start_timestamp)
+    tables = {
+        f"{each.name}[{each.multi_id}]" if each.multi_id else each.name: _table(each.name, each.data, start)
+        for each in log.data_list
+    }
     if not tables:
         raise ValueError("file: holds no topic with numbers")
-    parameters, notes = log.parameters, _losses(log)
-    usual: dict[str, Sequence[Signal]] = dict(USUAL)
+    parameters = {name: float(value) for name, value in log.initial_parameters.items()}
+    notes = _losses(whole, [each.duration for each in log.dropouts])
+    usual: dict[str, Sequence[Signal]] = dict(usual_signals(SOURCES["px4"]))
     own = {} if columns is None else columns.signals
     count = _number_of_rotors(parameters)
     if "rotor_commands" not in own:
@@ -97,25 +77,25 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
         usual["rotor_speeds"] = (Signal(columns=speeds, topic="esc_status", unit="rpm"),)
     facts: dict[str, str | float] = {"vehicle": "PX4"}
     told = {"sys_name": "firmware", "ver_hw": "hardware", "ver_sw": "version", "ver_sw_branch": "branch"}
-    facts |= {word: log.texts[key] for key, word in told.items() if key in log.texts}
+    facts |= {word: log.msg_info_dict[key] for key, word in told.items() if key in log.msg_info_dict}
     facts |= {f"parameter {name}": value for name, value in parameters.items() if KEPT.fullmatch(name)}
-    return flight_of(path, tables, usual, columns, origin=log.start * SECOND, facts=facts, notes=notes)
+    return flight_of(path, tables, usual, columns, origin=start * SECOND, facts=facts, notes=notes)
 
 
-def _table(name: str, instance: int, rows: Mapping[str, Array], start: int) -> tuple[str, Table] | None:
-    """Topic by its name, with the instance if it is not the first, and its table; None for one without times."""
-    if "timestamp" not in rows:
-        return None
-    given, stamps = dict(rows), rows["timestamp"]
-    if "timestamp_sample" in given and name.startswith("vehicle_"):
-        late = (stamps - given["timestamp_sample"]) * SECOND
+def _table(name: str, rows: Mapping[str, np.ndarray[Any, Any]], start: int) -> Table:
+    """Table of a topic, on the clock of its samples where the messages state it."""
+    with np.errstate(invalid="ignore"):  # NaNs of a damaged file that signal
+        columns = {field: numbers.astype(float) for field, numbers in rows.items()}
+    stamps = columns["timestamp"]
+    if "timestamp_sample" in columns and name.startswith("vehicle_"):
+        late = (stamps - columns["timestamp_sample"]) * SECOND
         if ((late >= 0.0) & (late <= LATEST)).all():
-            stamps = given["timestamp_sample"]
+            stamps = columns["timestamp_sample"]
     time = (stamps - start) * SECOND
     if name == "sensor_combined":
-        after = given.get("accelerometer_timestamp_relative", np.zeros_like(time)) * SECOND
-        given["accelerometer_time"] = np.where(np.abs(after) <= LATEST, time + after, np.nan)
-    return f"{name}[{instance}]" if instance else name, Table(columns=given, time=time)
+        after = columns.get("accelerometer_timestamp_relative", np.zeros_like(time)) * SECOND
+        columns["accelerometer_time"] = np.where(np.abs(after) <= LATEST, time + after, np.nan)
+    return Table(columns=columns, time=time)
 
 
 def _number_of_rotors(parameters: Parameters) -> int:
@@ -127,25 +107,17 @@ def _number_of_rotors(parameters: Parameters) -> int:
 
 
 def _motor_channels(parameters: Parameters) -> dict[int, tuple[str, int]]:
-    """Bank and channel of each motor, from 0, of firmware whose outputs have functions."""
-    found: dict[int, tuple[str, int]] = {}
-    for bank in BANKS:
-        for channel in range(16):
-            motor = int(parameters.get(f"PWM_{bank}_FUNC{channel + 1}", 0.0)) - FIRST_MOTOR
-            if 0 <= motor < MOST_ROTORS:
-                found.setdefault(motor, (bank, channel))
-    return found
+    """Bank and channel of each motor, from 0, of firmware whose outputs have functions; the first of several."""
+    places = [(bank, channel) for bank in ("AUX", "MAIN") for channel in reversed(range(16))]
+    motors = [int(parameters.get(f"PWM_{bank}_FUNC{channel + 1}", 0.0)) - FIRST_MOTOR for bank, channel in places]
+    return {motor: place for motor, place in zip(motors, places, strict=True) if 0 <= motor < MOST_ROTORS}
 
 
-def _limit(parameters: Parameters, bank: str, channel: int, which: str, usual: float) -> float | None:
+def _limit(parameters: Parameters, bank: str, channel: int, which: str) -> float | None:
     """Least or largest output of a channel; None where no parameter states it."""
-    names = [f"PWM_{bank}_{which}{channel + 1}", f"PWM_{bank}_{which}"]
-    if bank == "MAIN":
-        names.append(f"PWM_{which}")
-    for name in names:
-        if parameters.get(name, -1.0) > 0.0:
-            return parameters[name]
-    return usual if f"PWM_{bank}_FUNC{channel + 1}" in parameters else None
+    every = [f"PWM_{bank}_{which}{channel + 1}", f"PWM_{bank}_{which}", *([f"PWM_{which}"] if bank == "MAIN" else [])]
+    usual = USUAL_LIMITS[which] if f"PWM_{bank}_FUNC{channel + 1}" in parameters else None
+    return next((parameters[name] for name in every if parameters.get(name, -1.0) > 0.0), usual)
 
 
 def _rotor_commands(
@@ -160,61 +132,52 @@ def _rotor_commands(
         )
         return ()
     found: list[Signal] = []
-    channels = _motor_channels(parameters) or {k: ("MAIN", k) for k in range(count)}
-    if set(range(count)) <= set(channels) and (shares := _shares(tables, parameters, channels, count, notes)):
+    if shares := _shares(tables, parameters, count, notes):
         tables[SHARES] = shares
         found.append(Signal(columns=tuple(shares.columns), topic=SHARES))
-    if parameters.get("THR_MDL_FAC", 0.0) == 0.0 or not found:
-        motors = tuple(f"control[{k}]" for k in range(count))
-        if not found and "actuator_motors" in tables and parameters.get("THR_MDL_FAC", 0.0):
-            notes.append("rotor_commands: are shares of the thrust, not of the signal, as THR_MDL_FAC is not 0.")
-        found.append(Signal(columns=motors, topic="actuator_motors"))
+    of_thrust = parameters.get("THR_MDL_FAC", 0.0) != 0.0
+    if not found and of_thrust and "actuator_motors" in tables:
+        notes.append("rotor_commands: are shares of the thrust, not of the signal, as THR_MDL_FAC is not 0.")
+    if not found or not of_thrust:
+        found.append(Signal(columns=tuple(f"control[{k}]" for k in range(count)), topic="actuator_motors"))
     return tuple(found)
 
 
-def _shares(
-    tables: Mapping[str, Table],
-    parameters: Parameters,
-    channels: Mapping[int, tuple[str, int]],
-    count: int,
-    notes: list[str],
-) -> Table | None:
+def _shares(tables: Mapping[str, Table], parameters: Parameters, count: int, notes: list[str]) -> Table | None:
     """Table of the rotors' signals, 0 to 1, on the clock of the first rotor's output; None without outputs."""
+    channels = _motor_channels(parameters) or {k: ("MAIN", k) for k in range(count)}
     columns: dict[str, Array] = {}
-    first: Table | None = None
-    assumed = False
+    assumed, time = False, np.zeros(0)
     for motor in range(count):
-        bank, channel = channels[motor]
-        topic = "actuator_outputs" if bank == BANKS[0] else "actuator_outputs[1]"
-        table = tables.get(topic)
-        given = None if table is None else table.column(f"output[{channel}]")
-        if table is None or given is None:
+        bank, channel = channels.get(motor, ("", 0))
+        table = tables.get({"MAIN": "actuator_outputs", "AUX": "actuator_outputs[1]"}.get(bank, ""))
+        if table is None or not table.has(f"output[{channel}]"):
             return None
-        first = first or table
-        low = _limit(parameters, bank, channel, "MIN", LEAST)
-        high = _limit(parameters, bank, channel, "MAX", LARGEST)
-        assumed |= low is None or high is None
-        low, high = LEAST if low is None else low, LARGEST if high is None else high
+        limits = [_limit(parameters, bank, channel, which) for which in USUAL_LIMITS]
+        assumed |= None in limits
+        low, high = (usual if each is None else each for each, usual in zip(limits, USUAL_LIMITS.values(), strict=True))
         if high <= low:
             notes.append(f"rotor_commands: outputs are left out, as their limits are {low:g} and {high:g}.")
             return None
-        share = np.maximum(0.0, (given - low) / (high - low))
-        if table is not first:
-            share = share[np.clip(np.searchsorted(table.time, first.time, "right") - 1, 0, None)]
+        share = np.maximum(0.0, (table.numbers(f"output[{channel}]") - low) / (high - low))
+        time = time if columns else table.time
+        if table.time is not time:
+            share = share[np.maximum(np.searchsorted(table.time, time, "right") - 1, 0)]
         columns[f"output {bank} {channel + 1}"] = share
     if assumed:
-        notes.append(f"rotor_commands: limits of {LEAST:g} and {LARGEST:g} us are assumed; no parameter states them.")
-    return None if first is None else Table(columns=columns, time=first.time)
+        low, high = USUAL_LIMITS.values()
+        notes.append(f"rotor_commands: limits of {low:g} and {high:g} us are assumed; no parameter states them.")
+    return Table(columns=columns, time=time)
 
 
-def _losses(log: Messages) -> list[str]:
-    """Notes of what a file has lost."""
+def _losses(whole: WholeMessages, lost: Sequence[int]) -> list[str]:
+    """Notes of what a file has lost, with the ms of each loss of the logger."""
     notes = []
-    if log.damaged:
-        notes.append(f"file: is damaged at {log.damaged} places; messages there are left out.")
-    if log.lost:
-        notes.append(f"file: the logger lost messages {len(log.lost)} times, for {sum(log.lost)} ms in all.")
-    if log.cut:
+    if whole.damaged:
+        notes.append(f"file: is damaged at {whole.damaged} places; messages there are left out.")
+    if lost:
+        notes.append(f"file: the logger lost messages {len(lost)} times, for {sum(lost)} ms in all.")
+    if whole.cut:
         notes.append("file: ends within a message; it is cut off.")
     return notes
 

@@ -18,7 +18,6 @@ from skyarm.studies.identify.identified_numbers import NOT_SHOWN, IdentifiedNumb
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.plausibility import implausible_numbers
-from skyarm.studies.identify.stretches import stretches_of
 
 SEED, SECONDS = 0, 34.0
 START = NOMINAL
@@ -571,9 +570,10 @@ def test_a_small_offset_of_the_centre_of_mass_and_a_late_accelerometer_are_plaus
 @pytest.mark.parametrize(("share", "doubts"), [(0.8, 1), (0.99, 0)])
 def test_a_thrust_beyond_all_commands_is_extrapolated(sound, share, doubts):
     found = identified("rotors.thrust_at_100_percent", 9.0, 8.0)
-    (stretch, *_) = stretches_of(sound, START)
-    commands = np.full_like(stretch.commands, share * float(START.rotors[0].max_speed))
-    faults = implausible_numbers(found, START, "flight.csv", [dataclasses.replace(stretch, commands=commands)])
+    name = "rotor_speed_commands" if "rotor_speed_commands" in sound else "rotor_commands"
+    most = float(START.rotors[0].max_speed) if name == "rotor_speed_commands" else 1.0
+    flown = change(sound, name, lambda rows: np.full_like(rows, share * most))
+    faults = implausible_numbers(found, START, "flight.csv", [flown])
     assert len(faults) == doubts
     assert all("is extrapolated: commands reach 80 % of the full speed" in each.words for each in faults)
 

@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from planted_lags import lagging_drives, with_slower_motors
-from skyarm.flight_data.raw_tables import to_base
+from skyarm.algebra.frames import to_base
 from skyarm.scenario.scenario_record import first_state
 from skyarm.studies.identify.lagged_inputs import Needed, model_forces, wrench_of_pushes
 from skyarm.studies.identify.loop_lags import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.flight_data.raw_tables import to_base
+from skyarm.algebra.frames import to_base
 from skyarm.scenario.scenario_record import Delays, NamedSensor, Rates
 from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.measurement import SensorNoise

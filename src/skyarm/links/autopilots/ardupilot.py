@@ -14,8 +14,10 @@ import socket
 import struct
 import time
 from collections.abc import Mapping
+from itertools import chain
 from typing import Any, ClassVar
 
+from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.links import mavlink
 from skyarm.links.autopilots.ardupilot_frames import fitting_frame, rate_bandwidths, vehicle_parameters
@@ -142,7 +144,8 @@ def physics_line(time: float, imu: Numbers, state: Numbers) -> bytes:
     """
     _, p, q, r, fx, fy, fz = imu
     x, y, z, qw, qx, qy, qz, vx, vy, vz = state[:10]
-    numbers = (time, p, -q, -r, fx, -fy, -fz, x, -y, -z, qw, qx, -qy, -qz, vx, -vy, -vz)
+    turned = (to_our_axes(p, q, r), to_our_axes(fx, fy, fz), to_our_axes(x, y, z), to_our_attitude(qw, qx, qy, qz))
+    numbers = (time, *chain(*turned, to_our_axes(vx, vy, vz)))
     return (PHYSICS_LINE % numbers).encode("ascii")
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.links.autopilots.angle_control import Attitude
 from skyarm.links.autopilots.autopilot import Numbers
@@ -186,7 +187,8 @@ def state_message(seconds: float, imu: Numbers, pose: Numbers, velocity: Iterabl
     _, x, y, z, qw, qx, qy, qz = pose
     vx, vy, vz = velocity
     return STATE.pack(
-        seconds, p, -q, -r, -fx, -fy, -fz, qw, qx, -qy, -qz, vx, -vy, -vz, x, -y, -z, 101325.0 - 12.0 * z
+        seconds, *to_our_axes(p, q, r), -fx, -fy, -fz, *to_our_attitude(qw, qx, qy, qz), *to_our_axes(vx, vy, vz),
+        *to_our_axes(x, y, z), 101325.0 - 12.0 * z,
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from skyarm.algebra.frames import to_our_axes
 from skyarm.links import mavlink
 from skyarm.links.autopilots.autopilot import Goal, LinkError, Numbers
 from skyarm.links.mavlink_vehicle import MODES, MavlinkVehicle
@@ -90,12 +91,12 @@ class GuidedVehicle(MavlinkVehicle):
     def send_goal(self, time: float, goal: Goal) -> None:
         """Send a set point of position, velocity, acceleration and yaw in its local frame."""
         assert self.origin is not None
-        x, y, z = (a + b for a, b in zip(goal.position, self.origin, strict=True))
-        vx, vy, vz = goal.velocity
-        ax, ay, az = goal.acceleration
+        x, y, z = to_our_axes(*(a + b for a, b in zip(goal.position, self.origin, strict=True)))
+        vx, vy, vz = to_our_axes(*goal.velocity)
+        ax, ay, az = to_our_axes(*goal.acceleration)
         self.tell_autopilot(
             "SET_POSITION_TARGET_LOCAL_NED", time_boot_ms=round(time * 1e3), coordinate_frame=1,
-            type_mask=POSITION_MASK, x=x, y=-y, z=-z, vx=vx, vy=-vy, vz=-vz, afx=ax, afy=-ay, afz=-az, yaw=-goal.yaw,
+            type_mask=POSITION_MASK, x=x, y=y, z=z, vx=vx, vy=vy, vz=vz, afx=ax, afy=ay, afz=az, yaw=-goal.yaw,
         )  # fmt: skip
 
     def has_parameters(self, time: float, patience: float) -> bool:

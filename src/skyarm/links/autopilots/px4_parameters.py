@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.algebra.frames import to_our_axes
 from skyarm.links.autopilots.effectiveness import (
     centre_of_mass,
     highest_thrust,
@@ -66,10 +67,10 @@ def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
     found: dict[str, float] = {"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": len(vehicle.rotors)}
     largest = max(full)
     for i, (rotor, thrust) in enumerate(zip(vehicle.rotors, full, strict=True)):
-        x, y, z = (float(a) - float(b) for a, b in zip(rotor.position, com, strict=True))
-        found |= {f"CA_ROTOR{i}_PX": x, f"CA_ROTOR{i}_PY": -y, f"CA_ROTOR{i}_PZ": -z}
-        ax, ay, az = (float(c) for c in rotor.axis)
-        found |= {f"CA_ROTOR{i}_AX": ax, f"CA_ROTOR{i}_AY": -ay, f"CA_ROTOR{i}_AZ": -az}
+        place = (float(a) - float(b) for a, b in zip(rotor.position, com, strict=True))
+        for letter, vector in (("P", place), ("A", map(float, rotor.axis))):
+            turned = zip("XYZ", to_our_axes(*vector), strict=True)
+            found |= {f"CA_ROTOR{i}_{letter}{axis}": each for axis, each in turned}
         found[f"CA_ROTOR{i}_KM"] = float(rotor.moment_coefficient) * float(rotor.direction)
         found[f"CA_ROTOR{i}_CT"] = DEFAULT_THRUST * thrust / largest
         found[f"PWM_MAIN_FUNC{i + 1}"] = ROTOR_FUNCTION + i

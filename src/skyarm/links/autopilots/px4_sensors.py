@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from skyarm.algebra.frames import to_our_axes
 from skyarm.links.autopilots.autopilot import Numbers
 
 SEMI_MAJOR_AXIS = 6378137.0
@@ -127,15 +128,17 @@ class SensorMessages:
 
     def inertial(self, readings: Mapping[str, Numbers]) -> Fields:
         """Fields of HIL_SENSOR: the inertial reading, and the magnetic field and pressure where they are new."""
-        _, p, q, r, fx, fy, fz = readings["imu"]
+        _, *rate_and_force = readings["imu"]
+        p, q, r = to_our_axes(*rate_and_force[:3])
+        fx, fy, fz = to_our_axes(*rate_and_force[3:])
         updated = INERTIAL
         fields = {
-            "xgyro": p, "ygyro": -q, "zgyro": -r, "xacc": fx, "yacc": -fy, "zacc": -fz, "temperature": 20.0,
+            "xgyro": p, "ygyro": q, "zgyro": r, "xacc": fx, "yacc": fy, "zacc": fz, "temperature": 20.0,
         }  # fmt: skip
-        read, mx, my, mz = readings["magnetometer"]
+        read, *field = readings["magnetometer"]
         if self._is_new("magnetometer", read):
             updated |= MAGNETIC
-            fields |= {"xmag": mx, "ymag": -my, "zmag": -mz}
+            fields |= dict(zip(("xmag", "ymag", "zmag"), to_our_axes(*field), strict=True))
         read, pressure, temperature = readings["barometer"]
         if self._is_new("barometer", read):
             updated |= AIR
@@ -153,8 +156,10 @@ class SensorMessages:
         if not self._is_new("gnss", read):
             return None
         self.fix = (x, y, z)
-        latitude, longitude, altitude = to_geodetic(x, -y, z, HOME)
-        speed, course = math.hypot(vx, vy), math.degrees(math.atan2(-vy, vx)) % 360.0
+        north, east, _ = to_our_axes(x, y, z)
+        latitude, longitude, altitude = to_geodetic(north, east, z, HOME)
+        vn, ve, vd = to_our_axes(vx, vy, vz)
+        speed, course = math.hypot(vn, ve), math.degrees(math.atan2(ve, vn)) % 360.0
         return {
             "fix_type": 3,
             "lat": round(latitude * 1e7),
@@ -163,9 +168,9 @@ class SensorMessages:
             "eph": 2,
             "epv": 3,
             "vel": _whole(speed * 100, LONGEST_SHORT),
-            "vn": _whole(vx * 100, LONGEST_SHORT),
-            "ve": _whole(-vy * 100, LONGEST_SHORT),
-            "vd": _whole(-vz * 100, LONGEST_SHORT),
+            "vn": _whole(vn * 100, LONGEST_SHORT),
+            "ve": _whole(ve * 100, LONGEST_SHORT),
+            "vd": _whole(vd * 100, LONGEST_SHORT),
             "cog": round(course * 100) % 36000,
             "satellites_visible": 14,
         }

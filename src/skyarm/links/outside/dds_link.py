@@ -11,6 +11,7 @@ import re
 import time
 from typing import Any
 
+from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.links.mavlink_vehicle import MODES, PX4_NUMBER, SET_MODE
 from skyarm.links.outside.estimates import COMPONENT, Estimates
 from skyarm.links.outside.motor_commands import MotorCommand, SetPoint
@@ -31,7 +32,7 @@ from skyarm.links.outside.px4_topics import (
     OFFBOARD_BIT,
     OUT,
 )  # fmt: skip
-from skyarm.links.outside.state_frames import AutopilotState, to_our_attitude, to_our_axes
+from skyarm.links.outside.state_frames import AutopilotState
 from skyarm.links.ros.message_types import MessageError, decode
 from skyarm.links.ros.node import RosError
 from skyarm.links.ros.ros2_node import MOST_DOMAIN, Ros2Node

@@ -17,12 +17,13 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.links import mavlink
 from skyarm.links.mavlink_vehicle import MODES, ONBOARD_COMPUTER, MavlinkVehicle
 from skyarm.links.outside.estimates import COMPONENT, Estimates
 from skyarm.links.outside.motor_commands import SetPoint
 from skyarm.links.outside.rate_commands import RateCommand
-from skyarm.links.outside.state_frames import AutopilotState, to_our_attitude, to_our_axes
+from skyarm.links.outside.state_frames import AutopilotState
 from skyarm.links.sockets import drain
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable

@@ -1,6 +1,6 @@
 """State of a vehicle as its autopilot estimates it, and its place in a scenario's world.
 
-On the wire axes are forward, right, down and north, east, down; here forward, left, up and north, west, up. A
+Axes here are forward, left, up and north, west, up (:mod:`skyarm.algebra.frames` brings those of the wire into them). A
 scenario's world differs from the autopilot's local frame by a shift and a turn about the vertical.
 """
 
@@ -34,16 +34,6 @@ def is_whole(state: AutopilotState) -> bool:
     """True if all numbers of an estimate are finite, and its quaternion has unit length."""
     numbers = (state.time, *state.position, *state.quaternion, *state.velocity, *state.rate)
     return all(map(math.isfinite, numbers)) and abs(sum(c * c for c in state.quaternion) - 1.0) < 1e-2
-
-
-def to_our_axes(x: float, y: float, z: float) -> Vec3:
-    """Vector of forward, right, down or north, east, down in our axes; and back, for the map is its own inverse."""
-    return Vec3(float(x), -float(y), -float(z))
-
-
-def to_our_attitude(w: float, x: float, y: float, z: float) -> Quaternion:
-    """Attitude of the wire in our axes, both of which are turned by half a turn about x: w, x, -y, -z; and back."""
-    return Quaternion(float(w), float(x), -float(y), -float(z))
 
 
 @immutable

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import Vec3
 from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.ros.messages import NANO
 from skyarm.records.arrays import Array, IntArray
@@ -48,12 +48,6 @@ class Part:
 def unit(wxyz: Array) -> Array:
     """Quaternions wxyz (N, 4) normalized to unit length."""
     return np.asarray(wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True))
-
-
-def in_base(vectors: Array, wxyz: Array) -> Array:
-    """Rotate world vectors (N, 3) to the axes of a base with attitude ``wxyz`` (N, 4), of unit length."""
-    R = Quaternion(*wxyz.T).rotation()
-    return np.stack(list(R.apply_T(Vec3(*vectors.T))), axis=1)
 
 
 def nanoseconds(time: Array) -> IntArray:

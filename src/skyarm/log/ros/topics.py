@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.algebra.frames import to_base
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_part
 from skyarm.log.log_columns import Names, columns, names_of, word
@@ -22,7 +23,6 @@ from skyarm.log.ros.scene import (
     WORLD,
     Frames,
     Part,
-    in_base,
     markers,
     quaternion,
     transform,
@@ -171,7 +171,7 @@ JOINT_FIELDS = {"joints": "position", "joint_rates": "velocity", "efforts": "eff
 
 def _odometry(read: Fields) -> dict[str, Any]:
     attitude = unit(read["quaternion"])
-    twist = {"linear": xyz(in_base(read["velocity"], attitude)), "angular": xyz(read["rate"])}
+    twist = {"linear": xyz(to_base(attitude, read["velocity"])), "angular": xyz(read["rate"])}
     return {"pose": {"pose": _pose(read["position"], attitude)}, "twist": {"twist": twist}}
 
 

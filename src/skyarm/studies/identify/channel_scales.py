@@ -12,9 +12,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from skyarm.algebra.frames import turn_vectors
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import ONE_G
-from skyarm.flight_data.raw_tables import turn_vectors
 from skyarm.flight_data.series import common_span, means_of, middle, thin_samples, unit_rows, values_at
 from skyarm.records.arrays import Array
 from skyarm.studies.identify.data_compatibility import Law, slope_law, slopes_of

@@ -12,12 +12,12 @@ from itertools import permutations, product
 
 import numpy as np
 
+from skyarm.algebra.frames import to_base, turn_vectors
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.flight_data.clocks import rotation_steps
 from skyarm.flight_data.flight_data import Channel
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.raw_tables import to_base, turn_vectors
 from skyarm.flight_data.series import attitude_at, common_span, integral_of, means_of, middle, thin_samples
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable

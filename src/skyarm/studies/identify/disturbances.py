@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.frames import to_base
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.raw_tables import to_base
 from skyarm.flight_data.series import continuous, middle, unit_rows
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable

@@ -15,6 +15,7 @@ from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.prediction_error import PredictionFit
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
+from skyarm.studies.identify.window_fit import WindowFit
 from skyarm.vehicle.linkage import Link
 
 NOT_SHOWN = "not in this data"
@@ -92,7 +93,10 @@ class Scale:
 
 
 def scale_of(
-    found: PredictionFit, unknowns: Sequence[Unknown], reported: Sequence[Reported], known: Mapping[str, float]
+    found: PredictionFit | WindowFit,
+    unknowns: Sequence[Unknown],
+    reported: Sequence[Reported],
+    known: Mapping[str, float],
 ) -> Scale:
     """Linearise the reported numbers in the searched ones, beside those that are known."""
     place = {each.name: i for i, each in enumerate(unknowns)}
@@ -115,7 +119,7 @@ def scale_of(
 
 
 def identified_numbers(
-    found: PredictionFit, scale: Scale, period: float, sample: float, flights: Sequence[str] = ()
+    found: PredictionFit | WindowFit, scale: Scale, period: float, sample: float, flights: Sequence[str] = ()
 ) -> tuple[tuple[IdentifiedNumber, ...], Array]:
     """Numbers with intervals, and the correlations of their errors.
 
@@ -155,7 +159,7 @@ def identified_numbers(
     return tuple(numbers), covariance / np.outer(deviations, deviations)
 
 
-def disagreement(found: PredictionFit, scale: Scale, after: Array, flights: Sequence[str]) -> Array:
+def disagreement(found: PredictionFit | WindowFit, scale: Scale, after: Array, flights: Sequence[str]) -> Array:
     """Ratio (numbers,), at least 1, of the spread of a number from flight to flight to what their noise explains.
 
     The ratio of Birge (1932), by which the Particle Data Group scales errors: the root of chi squared over its degrees
@@ -226,10 +230,10 @@ def unresolved_friction(
 def _sampling(scale: Scale, spread: Array, period: float, sample: float) -> Array:
     """Least halves of the intervals."""
     times = np.array([each.unit == "s" for each in scale.reported])
-    least = np.where(scale.positive, SHARE, np.where(times, INSTANT * period, SPREAD * spread))
+    least = np.where(scale.positive, SHARE, np.where(times, INSTANT * period, SPREAD * spread)) * (period > 0.0)
     least[[each.name == ACCELEROMETER for each in scale.reported]] = 0.5 * sample
     late = INSTANT * period / np.where(times & scale.positive, scale.values, np.inf)
-    return np.hypot(least, late)
+    return np.asarray(np.hypot(least, late))
 
 
 @immutable(kw_only=False, eq=False)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import fields
+from itertools import accumulate
 from typing import Any, TypeVar
 
 import numpy as np
 
 from skyarm.algebra import Sym3, Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT, KNOTS, rises_of_thrust, second_moments
@@ -29,12 +31,12 @@ OF_SERVOS = ("stiffness", "damping", "integral", "latency", "speed_limit")
 """Numbers of a joint's position servo that may be identified."""
 
 
-def vehicle_with(start: Vehicle, numbers: Mapping[str, float], *, checked: bool = False) -> Vehicle:
+def vehicle_with(start: Vehicle, numbers: Mapping[str, Scalar], *, checked: bool = False) -> Vehicle:
     """Vehicle with identified numbers; the total mass stays.
 
     Args:
         start: the rest.
-        numbers: by name of the unknown.
+        numbers: by name of the unknown; any scalars where they are not checked.
         checked: whether its records are checked: a search passes through what no vehicle is.
 
     Raises:
@@ -43,16 +45,18 @@ def vehicle_with(start: Vehicle, numbers: Mapping[str, float], *, checked: bool 
     rotors = tuple(_rotor(start.rotors[0], each, numbers, checked) for each in start.rotors)
     links = tuple(_link(each, numbers, checked) for each in start.links)
     drives = tuple(_drive(each, numbers, checked) for each in start.drives)
-    carried = sum(float(link.body.mass) for link in links) - sum(float(link.body.mass) for link in start.links)
-    base = _with_changes(
+    mass = start.base.mass
+    for now, before in zip(links, start.links, strict=True):
+        mass = mass - (now.body.mass - float(before.body.mass))
+    base = with_changes(
         start.base,
         checked,
-        mass=float(start.base.mass) - carried,
+        mass=mass,
         com=Vec3(*(numbers.get(f"base.com.{axis}", getattr(start.base.com, axis)) for axis in "xyz")),
         inertia=of_a_body(_inertia(start.base, numbers)) if checked else _inertia(start.base, numbers),
     )
     areas = [numbers.get(f"drag.area.{axis}", getattr(start.drag.area, axis)) for axis in "xyz"]
-    drag = _with_changes(start.drag, checked, area=Vec3(*(max(area, 0.0) if checked else area for area in areas)))
+    drag = with_changes(start.drag, checked, area=Vec3(*(max(area, 0.0) if checked else area for area in areas)))
     if checked:
         return dataclasses.replace(start, base=base, rotors=rotors, links=links, drag=drag, drives=drives)
     return start.with_checked(base=base, rotors=rotors, links=links, drag=drag, drives=drives)
@@ -79,7 +83,7 @@ def of_a_body(inertia: Sym3) -> Sym3:
     return Sym3(*(float(found[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
 
 
-def _with_changes(record: R, checked: bool, **changes: Any) -> R:
+def with_changes(record: R, checked: bool, **changes: Any) -> R:
     """Copy of a record with other fields, checked or not."""
     if checked:
         return dataclasses.replace(record, **changes)
@@ -89,7 +93,7 @@ def _with_changes(record: R, checked: bool, **changes: Any) -> R:
     return made
 
 
-def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, float], checked: bool) -> Rotor:
+def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, Scalar], checked: bool) -> Rotor:
     """Rotor with identified numbers, which are those of the first one."""
     changes: dict[str, Any] = {}
     for name in SCALED:
@@ -104,14 +108,14 @@ def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, float], checked: bo
     table = _table(first, numbers)
     if table is not None:
         changes |= {"table": table, "thrust_coefficient": table.thrust_coefficient}
-    return _with_changes(rotor, checked, **changes)
+    return with_changes(rotor, checked, **changes)
 
 
-def _link(link: Link, numbers: Mapping[str, float], checked: bool) -> Link:
+def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
     """Link with identified numbers."""
     name, body = f"links.{link.name}", link.body
     scale = numbers.get(f"{name}.inertia", 1.0)
-    moved = _with_changes(
+    moved = with_changes(
         body,
         checked,
         mass=numbers.get(f"{name}.mass", body.mass),
@@ -121,29 +125,29 @@ def _link(link: Link, numbers: Mapping[str, float], checked: bool) -> Link:
     frictions: dict[str, Any] = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
     if checked:
         frictions |= {name: max(frictions[name], 0.0) for name in ("damping", "coulomb") if name in frictions}
-    return _with_changes(link, checked, body=moved, joint=_with_changes(link.joint, checked, **frictions))
+    return with_changes(link, checked, body=moved, joint=with_changes(link.joint, checked, **frictions))
 
 
-def _drive(mounted: MountedDrive, numbers: Mapping[str, float], checked: bool) -> MountedDrive:
+def _drive(mounted: MountedDrive, numbers: Mapping[str, Scalar], checked: bool) -> MountedDrive:
     """Drive of a joint with identified numbers."""
     changes = {k: numbers[at] for k in OF_SERVOS if (at := f"drives.{mounted.name}.{k}") in numbers}
     if not changes or not isinstance(mounted.drive, PositionServo):
         return mounted
     if checked:
         changes["latency"] = max(changes.get("latency", float(mounted.drive.latency)), 0.0)
-    return _with_changes(mounted, checked, drive=_with_changes(mounted.drive, checked, **changes))
+    return with_changes(mounted, checked, drive=with_changes(mounted.drive, checked, **changes))
 
 
-def _table(first: Rotor, numbers: Mapping[str, float]) -> ThrustTable | None:
+def _table(first: Rotor, numbers: Mapping[str, Scalar]) -> ThrustTable | None:
     """Thrust curve of the rotors, if its rises are identified."""
     rises = [numbers[name] for name in rises_of_thrust() if name in numbers]
     if not rises:
         return None
     speeds = tuple(share * float(first.max_speed) for share in KNOTS)
-    return ThrustTable(speed=speeds, thrust=tuple(np.cumsum(rises).tolist()))
+    return ThrustTable(speed=speeds, thrust=tuple(accumulate(rises)))
 
 
-def _inertia(base: Body, numbers: Mapping[str, float]) -> Sym3:
+def _inertia(base: Body, numbers: Mapping[str, Scalar]) -> Sym3:
     """Inertia of the base from its second moments and products."""
     at = {
         axis: numbers.get(f"base.second_moment.{axis}", moment)

@@ -75,7 +75,7 @@ class IdentifiedReport:
         if apart:
             lines.append(f"flights disagree; intervals are wider than their noise explains, times: {apart}")
         shares = ", ".join(f"{row} {share:.0%}" for row, share in found.explained.items())
-        lines.append(f"explained one step ahead: {shares}")
+        lines.append(f"explained beyond noise: {shares}")
         pairs = correlated_pairs(found)
         lines += [f"hard to separate: {a} and {b}, correlation {r:+.3f}" for a, b, r in pairs[:MOST]]
         if len(pairs) > MOST:

@@ -13,8 +13,8 @@ from skyarm.records.files import number
 from skyarm.studies.identify.channel_scales import WARNED
 from skyarm.studies.identify.data_faults import Fault, find_faults, require_no_refusal
 from skyarm.studies.identify.held_out import held_out_period, predict_held_out
-from skyarm.studies.identify.identify_vehicle import LEAST, Identified, identify_vehicle
-from skyarm.studies.identify.motion_model import Stretch
+from skyarm.studies.identify.identify_vehicle import Identified
+from skyarm.studies.identify.identify_windows import WHOLE, identify_by_windows
 from skyarm.studies.identify.plausibility import implausible_numbers, require_possible_numbers
 from skyarm.studies.identify.stretches import stretches_of_flights
 from skyarm.studies.identify.unknowns import second_moments_of
@@ -25,6 +25,9 @@ TOTAL = "mass"
 
 MOMENTS = ("base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
 """Known numbers that must be given together, as the search is for sums of them."""
+
+STEP = 0.005
+"""s, of the predictions of held-out flights at most."""
 
 FLAT = 1e-6
 """Of the sum of the moments, least second moment of mass: that of a flat plate, which is 0, has no logarithm."""
@@ -106,34 +109,34 @@ def identify_aligned(
     tell("look for faults")
     parts = [each.section(*part) for each in flights for part in sections] if sections else flights
     report([fault for each in (*parts, *held_out) for fault in find_faults(each, start)])
-    tell("cut into stretches")
-    fitted = stretches_of_flights(flights, start, full_voltage=full_voltage, sections=sections) if flights else []
-    every = [each for part in fitted for each in part]
-    counted = tuple(any(each.size >= LEAST for each in part) for part in fitted)
-    if any(counted):
-        report(
-            [_too_short(each, part) for each, part, counts in zip(flights, fitted, counted, strict=True) if not counts]
-        )
-    period = held_out_period(every[0].period) if every else 0.0
-    unseen = stretches_of_flights(held_out, start, period=period, full_voltage=full_voltage) if held_out else []
-    found = identify_vehicle(every, start, curve=curve, drag_height=drag_height, known=known, progress=progress)
-    found = dataclasses.replace(found, counted=counted)
-    report(implausible_numbers(found, start, flights[0].file, every))
+    found = identify_by_windows(
+        flights,
+        start,
+        curve=curve,
+        drag_height=drag_height,
+        full_voltage=full_voltage,
+        sections=sections,
+        known=known,
+        gravity=gravity,
+        progress=progress,
+    )
+    report([_without_part(each) for each, counts in zip(flights, found.counted, strict=False) if not counts])
+    report(implausible_numbers(found, start, flights[0].file, flights))
     if not held_out:
         return found
     tell("predict the held-out flights")
+    period = held_out_period(STEP)
+    unseen = stretches_of_flights(held_out, start, period=period, full_voltage=full_voltage)
     again = stretches_of_flights(flights, start, period=period, full_voltage=full_voltage, sections=sections)
     aside, seen = list(zip(held_out, unseen, strict=True)), list(zip(flights, again, strict=True))
     predicted = predict_held_out(found, start, aside, seen=seen, known=known, gravity=gravity)
     return dataclasses.replace(found, held_out=predicted)
 
 
-def _too_short(flight: FlightData, stretches: Sequence[Stretch]) -> Fault:
-    """Warning of a flight without a stretch that is long enough for identification."""
-    longest = max(stretches, key=lambda each: each.size)
-    finding = f"no part counts: the longest without a gap has {longest.size * longest.period:.3g} s in the air"
-    least = f"must be at least {LEAST * longest.period:.3g} s, {LEAST} periods of {longest.period:.3g} s"
-    remedy = f"{least}: leave it out, fly longer, or start from the rotors' own time constants, which set the period"
+def _without_part(flight: FlightData) -> Fault:
+    """Warning of a flight without a part that counts."""
+    finding = f"no part counts: nowhere {WHOLE:g} s in the air without a gap"
+    remedy = "leave it out, or fly longer"
     return Fault(severity=WARNED, file=flight.file, channel="time", finding=finding, remedy=remedy)
 
 

@@ -61,11 +61,12 @@ class Identified:
         correlation: (numbers, numbers) of their errors.
         vehicle: the start vehicle with what the flights show; the rest is the start's, and what is shown fits to it.
         surroundings: delays, places and offsets.
-        explained: row -> share of its variance that the model predicts one step ahead, 0 to 1.
-        deviation: row -> standard deviation of the errors of one step ahead.
+        explained: row -> share that the model explains, 0 to 1, of its variance in a window beyond a straight line and
+            white noise.
+        deviation: row -> standard deviation of its errors.
         settled: whether the search came to rest.
         seconds: of flight that counted.
-        period: s, over which accelerations were compared.
+        period: s, between samples of the gyroscope.
         held_out: errors of predictions of other flights, if any were asked for.
         counted: of each flight of :func:`skyarm.identify_flights`, whether any part of it was long enough to count.
     """

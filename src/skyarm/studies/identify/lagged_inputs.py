@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from skyarm.algebra import ZERO3
+from skyarm.algebra.frames import to_base
 from skyarm.dynamics.actuators.rotor import push, rotor_forces
 from skyarm.dynamics.array_front import inverse_dynamics
-from skyarm.flight_data.raw_tables import to_base
 from skyarm.flight_data.series import middle
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array

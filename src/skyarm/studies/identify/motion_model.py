@@ -181,6 +181,8 @@ class Surroundings:
         delay: s, dead time from a rotor's command to the measured rates.
         joint_delay: s, dead time from a joint's torque to the measured rates.
         accelerometer_delay: s, of the accelerometer behind the gyroscope.
+        pose_delay: s, of the pose behind the gyroscope.
+        gyro_bias: rad/s, base axes.
         place: m, of the inertial unit in the base frame.
         offset: m/s^2, of the accelerometer.
         torque: N m, constant, base axes.
@@ -194,6 +196,8 @@ class Surroundings:
     delay: float = 0.0
     joint_delay: float = 0.0
     accelerometer_delay: float = 0.0
+    pose_delay: float = 0.0
+    gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     torque: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from skyarm.flight_data.flight_data import FlightData
 from skyarm.studies.identify.channel_scales import REFUSED, WARNED, Found
 from skyarm.studies.identify.data_faults import Fault, faults_of
 from skyarm.studies.identify.identify_vehicle import Identified
 from skyarm.studies.identify.lagged_inputs import time_constants
-from skyarm.studies.identify.motion_model import Stretch
-from skyarm.studies.identify.stretches import SHORTEST
+from skyarm.studies.identify.stretches import SHORTEST, commanded_speeds
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FAR, IMPOSSIBLE = 4.0, 8.0
@@ -86,7 +86,7 @@ def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix:
 
 
 def implausible_numbers(
-    found: Identified, start: Vehicle, file: str, stretches: Sequence[Stretch] = ()
+    found: Identified, start: Vehicle, file: str, flights: Sequence[FlightData] = ()
 ) -> tuple[Fault, ...]:
     """Faults that show in the numbers only: far from the start vehicle, or of a model that explains nothing.
 
@@ -94,9 +94,9 @@ def implausible_numbers(
         found: identified vehicle.
         start: vehicle before.
         file: of the flight, for the messages.
-        stretches: of the fit, whose commands a thrust curve is compared with.
+        flights: of the fit, whose commands a thrust curve is compared with.
     """
-    faults = [*_implausible(found), *_distant_centres(found, start), *_beyond_commands(found, start, stretches)]
+    faults = [*_implausible(found), *_distant_centres(found, start), *_beyond_commands(found, start, flights)]
     return tuple(faults_of(faults, file))
 
 
@@ -112,11 +112,14 @@ def _distant_centres(found: Identified, start: Vehicle) -> Iterator[Found]:
             yield WARNED, each.name, finding, "try --drag-height, check the accelerometer's place and the clocks"
 
 
-def _beyond_commands(found: Identified, start: Vehicle, stretches: Sequence[Stretch]) -> Iterator[Found]:
+def _beyond_commands(found: Identified, start: Vehicle, flights: Sequence[FlightData]) -> Iterator[Found]:
     """Yield the thrust at full signal where no command comes near it."""
     full = float(start.rotors[0].max_speed)
-    most = max((float(np.quantile(each.commands, 0.999)) for each in stretches), default=full) / full
-    if most < HIGHEST and any(each.name == FULL and each.is_known for each in found.numbers):
+    if not any(each.name == FULL and each.is_known for each in found.numbers):
+        return
+    every = [commanded_speeds(each, start).values for each in flights]
+    most = max((float(np.quantile(each, 0.999)) for each in every), default=full) / full
+    if most < HIGHEST:
         finding = f"is extrapolated: commands reach {100.0 * most:.2g} % of the full speed"
         yield WARNED, FULL, finding, "fly with more thrust, or do not rely on it"
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.algebra.frames import to_base
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.raw_tables import to_base
 from skyarm.flight_data.series import attitude_at, common_span, measured_at, middle, values_at
 from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, Mask

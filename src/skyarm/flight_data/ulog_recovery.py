@@ -1,0 +1,163 @@
+"""Messages of a ULog file that are whole, where the file is cut off or damaged.
+
+pyulog goes on behind a damaged message wherever the next bytes lead it, and ends where a number is short. So what it
+would stumble over is left out before. Little-endian: a head of 16 bytes (magic, version, time in us) is followed by
+messages: length (two bytes), type (a letter), body. ``F`` declares the fields of a format, ``A`` binds a topic and its
+instance to a number, ``D`` holds a row of a topic, ``P`` a parameter, ``I`` a text about the flight, ``O`` a loss of
+the logger, ``B`` the places of data that were appended after a crash.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator, Mapping
+
+MAGIC = b"ULog\x01\x12\x35"
+
+HEAD = 16
+"""Bytes before the first message."""
+
+LETTERS = frozenset(b"BFIMPQARDLCSO")
+"""Types of messages."""
+
+TOO_LONG = 65536
+"""Bytes of a row that no message holds, as its length has two."""
+
+DEEPEST = 8
+"""Formats in one another."""
+
+IN_A_ROW = 3
+"""Messages that must be whole, one after another, to go on behind a damaged one."""
+
+SIZES: Mapping[bytes, int] = {
+    kind: size
+    for size, kinds in (
+        (1, b"int8_t uint8_t bool char"),
+        (2, b"int16_t uint16_t"),
+        (4, b"int32_t uint32_t float"),
+        (8, b"int64_t uint64_t double"),
+    )
+    for kind in kinds.split()
+}
+"""Bytes of the types of fields."""
+
+BEGINNING = re.compile(
+    rb"(?=..(?:F\w{1,99}:\w|A...[a-zA-Z]|[IP].\w{1,99}(?:\[\d+\])? \w|[DOS]))", re.DOTALL
+)  # fmt: skip
+"""Beginnings of the messages with which reading goes on behind a damaged one."""
+
+FIELD = re.compile(rb"([A-Za-z_]\w*)(?:\[([1-9]\d{0,4})\])? ([A-Za-z_]\w*)(?:;|$)")
+"""Type, number and name of a field of a format."""
+
+FORMAT = re.compile(rb"(\w+):((?:%b)+)" % FIELD.pattern)
+"""Name and fields of a format."""
+
+PADDING = re.compile(rb"([^;]* _padding\w*;?)+$")
+"""Last fields of a format, which rows lack."""
+
+TIMESTAMP = re.compile(rb"(^|;)uint64_t timestamp(;|$)")
+"""Field by which pyulog finds its way."""
+
+PARAMETER, TEXT = (re.compile(each, re.DOTALL) for each in (rb".(?:int32_t|float) \w", rb".char\[\d+\] \w"))
+"""Beginnings of parameters and of texts about the flight, with the length of type and name in the first byte."""
+
+
+class WholeMessages:
+    """Messages of a ULog file that pyulog reads: formats, topics, rows, parameters, texts about the flight, and losses.
+
+    Attributes:
+        found: bytes of a file of these.
+        damaged: places at which messages are left out. cut: the file ends within a message.
+
+    Raises:
+        ValueError: one line: it is no such file, or one of a kind that is not known.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        if not data.startswith(MAGIC) or len(data) < HEAD:
+            first = data[: len(MAGIC)].hex() or "none"
+            raise ValueError(f"first bytes = {first}: must be {MAGIC.hex()}, of a ULog file")
+        self.data, self.damaged, self.cut = data, 0, False
+        self.formats: dict[bytes, bytes] = {}
+        self.rows: dict[bytes, int] = {}  # bytes by the number of the topic
+        self.appended: list[int] = []
+        self.found = b"".join([MAGIC, b"\x01", data[8:HEAD], *self._messages()])
+
+    def _messages(self) -> Iterator[bytes]:
+        """Yield the messages that are read."""
+        data, place = self.data, HEAD
+        while place < len(data):
+            self.appended = [each for each in self.appended if each > place]
+            end = self._end(place)
+            if self.appended and not place < end <= self.appended[0]:
+                place = self.appended[0]  # the message there was cut off by a crash
+            elif not end:
+                end = self._next_whole(place + 1)
+                begun = place + 3 > len(data) or (data[place + 2] in LETTERS and self._end_of(place) > len(data))
+                self.cut |= not end and begun
+                self.damaged += not self.cut
+                place = end or len(data)
+            else:
+                if self._is_read(data[place + 2 : place + 3], data[place + 3 : end]):
+                    yield data[place:end]
+                place = end
+
+    def _end_of(self, place: int) -> int:
+        """End of the message at a place by its length."""
+        return place + 3 + int.from_bytes(self.data[place : place + 2], "little")
+
+    def _end(self, place: int) -> int:
+        """End of the message at a place; 0 if it is none, or a row of no topic that is known."""
+        data, end = self.data, self._end_of(place)
+        if not place + 3 < end <= len(data) or data[place + 2] not in LETTERS:
+            return 0
+        is_row = data[place + 2] == ord("D")
+        return 0 if is_row and end - place - 5 != self.rows.get(data[place + 3 : place + 5]) else end
+
+    def _next_whole(self, place: int) -> int:
+        """Place from where several messages are whole; 0 if there is none."""
+        for match in BEGINNING.finditer(self.data, place):
+            end = match.start()
+            for _ in range(IN_A_ROW):
+                end = self._end(end) if BEGINNING.match(self.data, end) else 0
+                if not end or end == len(self.data):
+                    break
+            if end:
+                return match.start()
+        return 0
+
+    def _is_read(self, letter: bytes, body: bytes) -> bool:
+        """True if a message is one that counts and that pyulog can read; its declarations are taken note of."""
+        if letter == b"F" and (match := FORMAT.fullmatch(body)):
+            text = match[2]
+            names = [name for _, _, name in FIELD.findall(text)]
+            return len(names) == len(set(names)) and self.formats.setdefault(match[1], text) is text
+        if letter == b"A":
+            number, fields = body[1:3], PADDING.sub(b"", self.formats.get(body[3:], b""))
+            size = self._bytes_of(fields)
+            known = number not in self.rows and size < TOO_LONG and TIMESTAMP.search(fields) is not None
+            if known:
+                self.rows[number] = size
+            return known
+        if letter == b"P":
+            return PARAMETER.match(body) is not None and len(body) == body[0] + 5 and not self.rows
+        if letter == b"I":
+            return TEXT.match(body) is not None
+        if letter == b"B" and len(body) >= 40:
+            if body[8] & ~1 or any(body[9:16]):
+                raise ValueError(f"flags = {body[8:16].hex()}: must be those of ULog's first version")
+            places = struct.unpack_from("<3Q", body, 16) if body[8] else ()
+            self.appended = sorted(each for each in places if each < len(self.data))
+        return letter == b"D" or (letter == b"O" and len(body) == 2)
+
+    def _bytes_of(self, fields: bytes, depth: int = 0) -> int:
+        """Bytes of the fields of a format; ``TOO_LONG`` or more where one is unknown, or its formats have no end."""
+        total = 0
+        for kind, count, _ in FIELD.findall(fields):
+            nested = self.formats.get(kind) if depth < DEEPEST else None
+            own = SIZES.get(kind) or (TOO_LONG if nested is None else self._bytes_of(nested, depth + 1))
+            total += own * int(count or 1)
+            if total >= TOO_LONG:
+                break
+        return total

@@ -1,0 +1,186 @@
+"""Flights of the plant under logged commands: from any state, for any numbers of the vehicle, many side by side.
+
+What a flight's commands explain is flown by the same step as every simulation. Lanes of machine code differ in the
+numbers of the vehicle, in where in the log they begin, and in a constant wrench, which stands for what the model leaves
+unexplained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar
+from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.lane_stepper import LaneStepper
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.program import trace_loop
+from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.drive import Drive
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State, example_state
+from skyarm.plant.compiled import RigidBodyPlant, Steps, example_command, hold
+from skyarm.plant.interface import Truth
+from skyarm.plant.surroundings import Surroundings
+from skyarm.records.arrays import Array
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import field_names, leaves
+from skyarm.simulate.command_line import mean_efforts, switches
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world import Component, Effectiveness, Wrench
+
+Numbers: TypeAlias = Mapping[str, Scalar]
+
+
+@immutable
+class Unexplained(Component):
+    """Force (N) and torque (N m) on the base about its origin, base axes, which are its memory."""
+
+    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
+        """The wrench, turned with the base."""
+        force, torque = (motion.rotation.apply(each) for each in memory)
+        return [Wrench(force_W=force, torque_W=torque)]
+
+
+@immutable
+class Inputs:
+    """Inputs of one lane over one step.
+
+    Attributes:
+        numbers: in the order of the replay's names.
+        thrust: factor of every rotor's thrust and drag torque, as by the battery.
+        force, torque: that nothing explains, N and N m, base axes.
+        before, after: commands between which the step switches: speeds of the rotors, rad/s, and setpoints of the
+            joints' drives, N m or N without one.
+        late: s, within the step at which the rotors switch, and the joints.
+    """
+
+    numbers: tuple[Scalar, ...]
+    thrust: Scalar
+    force: Vec3
+    torque: Vec3
+    before: Command
+    after: Command
+    late: tuple[Scalar, Scalar]
+
+
+class Replay:
+    """Plant in machine code that flies under logged commands.
+
+    Args:
+        vehicle_of: numbers by name -> vehicle, of any scalars. start: usual numbers, by which steps are chosen.
+        drives_of: vehicle -> drive of each joint; none where all take torques.
+        step: s, over which inputs are constant. gravity: m/s^2.
+        sensed: numbers, states before and after a step -> what is logged of it beside the state.
+        finer: least number of integration steps within one.
+
+    Attributes:
+        names: of the numbers. step: s.
+    """
+
+    def __init__(
+        self,
+        vehicle_of: Callable[[Numbers], Vehicle],
+        start: Mapping[str, float],
+        step: float,
+        gravity: float,
+        *,
+        drives_of: Callable[[Vehicle], tuple[Drive, ...]] = lambda vehicle: (),
+        sensed: Callable[[Numbers, State, State], Sequence[Scalar]] = lambda *_: (),
+        finer: int = 1,
+    ) -> None:
+        self.names, self.step = tuple(start), step
+        usual = vehicle_of(start)
+        n, rotors = usual.n, len(usual.rotors)
+        drives = drives_of(usual)
+        memories = tuple(each.begin(0.0, 0.0, step) for each in drives)
+
+        def around(vehicle: Vehicle, given: Inputs, memories: tuple[Any, ...]) -> Surroundings:
+            left = Effectiveness(rotors=(given.thrust,) * rotors, joints=(1,) * n)
+            push = (given.force, given.torque)
+            return Surroundings(
+                components=(Unexplained(),),
+                memories=(push,),
+                effectiveness=left,
+                drives=drives_of(vehicle),
+                drive_memories=memories,
+            )
+
+        none = Vec3(0.0, 0.0, 0.0)
+        still, late = example_command(n, rotors), (0.0, 0.0)
+        self._inputs = Inputs(
+            numbers=tuple(start.values()), thrust=1.0, force=none, torque=none, before=still, after=still, late=late
+        )
+        state = example_state(n, rotors)
+        self._carry = state, memories
+        plant = RigidBodyPlant(Truth(vehicle=usual, gravity=gravity), around(usual, self._inputs, memories), "rk4")
+        count = Steps(max(finer, plant.substeps(step).near))
+
+        def fly(carry: Any, given: Inputs, _row: Any, _uniforms: Any) -> tuple[Any, Any]:
+            before, memories = carry
+            numbers = dict(zip(self.names, given.numbers, strict=True))
+            vehicle = vehicle_of(numbers)
+            setpoints = mean_efforts(given.before, given.after, given.late[1], step)
+            rows = zip(drives_of(vehicle), memories, setpoints, before.joints, before.joint_rates, strict=False)
+            memories = tuple(each.advance(held, mean, q, qd, step) for each, held, mean, q, qd in rows)
+            world, beside = Truth(vehicle=vehicle, gravity=gravity), around(vehicle, given, memories)
+            now, left = (before, ()), step
+            for seconds, command in switches(given.before, given.after, *given.late):
+                now = hold(world, "rk4", count, now, command, beside, seconds)
+                left = left - seconds
+            after, _ = hold(world, "rk4", count, now, given.after, beside, left)
+            return (after, memories), tuple(sensed(numbers, before, after))
+
+        loop = trace_loop(fly, (state, memories), self._inputs, (), loops=True)
+        self._kernel = Kernel(loop, Lanes(host_width(), contract=True), logging=True, effort=1)
+
+    def flights(self, lanes: int, threads: int = 1) -> Flights:
+        """Flights side by side, all at rest at the origin, with the usual numbers."""
+        return Flights(self._kernel, self._carry, self._inputs, lanes, threads)
+
+
+class Flights:
+    """Flights of a replay side by side, step by step.
+
+    Attributes:
+        state: field of a state -> (numbers, lanes) now. memories: (numbers, lanes) of the joints' drives.
+        inputs: field of the inputs -> (numbers, lanes) over the next step; commands by ``speeds_before``,
+            ``speeds_after``, ``setpoints_before`` and ``setpoints_after``.
+        logged: (numbers, lanes) of the last step.
+    """
+
+    def __init__(self, kernel: Kernel, carry: tuple[State, Any], inputs: Inputs, lanes: int, threads: int) -> None:
+        self._stepper = LaneStepper(kernel, lanes, threads=threads)
+        stepper = self._stepper
+        self.state, count = _views(carry[0], stepper.carry)
+        self.memories = stepper.carry[count:]
+        self.inputs, _ = _views(inputs, stepper.parameters)
+        for part in ("before", "after"):
+            fields, rows = {"rotor_speeds": "speeds", "efforts": "setpoints"}, self.inputs.pop(part)
+            commands, _ = _views(getattr(inputs, part), rows)
+            self.inputs |= {f"{name}_{part}": commands[field] for field, name in fields.items()}
+        self.logged: Array = stepper.logged
+        self.state["quaternion"][0] = 1.0
+        self.inputs["thrust"][:] = 1.0
+        self.inputs["numbers"][:] = np.array(inputs.numbers, dtype=float)[:, None]
+
+    def step(self) -> None:
+        """Fly one step."""
+        self._stepper.fill()
+        self._stepper.step()
+
+    def close(self) -> None:
+        """End the threads."""
+        self._stepper.close()
+
+
+def _views(record: Any, rows: Array) -> tuple[dict[str, Array], int]:
+    """Views on the rows of a record's numbers, by the names of its fields, and how many rows it has."""
+    found, first = dict[str, Array](), 0
+    for name in field_names(type(record)) or ():
+        last = first + len(leaves(getattr(record, name)))
+        found[name], first = rows[first:last], last
+    return found, first

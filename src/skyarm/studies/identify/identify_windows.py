@@ -1,0 +1,223 @@
+"""Identification of a vehicle from windows of its flights that the engine flies."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from skyarm.flight_data.flight_data import FlightData
+from skyarm.flight_data.quantities import GRAVITY
+from skyarm.records.arrays import Array
+from skyarm.records.files import must_be_one_of, number
+from skyarm.studies.identify.command_samples import sampling_period
+from skyarm.studies.identify.identified_numbers import (
+    NOT_SHOWN,
+    at_starts,
+    bound_number,
+    condition_on_start,
+    identified_numbers,
+    scale_of,
+    with_reasons,
+)
+from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
+from skyarm.studies.identify.identify_vehicle import LAGS, Identified
+from skyarm.studies.identify.servo_response import with_servos
+from skyarm.studies.identify.stretches import commanded_speeds
+from skyarm.studies.identify.unknowns import Unknown, reported_of, unknowns_of
+from skyarm.studies.identify.window_errors import WindowErrors
+from skyarm.studies.identify.window_fit import WindowFit, first_noise, fit_windows
+from skyarm.studies.identify.windows import Windows, clock_step, on_clock
+from skyarm.vehicle.vehicle_records import Vehicle
+
+FIRST, WHOLE, SLOW = 0.06, 0.25, 1.0
+"""s, of the first windows, whose problem is nearly linear, of the last ones, and of commands below 40 Hz."""
+
+FEW, SOME = 200, 60
+"""First windows at most, and those of the whole length from which the last search begins."""
+
+FEWEST = 4
+"""Windows."""
+
+SAMPLES = 12
+"""Samples of the gyroscope in a window at least."""
+
+TURNING, LATE = 0.05, 0.005
+"""rad/s and s: what is known of a gyro's bias and of a pose's delay before, standard deviations."""
+
+
+def identify_by_windows(
+    flights: Sequence[FlightData],
+    start: Vehicle,
+    *,
+    curve: bool = False,
+    drag_height: bool = False,
+    full_voltage: float = 0.0,
+    sections: Sequence[tuple[float, float]] = (),
+    known: Mapping[str, float] | None = None,
+    gravity: float = GRAVITY,
+    progress: Callable[[str], None] | None = None,
+) -> Identified:
+    """Identify the parameters of a vehicle from flights whose clocks agree.
+
+    Args:
+        flights: with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
+        start: vehicle with what is known before.
+        curve: find a thrust curve of its own in place of the start's times a factor.
+        drag_height: the rotors' hub drag acts at a height of its own.
+        full_voltage: V, at which the start's thrust holds; 0 leaves the battery's voltage out.
+        sections: (begin, end), s, of each flight that count; by default all in which the vehicle flies.
+        known: numbers that are not searched, by name.
+        gravity: m/s^2.
+        progress: called with one line a turn of the search.
+
+    Raises:
+        ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
+    """
+    flights = _distinct_flights(flights)
+    step = clock_step(flights, start)
+    clocked = [on_clock(each, start, step, full_voltage=full_voltage, sections=sections) for each in flights]
+    driven, servoed = _moved_joints(flights, start)
+    start = with_servos(start, servoed)
+    every = unknowns_of(
+        start,
+        curve=curve,
+        velocity=True,
+        voltage=any(bool(np.ptp(each.voltage) > 0.0) for each in clocked),
+        driven=driven,
+        servoed=servoed,
+        drag_height=drag_height,
+        others=[each.name for each in flights[1:]],
+    )
+    if not any(name in each for each in flights for name in ("position", "velocity")):
+        # the drag of rotors shows in forces; that of the body, by the square of the speed, would be that of any speed
+        every = [each for each in every if not each.name.startswith("drag.area.")]
+    every += _of_sensors(flights)
+    fixed = _checked_known(known or {}, every)
+    unknowns = [each for each in every if each.name not in fixed]
+    slow = any(sampling_period(commanded_speeds(each, start)) for each in flights)
+    sample = max(1.0 / each["gyro"].rate for each in flights)
+    begin, fit = np.array([each.begin for each in unknowns]), None
+    whole = SLOW if slow else max(WHOLE, SAMPLES * sample)
+    for length, most in ((max(FIRST, SAMPLES * sample), FEW), (whole, SOME), (whole, 0)):
+        windows = Windows(clocked, start, length, most)
+        if windows.count < FEWEST:
+            names = ", ".join(each.name for each in flights)
+            raise ValueError(
+                f"{names}: fewer than {FEWEST} parts of {length:.3g} s in the air without a gap: fly longer"
+            )
+        errors = WindowErrors(windows, start, unknowns, fixed, driven, servoed, gravity)
+        fit = fit_windows(
+            errors,
+            begin if fit is None else fit.values,
+            noise=None if fit is None else fit.noise,
+            spread=None if fit is None or most == SOME else fit.spread,
+            progress=progress,
+        )
+    assert fit is not None
+    scale = scale_of(fit, unknowns, reported_of(every), fixed)
+    free, correlation = identified_numbers(fit, scale, 0.0, sample, [flights[i].name for i in range(len(flights))])
+    numbers = [bound_number(each, of.least) for each, of in zip(free, scale.reported, strict=True)]
+    # what commands below 40 Hz cannot show goes back to the start; the dead time then stands for all that is late
+    unseen = set(LAGS) if slow else set()
+    numbers = [dataclasses.replace(each, reason=NOT_SHOWN) if each.name in unseen else each for each in numbers]
+    excluded = [a.is_known and not b.is_known for a, b in zip(free, numbers, strict=True)]
+    shares = np.array([0.0 if out else each.data_share for out, each in zip(excluded, numbers, strict=True)])
+    shares[[each.name in unseen - {"delay"} for each in numbers]] = -math.inf
+    # of a number of the vehicle and one around it that look alike, it is the vehicle that stays as it was
+    inside = {each.name for each in unknowns if each.in_vehicle}
+    of_vehicle = [any(part in inside for part in each.parts) for each in scale.reported]
+    groups = [[i for i, each in enumerate(of_vehicle) if each is first] for first in (True, False)]
+    told = condition_on_start(fit.values, fit.curvature, scale.rows, scale.off, scale.before, shares, groups)
+    plain = at_starts(errors.numbers(told.values), scale, told.replaced, [each.name for each in unknowns])
+    explained, deviation = _explained_shares(errors, fit)
+    return Identified(
+        numbers=with_reasons(numbers, told.beside),
+        correlation=correlation,
+        vehicle=vehicle_with(start, plain, checked=True),
+        surroundings=surroundings_with(plain),
+        explained=explained,
+        deviation=deviation,
+        settled=fit.settled,
+        seconds=windows.count * windows.length * step,
+        searched=plain,
+        period=sample,
+        counted=tuple(bool((windows.owners == i).any()) for i in range(len(flights))),
+    )
+
+
+def _distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
+    """Flights of different names, without position and velocity where there is no attitude to read them by."""
+    if not flights:
+        raise ValueError("flights: must be one or more")
+    names, found = [each.name for each in flights], list[FlightData]()
+    for i, flight in enumerate(flights):
+        name = flight.name if names.count(flight.name) == 1 else f"{flight.name} ({i + 1})"
+        out = () if "quaternion" in flight else ("position", "velocity")
+        kept = {each: channel for each, channel in flight.channels.items() if each not in out}
+        found.append(dataclasses.replace(flight, name=name, channels=kept))
+    return found
+
+
+def _moved_joints(flights: Sequence[FlightData], start: Vehicle) -> tuple[list[bool], list[bool]]:
+    """Joints whose efforts are logged; and those of which setpoints of a position servo are, and no efforts."""
+
+    def logged(quantity: str, joint: int) -> bool:
+        return any(quantity in each and bool(np.any(each[quantity].values[:, joint])) for each in flights)
+
+    driven = [logged("joint_efforts", i) for i in range(start.n)]
+    return driven, [not torque and logged("joint_commands", i) for i, torque in enumerate(driven)]
+
+
+def _of_sensors(flights: Sequence[FlightData]) -> list[Unknown]:
+    """Bias of the gyroscope, and the pose's delay where there is a pose."""
+    names = [f"gyro_bias.{axis}" for axis in "xyz"]
+    found = [Unknown(name=each, unit="rad/s", start=0.0, spread=TURNING, in_vehicle=False) for each in names]
+    if any("quaternion" in each for each in flights):
+        found.append(Unknown(name="pose_delay", unit="s", start=0.0, spread=LATE, in_vehicle=False))
+    return found
+
+
+def _checked_known(known: Mapping[str, float], every: Sequence[Unknown]) -> dict[str, float]:
+    """Numbers that are not searched, each one that could be and of a value that it may have."""
+    positive = {each.name: each.positive for each in every}
+    for name, value in known.items():
+        if name not in positive:
+            words = {f"base.second_moment.{axis}": f"base.inertia.{axis}{axis}" for axis in "xyz"}
+            allowed = ["mass", "voltage", *(words.get(each, each) for each in positive)]
+            raise ValueError(f"known.{name}: {must_be_one_of(allowed, name)}")
+        number(value, f"known.{name}", low=0.0 if positive[name] else -math.inf, strict=positive[name])
+    return dict(known)
+
+
+def _explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, float], dict[str, float]]:
+    """Share that is explained of each row's variance beyond straight lines and white noise; deviation of its errors."""
+    names, windows = {"gyro": "rate", "accelerometer": "specific_force"}, errors.windows
+    white = first_noise(errors)[windows.owners] ** 2
+    at = windows.begins + np.arange(windows.length)[:, None]
+    explained, deviation = dict[str, float](), dict[str, float]()
+    for i, (sensor, column) in enumerate(errors.rows):
+        if sensor in names:
+            name = f"{names[sensor]}.{'xyz'[column]}"
+        elif sensor == "joint_positions":
+            name = f"{errors.start.links[column].joint.name}.position"
+        else:
+            continue
+        there = fit.counted[:, :, i].astype(float)
+        noise, left = float((there * white[:, i]).sum()), float((there * fit.errors[:, :, i] ** 2).sum())
+        bends = float((_without_lines(errors.samples[sensor].values[at, column], there) ** 2).sum())
+        explained[name] = 1.0 - max(left - noise, 0.0) / max(bends - noise, left - noise, 1e-300)
+        deviation[name] = math.sqrt(left / max(there.sum(), 1.0))
+    return explained, deviation
+
+
+def _without_lines(rows: Array, there: Array) -> Array:
+    """Samples (steps, windows) less a straight line in each window; 0 where there (1 or 0) is none."""
+    count = np.maximum(there.sum(axis=0), 1.0)
+    time = np.arange(len(rows), dtype=float)[:, None] * there
+    time = there * (time - time.sum(axis=0) / count)
+    rows = there * (rows - (there * rows).sum(axis=0) / count)
+    slope = (time * rows).sum(axis=0) / np.maximum((time**2).sum(axis=0), 1e-300)
+    return np.asarray(rows - time * slope)

@@ -1,0 +1,505 @@
+"""Errors of windows that the engine flies: measured less flown, of each sensor, and their normal equations.
+
+Of each window the first state is free, and so are a constant wrench that nothing explains, the integrals of its servos
+and, of a joint whose effort is not logged, hat functions of it. Slopes are differences between lanes: one for every
+number and free number, of every window, all flown side by side.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar
+from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
+from skyarm.dynamics.state import State
+from skyarm.records.arrays import Array, IntArray, Mask
+from skyarm.records.immutable import immutable
+from skyarm.simulate.replay import Flights, Numbers, Replay
+from skyarm.studies.identify.identified_parts import vehicle_with, with_changes
+from skyarm.studies.identify.servo_response import servo_of
+from skyarm.studies.identify.unknowns import THRUST, Unknown
+from skyarm.studies.identify.windows import Held, Samples, Windows
+from skyarm.vehicle.vehicle_records import Vehicle
+
+FREE = {"position": 1e3, "quaternion": 1.0, "velocity": 3.0, "rate": 10.0, "joints": 1.0, "joint_rates": 30.0}
+"""What is known of a window's first state before, standard deviations in SI units: next to nothing."""
+
+LOOSE = 0.3
+"""The same of servos' integrals, rad s, and of efforts that are not logged, N m or N."""
+
+HAT = 0.02
+"""s, from hat to hat of an effort that is not logged."""
+
+OUTLIER = 3.0
+"""Standard deviations beyond which an error counts by its size only (Huber 1964)."""
+
+SMALL = 1e-6
+"""Differences for slopes, of the numbers' usual sizes. What a forward difference leaves looks like information on sums
+of numbers of which the data hold none: at 1e-3 more than what was known before.
+"""
+
+SAME = 0.1
+"""Of a step: by less a delay may change before samples are put on the clock anew; a slope stands for the rest."""
+
+CHUNK = 24
+"""Steps whose slopes are held at once."""
+
+PUSH, TWIST = 1.0 / 15.0, 1.0 / 40.0
+"""Force and torque that nothing explains, of weight and of weight times the rotors' distance, before any is found."""
+
+IN_INPUTS = ("delay", "joint_delay", "drift", "sag", "setpoint_hold", "pose_delay", "accelerometer_delay")
+"""Numbers that the plant in machine code does not see: they are in its inputs, or in what is read of it."""
+
+BIAS = {"gyro": "gyro_bias.", "accelerometer": "offset."}
+"""Sensor -> begin of the names of what is added to its readings."""
+
+DELAY = {
+    "position": "pose_delay",
+    "quaternion": "pose_delay",
+    "velocity": "pose_delay",
+    "accelerometer": "accelerometer_delay",
+}
+"""Sensor -> number by which its samples are late."""
+
+TRIM = "torque."
+"""Begin of the names of the constant torque, beside which each window has one of its own."""
+
+READ = {"gyro": "rate", "joint_positions": "joints"}
+"""Sensor -> field of a state, where names differ."""
+
+
+@immutable(kw_only=False, eq=False)
+class WindowStates:
+    """Free numbers of W windows, which belong to each alone.
+
+    Attributes:
+        parts: name -> (W, k), first states and integrals of servos in the order of the free numbers.
+        beside: (W, k) force (N) and torque (N m) that nothing explains, and efforts at the hats: usually 0.
+    """
+
+    parts: Mapping[str, Array]
+    beside: Array
+
+    def moved_by(self, change: Array) -> WindowStates:
+        """States after a change (W, free numbers)."""
+        parts, first = dict[str, Array](), 0
+        for name, rows in self.parts.items():
+            size = 3 if name == "quaternion" else rows.shape[1]
+            move = change[:, first : first + size]
+            parts[name] = turn_attitudes(rows, move) if name == "quaternion" else rows + move
+            first += size
+        return WindowStates(parts, self.beside + change[:, first:])
+
+
+def turn_attitudes(attitude: Array, turn: Array) -> Array:
+    """Attitudes (..., 4), w x y z, turned by small rotation vectors (..., 3) about base axes."""
+    half = np.concatenate([np.ones((*turn.shape[:-1], 1)), 0.5 * turn], axis=-1)
+    rows = Quaternion(*np.moveaxis(attitude, -1, 0)) * Quaternion(*np.moveaxis(half, -1, 0))
+    return np.asarray(np.stack(list(rows.normalized()), axis=-1))
+
+
+@immutable(kw_only=False, eq=False)
+class Normal:
+    """Normal equations of W windows with x free numbers each, and P numbers of all.
+
+    Attributes:
+        own: (W, x, x). mixed: (W, x, P). common: (W, P, P). pull, push: (W, x) and (W, P), products with the errors.
+        of_rows: (rows, W, x, x) the part of each row in ``own``.
+    """
+
+    own: Array
+    mixed: Array
+    common: Array
+    pull: Array
+    push: Array
+    of_rows: Array
+
+
+Direction = tuple[int, float]
+"""Place of what a lane differs in from the first, among the free numbers and then the numbers, and by how much."""
+
+
+class WindowErrors:
+    """Errors of windows as a function of numbers and of the windows' states.
+
+    Args:
+        windows: of flights.
+        start: vehicle before, with a servo on each servo joint.
+        unknowns: that are searched, P of them.
+        known: numbers by name that are not.
+        driven: of each joint, whether its effort is logged. servoed: whether a position servo moves it.
+        gravity: m/s^2.
+
+    Attributes:
+        names: of the numbers. rows: (sensor, column) of each row of the errors.
+        free: (name, column) of each free number of a window. loose: their standard deviations before.
+        wrench: which of them are force and torque.
+    """
+
+    def __init__(
+        self,
+        windows: Windows,
+        start: Vehicle,
+        unknowns: Sequence[Unknown],
+        known: Mapping[str, float],
+        driven: Sequence[bool],
+        servoed: Sequence[bool],
+        gravity: float,
+    ) -> None:
+        self.windows, self.start, self.unknowns, self.known = windows, start, list(unknowns), dict(known)
+        self.driven, self.servoed = list(driven), list(servoed)
+        self.names = [each.name for each in unknowns]
+        self._positive = np.array([each.positive for each in unknowns])
+        beside = (*BIAS.values(), TRIM, THRUST)
+        inside = [not name.startswith(beside) and name not in IN_INPUTS for name in self.names]
+        self._inside = np.flatnonzero(inside)
+        self._replay = self._make_replay(gravity)
+        self.samples, self._taken = windows.samples(), dict[str, float]()
+        n, servos = start.n, [servo_of(start, i) for i in range(start.n) if servoed[i]]
+        self.rows = [(name, i) for name in self.samples for i in range(n if name == "joint_positions" else 3)]
+        self._first = {name: i for i, (name, column) in enumerate(self.rows) if not column}
+        self.integrals = [j for j, each in enumerate(servos) if each is not None and float(each.integral) > 0.0]
+        self.unlogged = [i for i in range(n) if not driven[i] and not servoed[i]]
+        self.hats = max(2, round(windows.length * windows.step / HAT))
+        sizes = {"position": 3, "quaternion": 3, "velocity": 3, "rate": 3, "joints": n, "joint_rates": n}
+        sizes |= {"integrals": len(self.integrals), "wrench": 6, "hats": self.hats * len(self.unlogged)}
+        self.free = [(name, i) for name, size in sizes.items() for i in range(size)]
+        self.loose = np.array([FREE.get(name, LOOSE) for name, _ in self.free])
+        self.wrench = np.array([i for i, (name, _) in enumerate(self.free) if name == "wrench"])
+        slowest = min(each.channels["accelerometer"].rate for each in windows.flights)
+        self._averaged = max(1, round(1.0 / (slowest * windows.step)))
+        weight = gravity * float(start.mass)
+        arm = max(math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors)
+        self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
+        self._threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+    def _make_replay(self, gravity: float) -> Replay:
+        """Plant whose vehicle follows from the numbers that are in it."""
+        start, servoed, step = self.start, self.servoed, self.windows.step
+        inside = {self.names[i]: self.unknowns[i].start for i in self._inside}
+        fixed = {name: value for name, value in self.known.items() if name not in inside}
+
+        def vehicle_of(given: Numbers) -> Vehicle:
+            return vehicle_with(start, {**fixed, **given})
+
+        def drives_of(vehicle: Vehicle) -> tuple[Drive, ...]:
+            # a servo's setpoints are late before they reach it
+            servos = [servo_of(vehicle, i) if turns else None for i, turns in enumerate(servoed)]
+            drives = (TORQUE_DRIVE if each is None else with_changes(each, False, latency=0.0) for each in servos)
+            return tuple(drives) if any(servoed) else ()
+
+        def felt(given: Numbers, before: State, after: State) -> Sequence[Scalar]:
+            """Mean specific force of a step at the inertial unit, by what its velocity gained."""
+            place = Vec3(*({**fixed, **given}.get(f"place.{axis}", 0.0) for axis in "xyz"))
+
+            def velocity(at: State) -> Vec3:
+                return at.velocity + at.quaternion.rotation().apply(at.rate.cross(place))
+
+            middle = Quaternion(*(a + b for a, b in zip(before.quaternion, after.quaternion, strict=True)))
+            gained = (velocity(after) - velocity(before)) * (1.0 / step) + Vec3(0.0, 0.0, gravity)
+            return tuple(middle.normalized().rotation().apply_T(gained))
+
+        return Replay(vehicle_of, inside, step, gravity, drives_of=drives_of, sensed=felt)
+
+    def first_states(self) -> WindowStates:
+        """First states of the windows, from the samples."""
+        count = self.windows.count
+        parts = self.windows.first_states(self.samples) | {"integrals": np.zeros((count, len(self.integrals)))}
+        return WindowStates(parts, np.zeros((count, 6 + self.hats * len(self.unlogged))))
+
+    def values(self, searched: Array) -> Array:
+        """Numbers (..., P) from the scale of the search."""
+        return np.where(self._positive, np.exp(np.where(self._positive, searched, 0.0)), searched)
+
+    def numbers(self, searched: Array) -> dict[str, float]:
+        """Numbers by name, with those that are known."""
+        return {**self.known, **dict(zip(self.names, self.values(searched).tolist(), strict=True))}
+
+    def take_samples(self, searched: Array) -> None:
+        """Put the samples of sensors that are late on the clock by the delays of a search."""
+        numbers = self.numbers(searched)
+        delays = {name: numbers.get(DELAY[name], 0.0) for name in self.samples if name in DELAY}
+        # to and fro over the edge of a step a search would not come to rest
+        if all(abs(s - self._taken.get(name, math.inf)) < SAME * self.windows.step for name, s in delays.items()):
+            return
+        self._taken = delays
+        # what is flown is the mean of a sample's period, what is read that in its middle
+        middle = {"accelerometer": 0.5 * self._averaged * self.windows.step}
+        self.samples = self.windows.samples({name: s - middle.get(name, 0.0) for name, s in self._taken.items()})
+
+    def errors_at(self, searched: Array, states: WindowStates) -> tuple[Array, Mask]:
+        """Errors (steps, W, rows) at numbers (P,) on the scale of the search, and which of them count."""
+        found, there = self._nothing()
+        for k, _, rows, error, _, has in self._readings(searched, states, []):
+            found[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
+        return found, there
+
+    def normal(self, searched: Array, states: WindowStates, noise: Array) -> tuple[Array, Mask, Normal]:
+        """Errors (steps, W, rows), which of them count, and the normal equations under noise (flights, rows)."""
+        windows, x, size = self.windows, len(self.free), len(self.free) + len(self.names) + 1
+        directions = self._directions()
+        columns, steps = [place for place, _ in directions], np.array([step for _, step in directions])[:, None]
+        (found, there), count, m = self._nothing(), windows.count, len(self.rows)
+        sums, of_rows = np.zeros((count, size, size)), np.zeros((m, count, x, x))
+        block, held, scale = np.zeros((count, CHUNK, m, size)), 0, 1.0 / noise[windows.owners]
+        last = -1
+
+        def add() -> None:
+            flat = block.reshape(count, CHUNK * m, size)
+            sums[:] += np.matmul(flat.transpose(0, 2, 1), flat)
+            own = np.ascontiguousarray(block[..., :x].transpose(2, 0, 1, 3))
+            of_rows[:] += np.matmul(own.transpose(0, 1, 3, 2), own)
+            block[:] = 0.0
+
+        for k, name, rows, error, slope, has in self._readings(searched, states, directions):
+            if k != last:
+                last, held = k, held + 1
+                if held > CHUNK:
+                    add()
+                    held = 1
+            found[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
+            part = block[:, held - 1, rows]
+            part[:, :, columns] = np.moveaxis((error[:, 1:] - error[:, :1]) / steps, 2, 0)
+            self._known_slopes(part, name, slope)
+            part[:, :, -1] = error[:, 0].T
+            size_of = np.abs(part[:, :, -1]) * scale[:, rows]
+            part *= (np.sqrt(OUTLIER / np.maximum(size_of, OUTLIER)) * scale[:, rows] * has[:, None])[:, :, None]
+        add()
+        parts = np.split(sums, [x, size - 1], axis=1)
+        own, mixed, pull = np.split(parts[0], [x, size - 1], axis=2)
+        _, common, push = np.split(parts[1], [x, size - 1], axis=2)
+        return found, there, Normal(own, mixed, common, pull[..., 0], push[..., 0], of_rows)
+
+    def _nothing(self) -> tuple[Array, Mask]:
+        """Errors none of which counts."""
+        shape = self.windows.length, self.windows.count, len(self.rows)
+        return np.zeros(shape), np.zeros(shape, dtype=bool)
+
+    def _directions(self) -> list[Direction]:
+        """Directions of the lanes behind the first; the slopes of the others are known without a flight."""
+        sizes = [SMALL * (self.push[column] if name == "wrench" else 1.0) for name, column in self.free]
+        found = [(i, size) for i, size in enumerate(sizes) if self.free[i][0] != "position"]
+        without = (*BIAS.values(), TRIM, *DELAY.values())
+        for j, each in enumerate(self.unknowns):
+            if not each.name.startswith(without):
+                found.append((len(self.free) + j, SMALL if each.positive else SMALL * each.spread))
+        return found
+
+    def _known_slopes(self, part: Array, name: str, slope: Array) -> None:
+        """Fill in slopes (W, columns, all) of a sensor's readings that are known without a flight."""
+        x = len(self.free)
+        if name == "position":
+            part[:, range(3), range(3)] = -1.0
+        for j, number in enumerate(self.names, x):
+            if number.startswith(BIAS.get(name, "none")):
+                part[:, "xyz".index(number[-1]), j] = -1.0
+            elif number == DELAY.get(name):
+                part[:, :, j] = slope.T
+            elif number.startswith(TRIM):
+                part[:, :, j] = part[:, :, self.wrench[3 + "xyz".index(number[-1])]]
+
+    def _readings(
+        self, searched: Array, states: WindowStates, directions: Sequence[Direction]
+    ) -> Iterator[tuple[int, str, slice, Array, Array, Mask]]:
+        """Yield of each step and sensor with samples: step, sensor, rows, errors, slope of its reading, which windows.
+
+        Errors are (columns, 1 + directions, W), slopes (columns, W) per second.
+        """
+        lanes, step = WindowLanes(self, self._replay, searched, states, directions, self._threads), self.windows.step
+        numbers = self.numbers(searched)
+        late = {name: numbers.get(DELAY.get(name, ""), 0.0) - self._taken.get(name, 0.0) for name in self.samples}
+        before, forces = lanes.read(self.samples), list[Array]()
+        for k in range(self.windows.length):
+            at = self.windows.begins + k
+            lanes.advance(k)
+            now = lanes.read(self.samples)
+            forces = [*forces[-self._averaged + 1 :], lanes.force()] if self._averaged > 1 else [lanes.force()]
+            now["accelerometer"] = np.mean(forces, axis=0)
+            if not k:
+                before["accelerometer"] = now["accelerometer"]
+            for name, samples in self.samples.items():
+                has = samples.there[at]
+                if not has.any():
+                    continue
+                error, slope = _error(name, before[name], now[name], now["gyro"][:, 0], samples, at, step)
+                if name in BIAS:
+                    bias = np.array([numbers.get(f"{BIAS[name]}{axis}", 0.0) for axis in "xyz"])
+                    error = error - bias[:, None, None]
+                first = self._first[name]
+                yield k, name, slice(first, first + len(error)), error + late[name] * slope[:, None], slope, has
+            before = now
+        lanes.close()
+
+
+def _error(
+    name: str, before: Array, now: Array, rate: Array, samples: Samples, at: IntArray, step: float
+) -> tuple[Array, Array]:
+    """Errors (columns, lanes, W) of a sensor within a step, and the slope (columns, W) of its reading, per second.
+
+    Args:
+        name: of the sensor.
+        before: (columns, lanes, W) readings at the step's begin.
+        now: likewise, at its end.
+        rate: (3, W) rad/s, of the base.
+        samples: of the sensor.
+        at: (W,) numbers of the steps.
+        step: s.
+    """
+    share, measured = samples.share[at], samples.values[at].T[:, None]
+    whole = (share[samples.there[at]] > 1.0 - 1e-9).all()
+    flown = now if whole else before + share * (now - before)
+    if name != "quaternion":
+        return measured - flown, (now[:, 0] - before[:, 0]) / step
+    w, *turn = Quaternion(*(flown * np.array([1.0, -1.0, -1.0, -1.0])[:, None, None])) * Quaternion(*measured)
+    size = np.sqrt(w**2 + turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
+    return np.stack(turn) * (2.0 * np.sign(w) / size), rate
+
+
+class WindowLanes:
+    """Lanes of the plant: all windows at the estimate, then all of them in each direction.
+
+    Args:
+        errors: of the windows.
+        replay: plant.
+        searched: (P,) numbers on the scale of the search.
+        states: of the windows.
+        directions: in which the lanes behind the first differ.
+        threads: at most.
+    """
+
+    def __init__(
+        self,
+        errors: WindowErrors,
+        replay: Replay,
+        searched: Array,
+        states: WindowStates,
+        directions: Sequence[Direction],
+        threads: int,
+    ) -> None:
+        self._errors, self._windows = errors, errors.windows
+        count, every = errors.windows.count, len(directions) + 1
+        changes = np.zeros((every, len(errors.free)))
+        candidates = np.tile(searched, (every, 1))
+        for lane, (place, size) in enumerate(directions, 1):
+            if place < changes.shape[1]:
+                changes[lane, place] = size
+            else:
+                candidates[lane, place - changes.shape[1]] += size
+        # windows of one direction after the other
+        moved = WindowStates(
+            {name: np.tile(rows, (every, 1)) for name, rows in states.parts.items()}, np.tile(states.beside, (every, 1))
+        ).moved_by(np.repeat(changes, count, axis=0))
+        self._shape, self._numbers = (-1, every, count), errors.values(candidates)
+        self.flights: Flights = replay.flights(every * count, threads)
+        inside = [errors.names.index(name) for name in replay.names]
+        self.flights.inputs["numbers"][:] = np.repeat(self._numbers[:, inside], count, axis=0).T
+        for name, rows in moved.parts.items():
+            if name != "integrals":
+                self.flights.state[name][:] = rows.T
+            elif errors.integrals:
+                self.flights.memories[[3 * j + 1 for j in errors.integrals]] = rows.T
+        trim = np.stack([self._number(f"{TRIM}{axis}") for axis in "xyz"])
+        self.flights.inputs["force"][:] = moved.beside[:, :3].T
+        self.flights.inputs["torque"][:] = moved.beside[:, 3:6].T + np.repeat(trim, count, axis=1)
+        self._hats = moved.beside[:, 6:].reshape(every * count, len(errors.unlogged), errors.hats)
+        self._take_commands()
+
+    def _number(self, name: str, default: float = 0.0) -> Array:
+        """Values (candidates,) of a number, searched or known."""
+        if name in self._errors.names:
+            return np.asarray(self._numbers[:, self._errors.names.index(name)])
+        return np.full(len(self._numbers), self._errors.known.get(name, default))
+
+    def _take_commands(self) -> None:
+        """Tables of the commands of all candidates, and rotors and servos at the begins of the windows."""
+        windows, errors, start, delays = self._windows, self._errors, self._errors.start, self._number("delay")
+        keys, which = _distinct(delays)
+        self._speeds = _stack_commands([windows.commands("speeds", *key) for key in keys]), which
+        ways = ("rotors.time_constant_up", "rotors.time_constant_down")
+        keys, which = _distinct(delays, *(self._number(way, math.nan) for way in ways))
+        begun = []
+        for delay, *lags in keys:
+            lag = {way: value for way, value in zip(ways, lags, strict=True) if not math.isnan(value)}
+            begun.append(windows.rotor_speeds(vehicle_with(start, lag).rotors, windows.commands("speeds", delay)))
+        self.flights.state["rotor_speeds"][:] = np.stack(begun)[which].reshape(-1, len(start.rotors)).T
+        shares = [self._number(f"{THRUST}{each.name}", 1.0) for each in windows.flights]
+        keys, which = _distinct(self._number("sag"), self._number("drift"), *shares)
+        self._thrust = np.stack([windows.thrusts(*key) for key in keys]), which
+        self._joints, servos = list[tuple[int, Held, IntArray]](), 0
+        for i, link in enumerate(start.links):
+            if errors.driven[i]:
+                name, (keys, which) = "efforts", _distinct(self._number("joint_delay"))
+            elif errors.servoed[i]:
+                late = delays + self._number(f"drives.{link.joint.name}.latency")
+                name, (keys, which) = "setpoints", _distinct(late, self._number("setpoint_hold", 0.5))
+            else:
+                continue
+            held = _stack_commands([windows.commands(name, *key) for key in keys])
+            self._joints.append((i, held, which))
+            if errors.servoed[i]:
+                self.flights.memories[3 * servos] = self._goals(i, held.after[:, :, i][which])
+                servos += 1
+
+    def _goals(self, joint: int, setpoints: Array) -> Array:
+        """Goals (lanes,) of a joint's servo at the windows' begins, which follow setpoints (candidates, steps)."""
+        windows, servo = self._windows, servo_of(self._errors.start, joint)
+        assert servo is not None
+        name = f"drives.{self._errors.start.links[joint].joint.name}.speed_limit"
+        most = self._number(name, float(servo.speed_limit))[:, None] * windows.step
+        goal = setpoints[:, windows.before(-windows.run_in)]
+        for k in range(1 - windows.run_in, 0):
+            goal = goal + np.clip(setpoints[:, windows.before(k)] - goal, -most, most)
+        return goal.ravel()
+
+    def advance(self, k: int) -> None:
+        """Fly step k of the windows."""
+        at, inputs = self._windows.begins + k, self.flights.inputs
+
+        def lanes(table: Array, which: IntArray) -> Array:
+            """Rows (k, lanes) of a table (keys, steps, k)."""
+            return np.moveaxis(table[:, at], -1, 0)[:, which].reshape(table.shape[2], -1)
+
+        held, which = self._speeds
+        inputs["speeds_before"][:], inputs["speeds_after"][:] = lanes(held.before, which), lanes(held.after, which)
+        inputs["late"][0] = held.late[:, at][which].ravel()
+        inputs["thrust"][0] = self._thrust[0][:, at][self._thrust[1]].ravel()
+        for i, held, which in self._joints:
+            inputs["setpoints_before"][i] = held.before[:, at, i][which].ravel()
+            inputs["setpoints_after"][i] = held.after[:, at, i][which].ravel()
+            inputs["late"][1] = held.late[:, at][which].ravel()
+        if self._errors.unlogged:
+            hats = self._errors.hats
+            place = (k + 0.5) / self._windows.length * (hats - 1)
+            efforts = self._hats @ np.maximum(0.0, 1.0 - np.abs(np.arange(hats) - place))
+            for i, effort in zip(self._errors.unlogged, efforts.T, strict=True):
+                inputs["setpoints_before"][i] = inputs["setpoints_after"][i] = effort
+        self.flights.step()
+
+    def read(self, sensors: Mapping[str, Samples]) -> dict[str, Array]:
+        """Readings (columns, candidates, W) of sensors, but for the accelerometer."""
+        state, names = self.flights.state, {*sensors, "gyro"} - {"accelerometer"}
+        return {name: state[READ.get(name, name)].reshape(self._shape).copy() for name in names}
+
+    def force(self) -> Array:
+        """Mean specific force (3, candidates, W) of the last step at the inertial unit, m/s^2."""
+        return np.asarray(self.flights.logged.reshape(self._shape).copy())
+
+    def close(self) -> None:
+        """End the threads."""
+        self.flights.close()
+
+
+def _distinct(*columns: Array) -> tuple[list[list[float]], IntArray]:
+    """Distinct rows of numbers of the candidates, and which of them each candidate has."""
+    rows, which = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
+    return rows.tolist(), np.asarray(which.ravel(), dtype=np.int64)
+
+
+def _stack_commands(every: Sequence[Held]) -> Held:
+    """Commands of several delays, one after the other."""
+    return Held(*(np.stack([getattr(each, name) for each in every]) for name in ("before", "after", "late")))

@@ -1,0 +1,310 @@
+"""Fit of a vehicle's numbers to windows that the engine flies, with the noise of every sensor.
+
+Nothing that is measured enters the dynamics, so that noise of a sensor biases no number (errors in variables). What
+belongs to a window alone is eliminated from the normal equations by its Schur complement; the numbers follow by damped
+Gauss-Newton. The noise of every row is that of restricted maximum likelihood, and so is the spread of the wrench over
+the windows (MacKay 1992). Intervals: jackknife over blocks of time (Efron 1982), never narrower than the curvature.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from skyarm.compile.machine_code import missing_extra
+from skyarm.records.arrays import Array, IntArray, Mask
+from skyarm.records.immutable import immutable
+from skyarm.studies.identify.whitened_fit import scipy_parts
+from skyarm.studies.identify.window_errors import OUTLIER, Normal, WindowErrors, WindowStates
+from skyarm.studies.identify.windows import Windows
+
+TURNS = 40
+"""Most turns of the search."""
+
+SETTLED, SOONEST = 0.1, 3
+"""Standard deviations: a turn that moves every number by less is the last; and the first turn that may be."""
+
+TRIES, SHORTER = 6, 0.4
+"""Most steps that a turn tries, and how much shorter than the one before each is."""
+
+FIRM, SLOWLY = 1e-3, 5.0
+"""Least spread of the wrench, of what it is thought to be; factor by which a turn changes it at most."""
+
+TOLD = 0.3
+"""Least share of a row's samples that a window's free numbers must leave for its noise to be seen."""
+
+BLOCK = 2.0
+"""s, of a block of the jackknife."""
+
+LEAST = {
+    "gyro": 1e-4,
+    "accelerometer": 1e-3,
+    "position": 1e-4,
+    "quaternion": 1e-4,
+    "velocity": 1e-4,
+    "joint_positions": 1e-5,
+}
+"""Least noise of a sensor, SI units: after a noiseless one the search would creep."""
+
+
+@immutable(kw_only=False, eq=False)
+class WindowFit:
+    """Estimated numbers, P of them.
+
+    Attributes:
+        values: (P,) on the scale of the search.
+        curvature: (P, P) inverse of the information of data and of what was known before.
+        covariance: (P, P) by the jackknife, never less than the curvature.
+        block_information: (blocks, P, P) of the data of each block.
+        stretch_information: (flights, P, P) of each flight. stretch_scores: (flights, P) their sums of scores.
+        noise: (flights, rows) standard deviations. spread: (6,) of the wrench over the windows, N and N m.
+        errors, counted: (steps, W, rows) what the windows leave, and which samples there are.
+        settled: whether the search came to rest.
+    """
+
+    values: Array
+    curvature: Array
+    covariance: Array
+    block_information: Array
+    stretch_information: Array
+    stretch_scores: Array
+    noise: Array
+    spread: Array
+    errors: Array
+    counted: Mask
+    settled: bool
+
+    def quantiles(self, rows: Array) -> Array:
+        """Quantiles (K,) of Student's t for half widths of 95 % of sums (K, P) of the numbers.
+
+        Of a number that a few blocks tell, the spread of the scores is known by these few alone: its degrees of freedom
+        are those of a sum of squares of unequal sizes (Satterthwaite 1946; Bell and McCaffrey 2002).
+        """
+        _, student = scipy_parts()
+        influence = rows @ self.curvature
+        sizes = np.einsum("kp,bpq,kq->kb", influence, self.block_information, influence)
+        freedom = sizes.sum(axis=1) ** 2 / np.maximum((sizes**2).sum(axis=1), 1e-300)
+        blocks = len(self.block_information)
+        return np.asarray(student(np.maximum(freedom * (blocks - 1) / blocks, 1.0), 0.975))
+
+
+@immutable(kw_only=False, eq=False)
+class Reduced:
+    """Normal equations of the numbers, the windows' free numbers eliminated.
+
+    Attributes:
+        information: (W, P, P). scores: (W, P). total: (P, P) of all, with what was known before.
+        slopes: (W, x, P) free numbers over numbers, turned. shift: (W, x) their own change, turned.
+        inverse: (W, x, x) covariance of the free numbers.
+    """
+
+    information: Array
+    scores: Array
+    total: Array
+    slopes: Array
+    shift: Array
+    inverse: Array
+
+
+def fit_windows(
+    errors: WindowErrors,
+    begin: Array,
+    *,
+    noise: Array | None = None,
+    spread: Array | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> WindowFit:
+    """Fit numbers, with a normal prior around those of the start vehicle.
+
+    Args:
+        errors: of the windows.
+        begin: (P,) where the search begins.
+        noise: (flights, rows) to begin with; by default from differences of the samples.
+        spread: (6,) of the wrench, to begin with.
+        progress: called with one line a turn of the search.
+    """
+    with _one_thread():
+        return _search(errors, begin, noise, spread, progress)
+
+
+def _one_thread() -> Any:
+    """Context in which BLAS has one thread: for matrices of some hundred rows more of them wait in a busy loop."""
+    try:
+        from threadpoolctl import threadpool_limits
+    except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
+        raise missing_extra("identify") from error
+    return threadpool_limits(1, user_api="blas")
+
+
+def _search(
+    errors: WindowErrors,
+    values: Array,
+    noise: Array | None,
+    spread: Array | None,
+    progress: Callable[[str], None] | None,
+) -> WindowFit:
+    """Turns of numbers and noise until they rest; the arguments are those of :func:`fit_windows`."""
+    start, prior = (np.array([getattr(each, name) for each in errors.unknowns]) for name in ("begin", "spread"))
+    noise = first_noise(errors) if noise is None else noise
+    spread = errors.push if spread is None else spread
+    errors.take_samples(values)
+    states, settled = errors.first_states(), False
+    for turn in range(TURNS):
+        errors.take_samples(values)
+        found, there, normal = errors.normal(values, states, noise)
+        loose = errors.loose.copy()
+        loose[errors.wrench] = spread
+        reduced = reduce(normal, states.beside, loose, prior)
+        step = -np.linalg.solve(reduced.total, reduced.scores.sum(axis=0) + (values - start) / prior**2)
+        cost = Cost(there, noise[errors.windows.owners], start, prior, loose)
+        # no number goes by more than what is known of it before
+        length, before = min(1.0, 1.0 / max(1e-9, float(np.abs(step / prior).max()))), cost.at(found, values, states)
+        for _ in range(TRIES):
+            change = length * step
+            moved, free = values + change, states.moved_by(-length * reduced.shift - reduced.slopes @ change)
+            left, _ = errors.errors_at(moved, free)
+            after = cost.at(left, moved, free)
+            if math.isfinite(after) and after < before * (1.0 + 1e-9):
+                break
+            length *= SHORTER
+        values, states = moved, free
+        sizes = np.abs(change) / np.sqrt(np.diag(np.linalg.inv(reduced.total)))
+        if progress is not None:
+            progress(f"turn {turn + 1} of at most {TURNS}: by at most {sizes.max():.2g} standard deviations")
+        noise = new_noise(errors, left, there, noise, normal, reduced.inverse)
+        if turn:
+            spread = new_spread(errors, states, spread, reduced.inverse)
+        settled = turn + 1 >= SOONEST and bool((sizes < SETTLED).all())
+        if settled:
+            break
+    return _fit_of(errors, values, prior, reduced, noise, spread, left, there, settled)
+
+
+@immutable(kw_only=False, eq=False)
+class Cost:
+    """Twice the negative logarithm of the likelihood, up to a constant, with Huber's weights and what was known before.
+
+    Attributes:
+        there: (steps, W, rows) which samples there are. noise: (W, rows).
+        start, prior: (P,) mean and standard deviation of the numbers before. loose: (x,) of the free numbers.
+    """
+
+    there: Mask
+    noise: Array
+    start: Array
+    prior: Array
+    loose: Array
+
+    def at(self, errors: Array, values: Array, states: WindowStates) -> float:
+        """Cost of errors (steps, W, rows), numbers (P,) and states."""
+        z = np.abs(np.where(self.there, errors, 0.0)) / self.noise
+        huber = np.where(z > OUTLIER, OUTLIER * (2.0 * z - OUTLIER), z**2).sum()
+        beside = states.beside / self.loose[len(self.loose) - states.beside.shape[1] :]
+        return float(huber + (((values - self.start) / self.prior) ** 2).sum() + (beside**2).sum())
+
+
+def reduce(normal: Normal, beside: Array, loose: Array, prior: Array) -> Reduced:
+    """Normal equations of the numbers alone.
+
+    Args:
+        normal: of windows and numbers.
+        beside: (W, k) the last free numbers of each window, whose usual value is 0.
+        loose: (x,) standard deviations of the free numbers before.
+        prior: (P,) those of the numbers.
+    """
+    off = np.zeros_like(normal.pull)
+    off[:, off.shape[1] - beside.shape[1] :] = beside
+    inverse: Array = np.asarray(np.linalg.inv(normal.own + np.diag(loose**-2.0)))
+    slopes = inverse @ normal.mixed
+    shift = (inverse @ (normal.pull + off / loose**2)[..., None])[..., 0]
+    information = normal.common - normal.mixed.transpose(0, 2, 1) @ slopes
+    scores = normal.push - np.einsum("wxp,wx->wp", normal.mixed, shift)
+    return Reduced(information, scores, information.sum(axis=0) + np.diag(prior**-2.0), slopes, shift, inverse)
+
+
+def first_noise(errors: WindowErrors) -> Array:
+    """Noise (flights, rows) of the samples by their third differences, in which some motion is left."""
+    found = np.ones((len(errors.windows.flights), len(errors.rows)))
+    for i, flight in enumerate(errors.windows.flights):
+        for j, (name, column) in enumerate(errors.rows):
+            if name in flight.channels:
+                # a rotation is twice a quaternion's x, y, z
+                factor, shift = (2.0, 1) if name == "quaternion" else (1.0, 0)
+                bends = np.diff(flight.channels[name].values[:, column + shift], 3)
+                white = factor * 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(20.0)
+                found[i, j] = max(white, LEAST[name])
+    return found
+
+
+def new_noise(errors: WindowErrors, found: Array, there: Mask, noise: Array, normal: Normal, inverse: Array) -> Array:
+    """Noise (flights, rows) by restricted maximum likelihood: of what the windows' free numbers did not take."""
+    owners = errors.windows.owners
+    taken = np.einsum("wxy,rwxy->wr", inverse, normal.of_rows)
+    z = np.abs(found / noise[owners]) * there
+    square, count = (np.minimum(z, OUTLIER) * z).sum(axis=0), there.sum(axis=0)
+    least, rows = np.array([LEAST[name] for name, _ in errors.rows]), list[Array]()
+    for i, before in enumerate(noise):
+        own = owners == i
+        total, left = count[own].sum(axis=0), (count - taken)[own].sum(axis=0)
+        size = np.sqrt(square[own].sum(axis=0) / np.maximum(left, 1.0))
+        rows.append(np.maximum(before * np.where(left > TOLD * np.maximum(total, 1), size, 1.0), least))
+    return np.stack(rows)
+
+
+def new_spread(errors: WindowErrors, states: WindowStates, spread: Array, inverse: Array) -> Array:
+    """Spread (6,) of the wrench over the windows by the size that its estimates have, for as far as data tell them."""
+    wrench = states.beside[:, :6]
+    uncertain = inverse[:, errors.wrench, errors.wrench]
+    told = np.maximum((1.0 - uncertain / spread**2).sum(axis=0), 1e-3 * len(wrench))
+    size = np.clip(np.sqrt((wrench**2).sum(axis=0) / told), spread / SLOWLY, spread * SLOWLY)
+    return np.asarray(np.maximum(size, FIRM * errors.push))
+
+
+def _fit_of(
+    errors: WindowErrors,
+    values: Array,
+    prior: Array,
+    reduced: Reduced,
+    noise: Array,
+    spread: Array,
+    found: Array,
+    there: Mask,
+    settled: bool,
+) -> WindowFit:
+    """Fit with its covariance by the jackknife of the linear fit."""
+    owners = errors.windows.owners
+    parts, pulls = (
+        np.stack([rows[each].sum(axis=0) for each in blocks_of(errors.windows)])
+        for rows in (reduced.information, reduced.scores)
+    )
+    curvature: Array = np.asarray(np.linalg.inv(reduced.total))
+    mean, count = pulls.mean(axis=0), len(parts)
+    moves = np.stack(
+        [np.linalg.solve(reduced.total - part, pull - mean) for part, pull in zip(parts, pulls, strict=True)]
+    )
+    covariance = moves.T @ moves * (count - 1) / count + curvature @ np.diag(prior**-2.0) @ curvature
+    wider = np.sqrt(np.maximum(1.0, np.diag(curvature) / np.diag(covariance)))
+    flights = [owners == i for i in range(len(errors.windows.flights))]
+    return WindowFit(
+        values=values,
+        curvature=curvature,
+        covariance=covariance * np.outer(wider, wider),
+        block_information=parts,
+        stretch_information=np.stack([reduced.information[own].sum(axis=0) for own in flights]),
+        stretch_scores=np.stack([reduced.scores[own].sum(axis=0) for own in flights]),
+        noise=noise,
+        spread=spread,
+        errors=found,
+        counted=there,
+        settled=settled,
+    )
+
+
+def blocks_of(windows: Windows) -> list[IntArray]:
+    """Numbers of the windows in each block of time of a flight."""
+    size = max(1, round(BLOCK / windows.step))
+    keys = windows.owners * 10**9 + (windows.begins - windows.firsts[windows.owners]) // size
+    return [np.flatnonzero(keys == key) for key in np.unique(keys)]

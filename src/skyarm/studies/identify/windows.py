@@ -1,0 +1,385 @@
+"""Windows of measured flights: short parts that a model flies from a free state, on one even clock.
+
+A log is cut into windows. In each the commands are those of the log, late by any dead time, and every sensor has at
+most one sample a step, at its own time within it. A window lies where the vehicle flies, no sensor that is needed has
+a gap, and no motor coasts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from skyarm.dynamics.actuators.rotor import speeds_after
+from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.flight_data.series import continuous, unit_rows
+from skyarm.records.arrays import Array, IntArray, Mask
+from skyarm.records.immutable import immutable
+from skyarm.studies.identify.command_samples import sampling_period, straight_lines
+from skyarm.studies.identify.lagged_inputs import highest_speeds, time_constants
+from skyarm.studies.identify.stretches import COASTING, GAP, RECOVERED, commanded_speeds, flying_spans
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+SENSORS = ("gyro", "accelerometer", "position", "quaternion", "velocity", "joint_positions")
+"""Measured quantities that a window compares, if the log holds them."""
+
+NEEDED = ("gyro", "accelerometer", "joint_positions")
+"""Sensors without a gap in a window."""
+
+SHORTEST, LONGEST = 1e-3, 5e-3
+"""s, of a step: commands may switch once within it."""
+
+RUN_IN = 8.0
+"""Longest time constants of the rotors before a window from which their speeds are known: 3e-4 of a change is left."""
+
+AROUND = 0.05
+"""s, to each side of an instant, over which parabolas through the samples give a first state."""
+
+
+@immutable(kw_only=False, eq=False)
+class Samples:
+    """Samples of one sensor on the clock, of each step at most one: the mean of those that fall into it.
+
+    Attributes:
+        values: (steps, k). share: (steps,) of the step that was over at the sample, 0 to 1. there: (steps,) if any.
+    """
+
+    values: Array
+    share: Array
+    there: Mask
+
+
+@immutable(eq=False)
+class Clocked:
+    """Flight on an even clock.
+
+    Attributes:
+        name: of the flight. begin: s, of the clock. step: s. size: steps.
+        channels: sensor -> what it measured.
+        speeds, efforts, setpoints: commands at their own times, rad/s and the joints' units; None if not logged.
+        voltage: (steps,) over that of the rotors' data; 1 where it is not known.
+        since: (steps,) s, after the flight's take-off.
+        usable: (steps,) in the air, and no motor coasts.
+    """
+
+    name: str
+    begin: float
+    step: float
+    size: int
+    channels: Mapping[str, Channel]
+    speeds: Channel
+    efforts: Channel | None
+    setpoints: Channel | None
+    voltage: Array
+    since: Array
+    usable: Mask
+
+    @property
+    def edges(self) -> Array:
+        """Times (size + 1,) between the steps, s."""
+        return self.begin + self.step * np.arange(self.size + 1, dtype=float)
+
+
+def clock_step(flights: Sequence[FlightData], start: Vehicle) -> float:
+    """Step (s) of a clock for flights: a whole part of the time between samples of the gyro, and of commands if faster.
+
+    Args:
+        flights: measured.
+        start: vehicle, by whose rotors' lags steps are short enough.
+    """
+    usual = min(1.0 / max(each["gyro"].rate, commanded_speeds(each, start).rate) for each in flights)
+    usual = max(round(usual, 7), SHORTEST)
+    return usual / math.ceil(usual / LONGEST - 1e-6)
+
+
+def on_clock(
+    flight: FlightData,
+    start: Vehicle,
+    step: float,
+    *,
+    full_voltage: float = 0.0,
+    sections: Sequence[tuple[float, float]] = (),
+    coasting: float | None = None,
+) -> Clocked:
+    """A flight on an even clock.
+
+    Args:
+        flight: measured.
+        start: vehicle with what is known before.
+        step: s.
+        full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.
+        sections: (begin, end), s, that count; by default all in which the vehicle flies.
+        coasting: share of the full signal below which a motor does not obey its lag; by default 0.1 of motors that are
+            commanded by a share of it, and none of those whose speed is commanded.
+
+    Raises:
+        ValueError: one line: a quantity is missing or does not fit the vehicle.
+    """
+    gyro, speeds = flight["gyro"], commanded_speeds(flight, start)
+    _require_columns(flight, start, speeds)
+    begin, size = float(gyro.time[0]), int((gyro.time[-1] - gyro.time[0]) / step + 1e-6)
+    edges = begin + step * np.arange(size + 1, dtype=float)
+    if sampling_period(speeds):
+        middles = edges[:-1] + 0.5 * step
+        speeds = Channel(time=edges[:-1], values=straight_lines(speeds, middles), source=speeds.source)
+    limits = highest_speeds(start.rotors)
+    speeds = Channel(time=speeds.time, values=np.clip(speeds.values, 0.0, limits), source=speeds.source)
+    spans = list(sections) or flying_spans(speeds, start)
+    usable = np.zeros(size, dtype=bool)
+    for first, last in spans:
+        usable |= (edges[:-1] >= first) & (edges[1:] <= last)
+    share = coasting if coasting is not None else -1.0 if "rotor_speed_commands" in flight else COASTING
+    if share > 0.0:
+        low = np.where(np.isfinite(limits), share * limits, 0.0)
+        idle = (held_over(speeds, edges, 0.0).after < low).any(axis=1).astype(float)
+        after = np.ones(max(1, round(RECOVERED * float(time_constants(start.rotors).max()) / step)))
+        usable &= np.convolve(idle, after, "full")[:size] == 0.0
+    # joints of a vehicle without any are no joints of it
+    channels = {name: flight[name] for name in SENSORS if name in flight and (start.n or name != "joint_positions")}
+    if "position" in channels:  # of which a velocity is made, smoothed: it would be believed beyond what it tells
+        channels.pop("velocity", None)
+    for name in NEEDED:
+        if name in channels:
+            usable &= _without_gaps(flight[name], edges)
+    voltage = np.ones(size)
+    if full_voltage and "voltage" in flight:
+        measured = flight["voltage"]
+        voltage = np.interp(edges[:-1], measured.time, measured.values[:, 0]) / full_voltage
+    return Clocked(
+        name=flight.name,
+        begin=begin,
+        step=step,
+        size=size,
+        channels=channels,
+        speeds=speeds,
+        efforts=flight["joint_efforts"] if start.n and "joint_efforts" in flight else None,
+        setpoints=flight["joint_commands"] if start.n and "joint_commands" in flight else None,
+        voltage=voltage,
+        since=edges[:-1] - (spans[0][0] if spans else begin),
+        usable=usable,
+    )
+
+
+def _require_columns(flight: FlightData, start: Vehicle, speeds: Channel) -> None:
+    """Raise an error in one line for a flight whose channels are missing or do not fit the vehicle."""
+    count = speeds.values.shape[1]
+    if count != len(start.rotors):
+        has = f"vehicle '{start.name}' has {len(start.rotors)}"
+        raise ValueError(f"{flight.name}: {speeds.source}: {count} rotors, {has}")
+    for name in ("accelerometer", *(["joint_positions"] if start.n else [])):
+        flight[name]  # raises
+    for name in ("joint_positions", "joint_efforts", "joint_commands"):
+        held = flight[name].values.shape[1] if name in flight else start.n
+        if held != start.n:
+            raise ValueError(f"{flight.name}: {name}: {held} columns, vehicle '{start.name}' has {start.n}")
+
+
+def samples_on(channel: Channel, edges: Array) -> Samples:
+    """Samples of a channel on a clock of even edges (s)."""
+    step, size = float(edges[1] - edges[0]), len(edges) - 1
+    place = np.ceil((channel.time - edges[0]) / step - 1e-6).astype(int) - 1
+    inside = (place >= 0) & (place < size)
+    place, time, rows = place[inside], channel.time[inside], channel.values[inside]
+    if channel.values.shape[1] == 4:
+        rows = continuous(rows)
+    count = np.bincount(place, minlength=size)
+    least = np.maximum(count, 1)
+    values = np.stack([np.bincount(place, column, size) / least for column in rows.T], axis=1)
+    if values.shape[1] == 4:
+        values[count == 0] = [1.0, 0.0, 0.0, 0.0]
+        values = unit_rows(values)
+    share = np.bincount(place, (time - edges[place]) / step, size) / least
+    return Samples(values, np.clip(share, 0.0, 1.0), count > 0)
+
+
+@immutable(kw_only=False, eq=False)
+class Held:
+    """Commands that are held from sample to sample, over each of N steps with at most one switch.
+
+    Attributes:
+        before, after: (N, k) commands until the switch, and the mean from it on. late: (N,) s, within the step.
+    """
+
+    before: Array
+    after: Array
+    late: Array
+
+
+def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) -> Held:
+    """Commands between edges (N + 1,), s, a dead time (s) after their samples.
+
+    With a width (s) they are means over it before the end of each step, if that is longer, and do not switch.
+    """
+    time, values = channel.time, channel.values
+    sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values[:-1] * np.diff(time)[:, None], axis=0)])
+
+    def integral(when: Array) -> Array:
+        inner = np.stack([np.interp(when, time, column) for column in sums.T], axis=1)
+        inner += np.minimum(when - time[0], 0.0)[:, None] * values[0]
+        return np.asarray(inner + np.maximum(when - time[-1], 0.0)[:, None] * values[-1])
+
+    first, last = edges[:-1] - delay, edges[1:] - delay
+    if width:
+        first = np.minimum(first, last - width)
+        mean = (integral(last) - integral(first)) / (last - first)[:, None]
+        return Held(mean, mean, np.zeros(len(first)))
+    little = 1e-6 * (edges[1:] - edges[:-1])
+    held = np.searchsorted(time, first + little, "right") - 1
+    after = np.minimum(held + 1, len(time) - 1)
+    switch = np.where((held + 1 < len(time)) & (time[after] < last - little), time[after], first)
+    switch = np.maximum(switch, first)
+    mean = (integral(last) - integral(switch)) / (last - switch)[:, None]
+    return Held(values[np.maximum(held, 0)], mean, switch - first)
+
+
+def _without_gaps(channel: Channel, edges: Array) -> Mask:
+    """Steps (N,) that lie in no gap of a channel, nor outside of it."""
+    usual = float(np.median(np.diff(channel.time)))
+    found = (edges[:-1] >= channel.time[0] - usual) & (edges[1:] <= channel.time[-1] + usual)
+    wide = np.flatnonzero(np.diff(channel.time) > GAP * usual)
+    for i in wide:
+        found &= (edges[1:] <= channel.time[i]) | (edges[:-1] >= channel.time[i + 1])
+    return np.asarray(found)
+
+
+class Windows:
+    """Windows of flights on one clock.
+
+    Args:
+        flights: of one step.
+        start: vehicle before.
+        seconds: of a window.
+        most: windows at most, evenly taken; 0 for all.
+
+    Attributes:
+        length: steps of a window. count: windows, W of them. run_in: steps before one from which rotors' speeds follow.
+        begins: (W,) number of each window's first step, among those of all flights.
+        owners: (W,) number of its flight. firsts: (flights + 1,) number of each flight's first step.
+    """
+
+    def __init__(self, flights: Sequence[Clocked], start: Vehicle, seconds: float, most: int = 0) -> None:
+        self.flights, self.step = list(flights), flights[0].step
+        self.length = max(2, round(seconds / self.step))
+        self.run_in = math.ceil(RUN_IN * float(time_constants(start.rotors).max(initial=0.0)) / self.step)
+        self.firsts: IntArray = np.cumsum([0, *(each.size for each in flights)])
+        places = [self._places(each) for each in flights]
+        begins = np.concatenate([first + np.array(part, int) for first, part in zip(self.firsts, places, strict=False)])
+        owners = np.repeat(np.arange(len(flights)), [len(part) for part in places])
+        if most and len(begins) > most:
+            kept = np.linspace(0, len(begins) - 1, most).astype(int)
+            begins, owners = begins[kept], owners[kept]
+        self.begins: IntArray = begins
+        self.owners: IntArray = owners
+        self.count = len(begins)
+
+    def _places(self, flight: Clocked) -> list[int]:
+        """First steps of the windows of a flight, one behind the other where all steps are usable."""
+        found, k = list[int](), self.run_in
+        while k + self.length <= flight.size:
+            bad = np.flatnonzero(~flight.usable[k : k + self.length])
+            if bad.size:
+                k += int(bad[-1]) + 1
+            else:
+                found.append(k)
+                k += self.length
+        return found
+
+    def before(self, k: int) -> IntArray:
+        """Numbers (W,) of the steps k behind the windows' begins, not beyond their flights' first ones."""
+        return np.asarray(np.maximum(self.begins + k, self.firsts[self.owners]), dtype=np.int64)
+
+    def samples(self, late: Mapping[str, float] | None = None) -> dict[str, Samples]:
+        """Samples of each sensor on the clock of all flights, one after the other; of one that is missing, none there.
+
+        Args:
+            late: sensor -> s, by which its samples are late.
+        """
+        found = dict[str, Samples]()
+        for name in SENSORS:
+            widths = [each.channels[name].values.shape[1] for each in self.flights if name in each.channels]
+            if not widths:
+                continue
+            parts = [
+                samples_on(each.channels[name], each.edges + (late or {}).get(name, 0.0))
+                if name in each.channels
+                else Samples(np.zeros((each.size, widths[0])), np.zeros(each.size), np.zeros(each.size, dtype=bool))
+                for each in self.flights
+            ]
+            rows = zip(*((each.values, each.share, each.there) for each in parts), strict=True)
+            found[name] = Samples(*(np.concatenate(each) for each in rows))
+        return found
+
+    def commands(self, name: str, delay: float, hold: float = 0.0) -> Held:
+        """Commands over each step of all flights, a dead time later; of what is not logged none.
+
+        Args:
+            name: ``speeds``, ``efforts`` or ``setpoints``.
+            delay: s.
+            hold: share of the time between its samples over which it is averaged once more.
+        """
+        parts = [(each, getattr(each, name)) for each in self.flights]
+        width = max((channel.values.shape[1] for _, channel in parts if channel is not None), default=0)
+        rows = [
+            held_over(channel, each.edges, delay, hold / channel.rate if hold else 0.0)
+            if channel is not None
+            else Held(np.zeros((each.size, width)), np.zeros((each.size, width)), np.zeros(each.size))
+            for each, channel in parts
+        ]
+        return Held(*(np.concatenate([getattr(each, field) for each in rows]) for field in ("before", "after", "late")))
+
+    def thrusts(self, sag: float, drift: float, *own: float) -> Array:
+        """Factor (steps,) of the thrust by the voltage's power, the time since take-off (1/s), and of each flight."""
+        rows = [a * each.voltage**sag * (1.0 + drift * each.since) for a, each in zip(own, self.flights, strict=True)]
+        return np.concatenate(rows)
+
+    def rotor_speeds(self, rotors: Sequence[Rotor], held: Held) -> Array:
+        """Speeds (W, rotors) of rotors at the begins of the windows, rad/s."""
+        speeds = list(held.before[self.before(-self.run_in)].T)
+        for k in range(-self.run_in, 0):
+            at = self.before(k)
+            for commands, seconds in ((held.before[at], held.late[at]), (held.after[at], self.step - held.late[at])):
+                speeds = list(speeds_after(rotors, speeds, list(commands.T), seconds))
+        return np.asarray(np.stack(speeds, axis=1))
+
+    def first_states(self, samples: Mapping[str, Samples]) -> dict[str, Array]:
+        """First estimates (W, k) of the states at the windows' begins, from parabolas through samples around them."""
+
+        def parabola(name: str, width: int) -> tuple[Array, Array]:
+            rows = samples.get(name)
+            return (np.zeros((self.count, width)),) * 2 if rows is None else self._parabola(rows)
+
+        position, speed = parabola("position", 3)
+        attitude, _ = parabola("quaternion", 4)
+        joints, joint_rates = parabola("joint_positions", 0)
+        level = np.array([1.0, 0.0, 0.0, 0.0])
+        return {
+            "position": position,
+            "quaternion": unit_rows(attitude if "quaternion" in samples else attitude + level),
+            "velocity": parabola("velocity", 3)[0] if "velocity" in samples else speed,
+            "rate": parabola("gyro", 3)[0],
+            "joints": joints,
+            "joint_rates": joint_rates,
+        }
+
+    def _parabola(self, rows: Samples) -> tuple[Array, Array]:
+        """Value and slope (W, k) at each window's begin, of a parabola through the nearest samples."""
+        there = np.flatnonzero(rows.there)
+        time = (there + rows.share[there]) * self.step
+        usual = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+        half = max(2, round(AROUND / usual))
+        found = np.zeros((2, self.count, rows.values.shape[1]))
+        for i, (begin, owner) in enumerate(zip(self.begins, self.owners, strict=True)):
+            first, last = np.searchsorted(there, self.firsts[owner : owner + 2])
+            middle = int(np.clip(np.searchsorted(there, begin), first, max(first, last - 1)))
+            chosen = there[max(first, middle - half) : min(last, middle + half + 1)]
+            if not chosen.size:
+                continue
+            off, data = (chosen + rows.share[chosen] - begin) * self.step, rows.values[chosen]
+            if data.shape[1] == 4:
+                data = continuous(data)
+            powers = np.vander(off, min(3, len(chosen)), increasing=True)
+            fitted = np.linalg.lstsq(powers, data, rcond=None)[0]
+            found[: min(2, len(fitted)), i] = fitted[:2]
+        return found[0], found[1]

@@ -1,0 +1,259 @@
+"""Identification from windows of flights that lack a sensor, or are flown by servos, worn batteries or slow logs."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from skyarm.flight_data.flight_data import Channel
+from skyarm.studies.identify.identified_numbers import NOT_SHOWN
+from skyarm.studies.identify.identified_parts import vehicle_with
+from skyarm.studies.identify.identify_windows import identify_by_windows
+from skyarm.studies.identify.unknowns import second_moments, unknowns_of
+from skyarm.vehicle.thrust_table import ThrustTable
+from window_flights import ONE, QUAD, flown, measured, on_servo
+
+pytest.importorskip("scipy", reason="needs the extra 'identify'")
+
+DELAY, PLACE = 0.0062, (0.03, -0.02, 0.05)
+ROTOR, MOMENTS = QUAD.rotors[0], second_moments(QUAD.base)
+PLANTED = {
+    "rotors.thrust_coefficient": 1.1 * float(ROTOR.thrust_coefficient),
+    "rotors.time_constant_up": 1.2 * float(ROTOR.time_constant_up),
+    "rotors.drag_coefficient": 1.3 * float(ROTOR.drag_coefficient),
+    "base.second_moment.x": 1.2 * MOMENTS[0],
+    "base.second_moment.y": 0.85 * MOMENTS[1],
+    "base.com.x": 0.004,
+    "base.com.y": -0.003,
+}
+AROUND = {"delay": DELAY, "place.x": PLACE[0], "place.y": PLACE[1], "place.z": PLACE[2]}
+
+
+def truth_of(name, vehicle, numbers):
+    """True value of a reported number; None of one that the vehicle's records do not hold."""
+    if name.startswith("base.inertia"):
+        return float(getattr(vehicle.base.inertia, name[-2:]))
+    if name.startswith("base.com"):
+        return float(getattr(vehicle.base.com, name[-1]))
+    if name.startswith(("torque", "offset", "gyro_bias", "pose_delay", "drift", "drag.area", "accelerometer_delay")):
+        return 0.0
+    if name.startswith("rotors.") and hasattr(vehicle.rotors[0], name.partition(".")[2]):
+        return float(getattr(vehicle.rotors[0], name.partition(".")[2]))
+    return numbers.get(name)
+
+
+def check(found, vehicle, numbers, outside=0.12):
+    """The search rests, and of the numbers that are shown all but a few lie within their intervals."""
+    assert found.settled
+    truths = {each.name: truth_of(each.name, vehicle, numbers) for each in found.numbers}
+    known = [each for each in found.numbers if each.is_known and truths[each.name] is not None]
+    off = [each.name for each in known if not each.low - 1e-9 <= truths[each.name] <= each.high + 1e-9]
+    assert len(off) <= outside * len(known), off
+    far = [each.name for each in known if abs(each.value - truths[each.name]) > 2.5 * (each.high - each.low)]
+    assert not far
+    return {each.name: each for each in found.numbers}
+
+
+def known_but(vehicle, searched, **numbers):
+    """All numbers of a quadrotor as known, but for some."""
+    every = unknowns_of(vehicle, curve=False, velocity=True, voltage=False, driven=[], servoed=[])
+    values = {each.name: each.start for each in every} | numbers
+    # without a pose the drag of the body is not a number of the search
+    return {name: value for name, value in values.items() if name not in searched and not name.startswith("drag.")}
+
+
+def test_numbers_that_are_not_known_are_found_and_the_others_stay():
+    """Of five seconds, without a pose: what is known is neither searched nor reported."""
+    vehicle = vehicle_with(QUAD, PLANTED, checked=True)
+    flight = measured(
+        flown(vehicle, 5.0, DELAY), noise=1.0, place=PLACE, without=("position", "quaternion", "velocity")
+    )
+    searched = ("rotors.thrust_coefficient", "base.com.x", "delay", "offset.z")
+    known = known_but(QUAD, searched, **{**PLANTED, **AROUND})
+    lines = []
+    found = identify_by_windows([flight], QUAD, known=known, progress=lines.append)
+    numbers = check(found, vehicle, AROUND, outside=0.2)
+    assert set(numbers) == {*searched, *(f"gyro_bias.{axis}" for axis in "xyz")}
+    assert numbers["rotors.thrust_coefficient"].value == pytest.approx(PLANTED["rotors.thrust_coefficient"], rel=2e-3)
+    assert numbers["delay"].value == pytest.approx(DELAY, abs=1e-4)
+    assert found.vehicle.rotors[0].thrust_coefficient == numbers["rotors.thrust_coefficient"].value
+    assert float(found.vehicle.base.inertia.xx) == pytest.approx(float(vehicle.base.inertia.xx), rel=1e-9)
+    assert found.surroundings.delay == numbers["delay"].value
+    assert found.surroundings.place == pytest.approx(PLACE)
+    assert found.counted == (True,)
+    assert 2.0 < found.seconds < 5.0
+    assert found.period == pytest.approx(0.002)
+    assert len(lines) > 8
+    assert min(found.explained[f"rate.{axis}"] for axis in "xyz") > 0.95
+
+
+def short(**more):
+    """Two seconds of a quadrotor."""
+    return measured(flown(QUAD, 2.0, DELAY), **more)
+
+
+@pytest.mark.parametrize(
+    ("flights", "options", "message"),
+    [
+        (lambda: [], {}, "^flights: must be one or more$"),
+        (
+            lambda: [short()],
+            {"known": {"rotors.speed": 1.0}},
+            r"^known\.rotors\.speed: did you mean .* must be one of mass, voltage, ",
+        ),
+        (lambda: [short()], {"known": {"delay": float("nan")}}, r"^known\.delay"),
+        (lambda: [short()], {"known": {"rotors.thrust_coefficient": -1.0}}, r"^known\.rotors\.thrust_coefficient"),
+        (lambda: [short()], {"sections": [(1.0, 1.05)]}, "^flight: fewer than 4 parts of "),
+        (lambda: [short(without=("accelerometer",))], {}, "^flight: accelerometer: is not in this flight"),
+    ],
+    ids=["no flight", "no such number", "no number", "not positive", "too short", "no accelerometer"],
+)
+def test_what_cannot_be_identified_is_refused_in_one_line(flights, options, message):
+    with pytest.raises(ValueError, match=message) as error:
+        identify_by_windows(flights(), QUAD, **options)
+    assert "\\n" not in str(error.value)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("name", "without"),
+    [
+        ("position alone", ("velocity",)),
+        ("velocity alone", ("position",)),
+        ("attitude alone", ("position", "velocity")),
+        ("no pose", ("position", "velocity", "quaternion")),
+    ],
+)
+def test_a_quadrotor_is_found_without_some_of_its_pose(name, without):
+    """The accelerometer shows the rotors' drag; that of the body needs a velocity, and is not searched without one."""
+    vehicle = vehicle_with(QUAD, PLANTED, checked=True)
+    found = identify_by_windows([measured(flown(vehicle, 12.0, DELAY), noise=1.0, place=PLACE, without=without)], QUAD)
+    numbers = check(found, vehicle, AROUND)
+    assert numbers["rotors.thrust_coefficient"].value == pytest.approx(PLANTED["rotors.thrust_coefficient"], rel=2e-3)
+    assert numbers["base.inertia.xx"].value == pytest.approx(float(vehicle.base.inertia.xx), rel=5e-3)
+    assert numbers["rotors.drag_coefficient"].value == pytest.approx(PLANTED["rotors.drag_coefficient"], rel=0.03)
+    assert ("drag.area.x" in numbers) is not {"position", "velocity"}.issubset(without)
+    assert ("pose_delay" in numbers) is ("quaternion" not in without)
+
+
+JOINT = {
+    "links.link1.mass": 1.2 * float(ONE.links[0].body.mass),
+    "links.link1.joint.damping": 0.013,
+    "links.link1.joint.armature": 1.2e-3,
+}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("without", [("velocity",), ("velocity", "joint_efforts")], ids=["efforts", "no efforts"])
+def test_an_arm_is_found_with_and_without_efforts(without):
+    """Without efforts hats stand for them: no friction is searched, and the base is found all the same."""
+    vehicle = vehicle_with(ONE, {**PLANTED, **JOINT}, checked=True)
+    start = dataclasses.replace(ONE, base=dataclasses.replace(ONE.base, mass=ONE.base.mass + vehicle.mass - ONE.mass))
+    log = flown(vehicle, 12.0, DELAY, 0.0047)
+    found = identify_by_windows([measured(log, noise=1.0, place=PLACE, without=without)], start)
+    numbers = check(found, vehicle, {**AROUND, **JOINT, "joint_delay": 0.0047})
+    assert numbers["base.inertia.xx"].value == pytest.approx(float(vehicle.base.inertia.xx), rel=0.01)
+    assert numbers["rotors.thrust_coefficient"].value == pytest.approx(PLANTED["rotors.thrust_coefficient"], rel=3e-3)
+    if "joint_efforts" in without:
+        assert not any("joint" in name for name in numbers)
+    else:
+        assert numbers["links.link1.joint.damping"].value == pytest.approx(0.013, rel=0.05)
+        assert numbers["joint_delay"].value == pytest.approx(0.0047, abs=2e-4)
+
+
+@pytest.mark.thorough
+def test_a_position_servo_is_found_by_the_engine_s_own_drive():
+    truth = on_servo(stiffness=5.0, damping=0.24)
+    found = identify_by_windows(
+        [measured(flown(truth, 12.0, DELAY, 0.011), noise=1.0, without=("velocity",), servo=True)], on_servo()
+    )
+    assert found.settled
+    numbers = {each.name: each for each in found.numbers}
+    for name, value in (("stiffness", 5.0), ("damping", 0.24), ("latency", 0.011 - DELAY)):
+        each = numbers[f"drives.joint1.{name}"]
+        assert each.is_known
+        assert each.value == pytest.approx(value, rel=0.05 if name != "latency" else 0.25)
+    assert found.vehicle.drives[0].drive.stiffness == pytest.approx(5.0, rel=0.05)
+
+
+def without_hub_drag(vehicle):
+    """A vehicle whose rotors' forces go with the square of their speeds."""
+    changes = {"drag_coefficient": 0.0, "rolling_moment_coefficient": 0.0}
+    return dataclasses.replace(vehicle, rotors=tuple(dataclasses.replace(each, **changes) for each in vehicle.rotors))
+
+
+def weakened(flight, share):
+    """The flight as if its rotors had a share (N,) of their thrust, which their commands make up for."""
+    speeds = flight["rotor_speed_commands"]
+    more = Channel(time=speeds.time, values=speeds.values / np.sqrt(share)[:, None], source="more")
+    return flight.with_channels({"rotor_speed_commands": more})
+
+
+PLAIN = without_hub_drag(vehicle_with(QUAD, PLANTED, checked=True))
+
+
+@pytest.mark.thorough
+def test_thrust_sags_with_the_voltage():
+    flight = measured(flown(PLAIN, 12.0, DELAY, pace=0.6), noise=1.0, without=("velocity",))
+    time = flight["rotor_speed_commands"].time
+    volts = 12.0 - 1.5 * time / 12.0
+    worn = weakened(flight, (volts / 12.0) ** 1.6)
+    worn = worn.with_channels({"voltage": Channel(time=time, values=volts[:, None], source="volts")})
+    found = identify_by_windows([worn], without_hub_drag(QUAD), full_voltage=12.0)
+    numbers = check(found, PLAIN, {**AROUND, "sag": 1.6, "place.x": 0.0, "place.y": 0.0, "place.z": 0.0})
+    assert numbers["sag"].value == pytest.approx(1.6, abs=0.02)
+    assert "drift" not in numbers
+
+
+@pytest.mark.thorough
+def test_each_of_several_flights_has_a_thrust_of_its_own():
+    """Of two flights of one name the second has 0.9 of the first one's thrust."""
+    flights = [measured(flown(PLAIN, 8.0, DELAY, pace=0.6), noise=1.0, seed=i, without=("velocity",)) for i in range(2)]
+    flights[1] = weakened(flights[1], np.full(len(flights[1]["gyro"].time), 0.9))
+    found = identify_by_windows(flights, without_hub_drag(QUAD))
+    beside = {f"place.{axis}": 0.0 for axis in "xyz"}
+    numbers = check(found, PLAIN, {**AROUND, **beside, "thrust.flight (2)": 0.9})
+    assert numbers["thrust.flight (2)"].value == pytest.approx(0.9, rel=2e-3)
+    assert found.counted == (True, True)
+
+
+@pytest.mark.thorough
+def test_a_thrust_curve_of_its_own_is_found_where_the_flight_was():
+    """Between a quarter and three quarters of the full signal, of a curve that bends otherwise than a square."""
+    full = float(ROTOR.max_speed)
+    speeds = tuple(share * full for share in (0.25, 0.5, 0.75, 1.0))
+    square = [float(ROTOR.thrust_coefficient) * speed**2 for speed in speeds]
+    curve = ThrustTable(speed=speeds, thrust=(1.1 * square[0], square[1], 0.95 * square[2], 0.9 * square[3]))
+    rotors = tuple(
+        dataclasses.replace(each, table=curve, thrust_coefficient=curve.thrust_coefficient)
+        for each in without_hub_drag(QUAD).rotors
+    )
+    vehicle = dataclasses.replace(QUAD, rotors=rotors)
+    flight = measured(flown(vehicle, 12.0, DELAY), noise=1.0, without=("velocity",))
+    found = identify_by_windows([flight], without_hub_drag(QUAD), curve=True)
+    assert found.settled
+    numbers = {each.name: each for each in found.numbers}
+    for share, thrust in zip((50, 75), curve.thrust[1:3], strict=True):
+        each = numbers[f"rotors.thrust_at_{share}_percent"]
+        assert each.is_known
+        assert each.value == pytest.approx(thrust, rel=0.02)
+    assert found.vehicle.rotors[0].table is not None
+
+
+@pytest.mark.thorough
+def test_commands_at_ten_hertz_do_not_show_lags():
+    """They go back to the start; the dead time stands for all that is late."""
+    vehicle = vehicle_with(QUAD, PLANTED, checked=True)
+    flight = measured(flown(vehicle, 20.0, DELAY, pace=0.3), noise=1.0, without=("velocity",))
+    speeds = flight["rotor_speed_commands"]
+    slow = Channel(time=speeds.time[::50], values=speeds.values[::50], source="slow")
+    found = identify_by_windows([flight.with_channels({"rotor_speed_commands": slow})], QUAD)
+    numbers = {each.name: each for each in found.numbers}
+    for way in ("up", "down"):
+        each = numbers[f"rotors.time_constant_{way}"]
+        assert each.reason.startswith(NOT_SHOWN)
+        assert float(getattr(found.vehicle.rotors[0], f"time_constant_{way}")) == pytest.approx(each.start)
+    assert numbers["delay"].reason.startswith(NOT_SHOWN)
+    assert numbers["rotors.thrust_coefficient"].value == pytest.approx(PLANTED["rotors.thrust_coefficient"], rel=0.05)

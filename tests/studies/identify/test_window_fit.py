@@ -1,0 +1,368 @@
+"""Fits of numbers to windows: linear problems by dense least squares, and a quadrotor from a flight with noise."""
+
+from __future__ import annotations
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from skyarm.flight_data.flight_data import Channel
+from skyarm.studies.identify.identified_parts import vehicle_with
+from skyarm.studies.identify.unknowns import Unknown, second_moments, unknowns_of
+from skyarm.studies.identify.window_errors import OUTLIER, Normal, WindowErrors, WindowStates
+from skyarm.studies.identify.window_fit import (
+    TURNS,
+    Cost,
+    WindowFit,
+    blocks_of,
+    first_noise,
+    fit_windows,
+    new_noise,
+    reduce,
+)
+from skyarm.studies.identify.windows import Windows, on_clock
+from window_flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
+
+pytest.importorskip("scipy", reason="needs the extra 'identify'")
+
+OWN, WRENCH, COUNT = 3, 6, 4
+"""Free numbers of a window beside its wrench, of the wrench, and numbers of all windows."""
+
+
+class Toy:
+    """Windows whose errors are linear in all that is unknown, but for a bend of the numbers.
+
+    Rows of each window y = A s + C w + bend(B theta) + noise, with s of any size and w of a spread.
+    """
+
+    def __init__(self, windows, steps, seed=1, bend=None, prior=1e3, noise=0.1, spread=0.5, flights=1, per_block=4):
+        draw = np.random.default_rng(seed)
+        self.rows = [("gyro", 0), ("gyro", 1), ("position", 0)]
+        self.unknowns = [Unknown(name=f"a{i}", unit="", start=0.0, spread=prior) for i in range(COUNT)]
+        self.names = [each.name for each in self.unknowns]
+        self.push, self.wrench = np.full(WRENCH, 0.3), OWN + np.arange(WRENCH)
+        self.loose = np.concatenate([np.full(OWN, 1e4), self.push])
+        shape = (steps, windows, len(self.rows))
+        self.slopes = draw.normal(size=(*shape, OWN + WRENCH + COUNT))
+        self.bend = bend or (lambda at: (at, np.ones_like(at)))
+        self.truth = draw.normal(size=COUNT)
+        step = 0.1
+        size = windows // flights
+        owners = np.repeat(np.arange(flights), size)
+        begins = np.arange(windows) * round(2.0 / step / per_block)
+        self.windows = SimpleNamespace(
+            owners=owners, begins=begins, firsts=begins[::size], step=step, flights=[None] * flights, count=windows
+        )
+        self.noise = np.broadcast_to(noise, (flights, len(self.rows)))
+        free = np.concatenate([draw.normal(size=(windows, OWN)), spread * draw.normal(size=(windows, WRENCH))], axis=1)
+        self.begun = free[:, :OWN] + 0.1 * draw.normal(size=(windows, OWN))
+        self.data = np.zeros(shape)
+        self.data = -self.errors_at(self.truth, WindowStates({"own": free[:, :OWN]}, free[:, OWN:]))[0]
+        self.data += draw.normal(size=shape) * self.noise[owners]
+        self.seen, self.given = [], []
+
+    def take_samples(self, values):
+        self.seen.append(values.copy())
+
+    def first_states(self):
+        count = self.windows.count
+        return WindowStates({"own": self.begun}, np.zeros((count, WRENCH)))
+
+    def errors_at(self, values, states):
+        free = np.concatenate([states.parts["own"], states.beside], axis=1)
+        part, at = np.split(self.slopes, [OWN + WRENCH], axis=-1)
+        found = self.data - np.einsum("twrx,wx->twr", part, free) - self.bend(at @ values)[0]
+        return found, np.ones(found.shape, dtype=bool)
+
+    def normal(self, values, states, noise):
+        self.given.append(noise.copy())
+        found, there = self.errors_at(values, states)
+        part, at = np.split(self.slopes, [OWN + WRENCH], axis=-1)
+        rows = -np.concatenate([part, self.bend(at @ values)[1][..., None] * at], axis=-1)
+        weight = 1.0 / noise[self.windows.owners] ** 2
+        sums = np.einsum("twri,twrj,wr->wij", rows, rows, weight)
+        pull = np.einsum("twri,twr,wr->wi", rows, found, weight)
+        x = OWN + WRENCH
+        of_rows = np.einsum("twri,twrj,wr->rwij", rows[..., :x], rows[..., :x], weight)
+        return (
+            found,
+            there,
+            Normal(sums[:, :x, :x], sums[:, :x, x:], sums[:, x:, x:], pull[:, :x], pull[:, x:], of_rows),
+        )
+
+
+def fit(toy, noise=0.2, begin=0.0, **options):
+    given = np.full(toy.noise.shape, noise)
+    return fit_windows(toy, np.full(COUNT, begin), noise=given, **options)
+
+
+def dense(toy, noise, spread, kept, prior=1e3):
+    """Numbers and their covariance by one least-squares problem of all windows that are kept, and what is known."""
+    x, count = OWN + WRENCH, len(kept)
+    loose = np.concatenate([np.full(OWN, 1e4), spread])
+    weight = 1.0 / noise[toy.windows.owners[kept]]
+    rows = np.zeros((count, len(toy.slopes), len(toy.rows), count * x + COUNT))
+    for i, w in enumerate(kept):
+        rows[i, ..., i * x : (i + 1) * x] = toy.slopes[:, w, :, :x]
+        rows[i, ..., count * x :] = toy.slopes[:, w, :, x:]
+    rows *= weight[:, None, :, None]
+    data = np.moveaxis(toy.data[:, kept], 1, 0) * weight[:, None, :]
+    known = np.diag(np.concatenate([np.tile(1.0 / loose, count), np.full(COUNT, 1.0 / prior)]))
+    whole = np.concatenate([rows.reshape(-1, rows.shape[-1]), known])
+    found = np.linalg.lstsq(whole, np.concatenate([data.ravel(), np.zeros(len(known))]), rcond=None)[0]
+    return found[-COUNT:], np.linalg.inv(whole.T @ whole)[-COUNT:, -COUNT:]
+
+
+def test_a_window_s_own_numbers_are_eliminated_as_by_one_dense_problem():
+    """Numbers, their covariance and each window's own numbers, of windows of few samples."""
+    toy = Toy(windows=5, steps=4)
+    states = WindowStates({"own": np.ones((5, OWN))}, 0.1 * np.ones((5, WRENCH)))
+    values, prior = np.full(COUNT, 0.2), np.full(COUNT, 2.0)
+    noise, loose = np.full((1, 3), 0.1), np.concatenate([np.full(OWN, 1e4), np.full(WRENCH, 0.3)])
+    found, _, normal = toy.normal(values, states, noise)
+    reduced = reduce(normal, states.beside, loose, prior)
+    change = -np.linalg.solve(reduced.total, reduced.scores.sum(axis=0) + values / prior**2)
+    wanted, covariance = dense(toy, noise, np.full(WRENCH, 0.3), np.arange(5), 2.0)
+    assert values + change == pytest.approx(wanted, rel=1e-6, abs=1e-8)
+    assert np.linalg.inv(reduced.total) == pytest.approx(covariance, rel=1e-6)
+    # the states beside them: no shorter step is any better
+    after = states.moved_by(-reduced.shift - reduced.slopes @ change)
+    cost = Cost(np.ones(found.shape, dtype=bool), np.full((5, 3), 1e3), np.zeros(COUNT), prior, loose)
+    assert np.abs(toy.normal(values + change, after, noise)[2].pull[:, :OWN]).max() < 1e-3
+    assert toy.normal(values + change, after, noise)[2].pull[:, OWN:] == pytest.approx(-after.beside / 0.3**2, abs=1e-4)
+    assert np.isfinite(cost.at(found, values, states))
+    assert reduced.inverse[0] == pytest.approx(np.linalg.inv(normal.own[0] + np.diag(loose**-2.0)))
+
+
+@pytest.mark.parametrize("prior", [1e3, 0.01], ids=["little known before", "much known before"])
+def test_a_fit_is_that_of_the_dense_problem(prior):
+    """Wherever the search begins."""
+    toy = Toy(windows=24, steps=12, prior=prior)
+    found = fit(toy, begin=5.0 * prior if prior < 1.0 else 0.0)
+    assert found.settled
+    wanted, covariance = dense(toy, toy.given[-1], found.spread, np.arange(24), prior)
+    assert found.values == pytest.approx(wanted, abs=0.05 * np.sqrt(covariance[0, 0]))
+    assert found.curvature == pytest.approx(covariance, rel=0.05, abs=1e-3 * covariance[0, 0])
+    if prior > 1.0:
+        assert found.values == pytest.approx(toy.truth, abs=5.0 * np.sqrt(covariance[0, 0]))
+
+
+def test_noise_is_that_of_the_sensors_though_free_numbers_take_a_part_of_it():
+    """Of two flights: 9 free numbers of 30 samples a window would leave 0.84 of the noise to plain means."""
+    noise = np.array([[0.1, 0.3, 0.06], [0.2, 0.1, 0.05]])
+    found = fit(Toy(windows=300, steps=10, noise=noise, flights=2, spread=3.0), noise=1.0)
+    assert found.settled
+    assert found.noise / noise == pytest.approx(np.ones((2, 3)), abs=0.08)
+    assert np.mean(found.noise / noise) == pytest.approx(1.0, abs=0.02)
+    assert found.stretch_information.sum(axis=0) == pytest.approx(found.block_information.sum(axis=0))
+    blocks = len(found.block_information) // 2
+    assert found.stretch_information[0] == pytest.approx(found.block_information[:blocks].sum(axis=0))
+
+
+def test_outliers_make_little_noise():
+    """Of 400 samples one at a hundred standard deviations: it counts by three times its size, not by its square."""
+    z = np.ones((400, 1, 3))
+    z[7, 0, 1] = 100.0
+    errors = SimpleNamespace(
+        windows=SimpleNamespace(owners=np.zeros(1, dtype=int)), rows=[("gyro", 0), ("gyro", 1), ("position", 0)]
+    )
+    there = np.ones(z.shape, dtype=bool)
+    there[:200, 0, 2] = False
+    noise = np.array([[0.1, 0.2, 0.3]])
+    normal = Normal(*(np.zeros((1, 2, 2)),) * 3, *(np.zeros((1, 2)),) * 2, np.zeros((3, 1, 2, 2)))
+    found = new_noise(errors, z * noise, there, noise, normal, np.eye(2)[None])
+    assert found / noise == pytest.approx(np.array([[1.0, np.sqrt((399.0 + 300.0) / 400.0), 1.0]]))
+    # of a row that the windows' own numbers take, nothing is seen, and its noise stays
+    taken = dataclasses.replace(normal, of_rows=np.array([0.0, 0.0, 80.0])[:, None, None, None] * np.eye(2))
+    found = new_noise(errors, 2.0 * noise * z, there, noise, taken, np.eye(2)[None])
+    assert found[0, 2] == 0.3
+    assert found[0, 0] == pytest.approx(0.2)
+
+
+def test_first_noise_is_the_white_part_of_the_samples():
+    """Of a sine beside it nothing; of attitudes as rotations, which are twice the quaternion's x, y, z."""
+    draw, time = np.random.default_rng(3), STEP * np.arange(4000)
+    slow = np.sin(6.0 * time)[:, None]
+    rows = {
+        "gyro": slow + 0.02 * draw.normal(size=(4000, 3)),
+        "quaternion": np.array([1.0, 0.0, 0.0, 0.0]) + 0.005 * draw.normal(size=(4000, 4)) * [0.0, 1.0, 1.0, 1.0],
+        "position": np.tile(slow, (1, 3)),
+    }
+    flight = SimpleNamespace(
+        channels={name: Channel(time=time, values=values, source=name) for name, values in rows.items()}
+    )
+    errors = SimpleNamespace(
+        windows=SimpleNamespace(flights=[flight]),
+        rows=[("gyro", 2), ("quaternion", 0), ("quaternion", 2), ("position", 1), ("accelerometer", 0)],
+    )
+    found = first_noise(errors)[0]
+    assert found[:3] == pytest.approx([0.02, 0.01, 0.01], rel=0.1)
+    assert found[3] == 1e-4
+    assert found[4] == 1.0
+
+
+def test_blocks_are_of_two_seconds_of_one_flight():
+    begins = np.array([0, 100, 199, 200, 500, 600, 790, 1000])
+    windows = SimpleNamespace(
+        owners=np.array([0, 0, 0, 0, 1, 1, 1, 1]), begins=begins, firsts=np.array([0, 500]), step=0.01
+    )
+    assert [each.tolist() for each in blocks_of(windows)] == [[0, 1, 2], [3], [4, 5], [6], [7]]
+
+
+def test_the_spread_of_the_wrench_is_that_over_the_windows():
+    """Whether it is more or less than what was thought, and though each wrench is uncertain by a good part of it."""
+    for spread in (0.04, 1.5):
+        noise = 1.5 * spread
+        found = fit(Toy(windows=400, steps=8, spread=spread, noise=noise), noise=noise)
+        assert found.spread / spread == pytest.approx(np.ones(WRENCH), abs=0.2)
+        assert np.mean(found.spread / spread) == pytest.approx(1.0, abs=0.08)
+
+
+def test_intervals_are_those_of_leaving_out_blocks():
+    """Errors that hang together in a block: its fit is refitted without it, by the dense problem, for every block."""
+    toy = Toy(windows=32, steps=6, noise=0.02, per_block=4)
+    blocks = blocks_of(toy.windows)
+    assert [len(each) for each in blocks] == [4] * 8
+    draw = np.random.default_rng(5)
+    for block in blocks:
+        at = toy.slopes[:, block][..., OWN + WRENCH :]
+        toy.data[:, block] += at @ (0.3 * draw.normal(size=COUNT))
+    found = fit(toy)
+    whole, _ = dense(toy, toy.given[-1], found.spread, np.arange(32))
+    moves = [dense(toy, toy.given[-1], found.spread, np.setdiff1d(np.arange(32), block))[0] - whole for block in blocks]
+    wanted = np.einsum("bp,bq->pq", moves, moves) * 7.0 / 8.0
+    assert (np.diag(wanted) > np.diag(found.curvature)).all()
+    assert found.covariance == pytest.approx(wanted, rel=0.05, abs=0.05 * np.diag(wanted).max())
+    assert found.block_information.shape == (8, COUNT, COUNT)
+    assert found.block_information.sum(axis=0) == pytest.approx(found.stretch_information.sum(axis=0))
+
+
+def test_intervals_are_never_narrower_than_the_curvature():
+    """Of data without noise the least noise of a sensor is left."""
+    found = fit(Toy(windows=16, steps=8, noise=0.0))
+    assert (np.diag(found.covariance) >= np.diag(found.curvature) * (1.0 - 1e-9)).all()
+    assert np.diag(found.covariance) == pytest.approx(np.diag(found.curvature), rel=0.5)
+    assert found.noise[0] == pytest.approx([1e-4, 1e-4, 1e-4], rel=0.3)
+
+
+def fit_with(block_information):
+    """Fit of one number whose blocks tell so much of it."""
+    blocks = np.array(block_information, dtype=float)[:, None, None]
+    curvature = np.linalg.inv(blocks.sum(axis=0))
+    empty = np.zeros((1, 1))
+    return WindowFit(
+        np.zeros(1), curvature, curvature, blocks, blocks, empty, empty, np.zeros(6), empty, empty > 0, True
+    )
+
+
+def test_quantiles_are_wide_for_what_few_blocks_tell():
+    rows = np.ones((1, 1))
+    assert fit_with([1.0] * 11).quantiles(rows) == pytest.approx(2.2281389)
+    # ten blocks of which two tell all: two squares, of which the mean takes one part in ten
+    assert fit_with([1.0, 1.0] + [0.0] * 8).quantiles(rows) == pytest.approx(4.7948814)
+    assert fit_with([1.0] + [1e-9] * 9).quantiles(rows) == pytest.approx(12.706205)
+
+
+def test_cost_is_by_huber_and_by_what_is_known_before():
+    cost = Cost(np.ones((1, 1, 3), dtype=bool), np.full((1, 3), 0.5), np.zeros(1), np.array([2.0]), np.ones(8))
+    states = WindowStates({"own": np.zeros((1, 2))}, np.array([[0.0, 0.0, 3.0, 0.0, 0.0, 0.0]]))
+    found = cost.at(np.array([[[0.5, 1.5, -5.0]]]), np.array([4.0]), states)
+    assert found == pytest.approx(1.0 + 9.0 + OUTLIER * (20.0 - OUTLIER) + 4.0 + 9.0)
+    missing = dataclasses.replace(cost, there=np.array([[[True, False, True]]]))
+    assert missing.at(np.array([[[0.5, np.nan, -5.0]]]), np.array([4.0]), states) == pytest.approx(found - 9.0)
+
+
+def arctangent(at):
+    return np.arctan(4.0 * at), 4.0 / (1.0 + 16.0 * at**2)
+
+
+def test_a_search_that_would_overshoot_takes_shorter_steps():
+    """Gauss-Newton's whole steps from afar run away where an arctangent is flat."""
+    toy = Toy(windows=40, steps=6, bend=arctangent, noise=0.01)
+    toy.data = (
+        -toy.errors_at(np.zeros(COUNT), toy.first_states())[0] * 0.0
+        + arctangent(toy.slopes[..., OWN + WRENCH :] @ np.full(COUNT, 0.1))[0]
+    )
+    found = fit_windows(toy, np.full(COUNT, 3.0), noise=np.full((1, 3), 0.01))
+    assert found.settled
+    assert found.values == pytest.approx(np.full(COUNT, 0.1), abs=1e-3)
+
+
+def test_no_number_goes_by_more_than_what_is_known_of_it_in_a_turn():
+    toy = Toy(windows=20, steps=6, prior=0.1)
+    toy.truth = toy.truth / np.abs(toy.truth).max()
+    fit(toy)
+    moves = np.abs(np.diff(np.unique(np.array(toy.seen), axis=0), axis=0))
+    assert moves.max() <= 0.1 * (1.0 + 1e-9)
+    assert moves.max() > 0.05
+
+
+def test_progress_is_one_line_a_turn():
+    lines = []
+    fit(Toy(windows=20, steps=12), progress=lines.append)
+    assert len(lines) >= 3
+    assert lines[0].startswith(f"turn 1 of at most {TURNS}: by at most ")
+    assert all("\\n" not in each for each in lines)
+
+
+def slopes_at_start(vehicle, driven, noise, seconds, most):
+    """Normal equations of the numbers alone at the start vehicle, of a flight whose joint stands still."""
+    log = flown(vehicle, 2.0, 0.0062, 0.0047, swing=0.0)
+    flight = measured(log, without=("velocity",))
+    windows = Windows([on_clock(flight, vehicle, STEP, sections=[(0.0, 2.0)])], vehicle, seconds, most)
+    unknowns = unknowns_of(vehicle, curve=False, velocity=True, voltage=False, driven=driven, servoed=[False])
+    errors = WindowErrors(windows, vehicle, unknowns, {}, driven, [False], GRAVITY)
+    begin, prior = (np.array([getattr(each, name) for each in unknowns]) for name in ("begin", "spread"))
+    states, sizes = errors.first_states(), np.array([[noise * NOISE[name] for name, _ in errors.rows]])
+    loose = np.where(np.isin(np.arange(len(errors.free)), errors.wrench), 1e-2, 1.0) * errors.loose
+    loose[errors.wrench] = 1e-2 * errors.push
+    return errors.names, reduce(errors.normal(begin, states, sizes)[2], states.beside, loose, prior), prior
+
+
+def test_a_sum_of_numbers_that_a_flight_does_not_show_stays_as_it_was_known():
+    """A joint that stands still does not show what of it is mass, reach and inertia: a share of 0.01 of what is known.
+
+    Forward differences of a thousandth leave a curvature in their place that looks like more information than that.
+    """
+    names, reduced, prior = slopes_at_start(ONE, [True], 0.004, 0.06, 8)
+    told = reduced.information.sum(axis=0) * np.outer(prior, prior)
+    sizes, directions = np.linalg.eigh(told)
+    shares = sizes / (1.0 + sizes)
+    assert shares[0] < 0.05
+    assert shares[1] > 0.5
+    of_link = [names.index(f"links.link1.{each}") for each in ("mass", "com.z", "inertia")]
+    assert np.linalg.norm(directions[of_link, 0]) > 0.99
+
+
+PLANTED = {
+    "rotors.thrust_coefficient": 1.1 * float(QUAD.rotors[0].thrust_coefficient),
+    "rotors.time_constant_up": 0.016,
+    "base.second_moment.x": 1.2 * second_moments(QUAD.base)[0],
+    "base.com.x": 0.004,
+    "delay": 0.0062,
+}
+
+
+def test_a_planted_quadrotor_is_found_within_its_intervals():
+    """Of 12 s with the noise of good sensors, all other numbers known: forty windows of 60 ms."""
+    log = flown(vehicle_with(QUAD, PLANTED, checked=True), 12.0, PLANTED["delay"])
+    flight = measured(log, noise=1.0, without=("velocity",))
+    windows = Windows([on_clock(flight, QUAD, STEP)], QUAD, 0.06, 40)
+    unknowns = [
+        each
+        for each in unknowns_of(QUAD, curve=False, velocity=True, voltage=False, driven=[], servoed=[])
+        if each.name in PLANTED
+    ]
+    errors = WindowErrors(windows, QUAD, unknowns, {}, [], [], GRAVITY)
+    found = fit_windows(errors, np.array([each.begin for each in unknowns]))
+    assert found.settled
+    truth = np.array([np.log(PLANTED[u.name]) if u.positive else PLANTED[u.name] for u in unknowns])
+    halves = found.quantiles(np.eye(len(truth))) * np.sqrt(np.diag(found.covariance))
+    assert (np.abs(found.values - truth) < 1.3 * halves).all()
+    assert (halves < 0.01).all()
+    wanted = np.array([NOISE[name] for name, _ in errors.rows])
+    assert found.noise[0] / wanted == pytest.approx(np.ones(len(wanted)), abs=0.2)
+    # no wind blew: what nothing explains is less than a thousandth of the weight
+    assert (found.spread[:3] < 1e-3 * GRAVITY * float(QUAD.mass)).all()
