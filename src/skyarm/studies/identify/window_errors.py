@@ -450,11 +450,14 @@ class WindowLanes:
         windows, servo = self._windows, servo_of(self._errors.start, joint)
         assert servo is not None
         name = f"drives.{self._errors.start.links[joint].joint.name}.speed_limit"
-        most = self._number(name, float(servo.speed_limit))[:, None] * windows.step
-        goal = setpoints[:, windows.before(-windows.run_in)]
-        for k in range(1 - windows.run_in, 0):
-            goal = goal + np.clip(setpoints[:, windows.before(k)] - goal, -most, most)
-        return goal.ravel()
+        most = self._number(name, float(servo.speed_limit)) * windows.step
+        if not np.isfinite(most).any():
+            return np.asarray(setpoints[:, windows.before(-1)].ravel())
+        found, goal = np.empty_like(setpoints), setpoints[:, 0]
+        for k, setpoint in enumerate(setpoints.T):
+            found[:, k] = goal
+            goal = setpoint if k in windows.firsts else goal + np.clip(setpoint - goal, -most, most)
+        return np.asarray(found[:, windows.begins].ravel())
 
     def advance(self, k: int) -> None:
         """Fly step k of the windows."""
