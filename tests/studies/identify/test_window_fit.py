@@ -253,7 +253,7 @@ def fit_with(block_information):
     curvature = np.linalg.inv(blocks.sum(axis=0))
     empty = np.zeros((1, 1))
     return WindowFit(
-        np.zeros(1), curvature, curvature, blocks, blocks, empty, empty, np.zeros(6), empty, empty > 0, True
+        np.zeros(1), curvature, curvature, empty, blocks, blocks, empty, empty, np.zeros(6), empty, empty > 0, True
     )
 
 

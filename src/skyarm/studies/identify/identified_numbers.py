@@ -176,7 +176,7 @@ def disagreement(found: PredictionFit | WindowFit, scale: Scale, after: Array, f
     names = sorted(set(flights))
     if len(names) < 2:
         return ratio
-    known = np.linalg.inv(found.curvature) - found.stretch_information.sum(axis=0)
+    known = found.prior_information
     pulled = -found.stretch_scores.sum(axis=0)  # by what was known before, at the estimate of all
     off, variances = [], []
     for name in names:

@@ -127,6 +127,11 @@ class PredictionFit:
     errors: Sequence[Array]
     settled: bool
 
+    @property
+    def prior_information(self) -> Array:
+        """Information (P, P) of what was known before."""
+        return np.asarray(np.linalg.inv(self.curvature) - self.stretch_information.sum(axis=0))
+
     def quantiles(self, rows: Array) -> Array:
         """Quantiles (K,) of Student's t for half widths of 95 % of sums (K, P) of the numbers.
 

@@ -58,6 +58,7 @@ class WindowFit:
         values: (P,) on the scale of the search.
         curvature: (P, P) inverse of the information of data and of what was known before.
         covariance: (P, P) by the jackknife, never less than the curvature.
+        prior_information: (P, P) of what was known before.
         block_information: (blocks, P, P) of the data of each block.
         stretch_information: (flights, P, P) of each flight. stretch_scores: (flights, P) their sums of scores.
         noise: (flights, rows) standard deviations. spread: (6,) of the wrench over the windows, N and N m.
@@ -68,6 +69,7 @@ class WindowFit:
     values: Array
     curvature: Array
     covariance: Array
+    prior_information: Array
     block_information: Array
     stretch_information: Array
     stretch_scores: Array
@@ -180,7 +182,9 @@ def _search(
         settled = turn + 1 >= SOONEST and bool((sizes < SETTLED).all())
         if settled:
             break
-    return _fit_of(errors, values, prior, reduced, noise, spread, left, there, settled)
+    # the last step's own, to first order: else what is left of it would pass for disagreement of flights
+    scores = reduced.scores + reduced.information @ change
+    return _fit_of(errors, values, prior, reduced, scores, noise, spread, left, there, settled)
 
 
 @immutable(kw_only=False, eq=False)
@@ -268,6 +272,7 @@ def _fit_of(
     values: Array,
     prior: Array,
     reduced: Reduced,
+    scores: Array,
     noise: Array,
     spread: Array,
     found: Array,
@@ -278,23 +283,25 @@ def _fit_of(
     owners = errors.windows.owners
     parts, pulls = (
         np.stack([rows[each].sum(axis=0) for each in blocks_of(errors.windows)])
-        for rows in (reduced.information, reduced.scores)
+        for rows in (reduced.information, scores)
     )
     curvature: Array = np.asarray(np.linalg.inv(reduced.total))
     mean, count = pulls.mean(axis=0), len(parts)
     moves = np.stack(
         [np.linalg.solve(reduced.total - part, pull - mean) for part, pull in zip(parts, pulls, strict=True)]
     )
-    covariance = moves.T @ moves * (count - 1) / count + curvature @ np.diag(prior**-2.0) @ curvature
+    known = np.diag(prior**-2.0)
+    covariance = moves.T @ moves * (count - 1) / count + curvature @ known @ curvature
     wider = np.sqrt(np.maximum(1.0, np.diag(curvature) / np.diag(covariance)))
     flights = [owners == i for i in range(len(errors.windows.flights))]
     return WindowFit(
         values=values,
         curvature=curvature,
         covariance=covariance * np.outer(wider, wider),
+        prior_information=known,
         block_information=parts,
         stretch_information=np.stack([reduced.information[own].sum(axis=0) for own in flights]),
-        stretch_scores=np.stack([reduced.scores[own].sum(axis=0) for own in flights]),
+        stretch_scores=np.stack([scores[own].sum(axis=0) for own in flights]),
         noise=noise,
         spread=spread,
         errors=found,
