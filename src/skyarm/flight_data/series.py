@@ -103,13 +103,7 @@ def measured_at(channel: Channel, time: Array, period: float) -> Array:
 
 
 def rates_note(flight: FlightData, period: float) -> str:
-    """Words for the measurements that a clock of some period, s, averages or interpolates; empty if there are none."""
-    rates = {name: flight[name].rate * period for name in flight if not QUANTITIES[name].held}
-
-    def words_of(word: str, names: list[str]) -> list[str]:
-        words = ", ".join(f"{name} ({flight[name].rate:.4g} Hz)" for name in names)
-        return [f"{words} {word} to {1.0 / period:.4g} Hz"] if names else []
-
-    fast = words_of("averaged", [name for name, rate in rates.items() if rate > FASTER])
-    slow = words_of("interpolated", [name for name, rate in rates.items() if 0.0 < rate < 1.0 / FASTER])
-    return f"{flight.name}: {'; '.join([*fast, *slow])}" if fast or slow else ""
+    """Words for the measurements that a clock of some period, s, averages; empty if there are none."""
+    rates = {name: flight[name].rate for name in flight if not QUANTITIES[name].held}
+    fast = [f"{name} ({rate:.4g} Hz)" for name, rate in rates.items() if rate * period > FASTER]
+    return f"{flight.name}: {', '.join(fast)} averaged to {1.0 / period:.4g} Hz" if fast else ""
