@@ -120,8 +120,9 @@ def workers(value: int) -> int:
         ValueError: one line.
     """
     require_within("--workers", value, 0, MOST_WORKERS)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return value or cores
+    from skyarm.compile.llvm.shared_steps import cores
+
+    return value or cores()
 
 
 def require_within(option: str, value: float, low: float, high: float = float("inf")) -> None:

@@ -98,7 +98,7 @@ class Spelled(TyperCommand):
             each.opts = [word for word in each.opts if each.name not in EVERY or word not in own]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the commands behind this one and the options that all of them share, without older spellings."""
+        """Write the commands behind this one, its own options and those that all of them share, each spelled once."""
         begin, every = f"{ctx.info_name} ", ctx.parent.command.commands
         parts = {name.removeprefix(begin): each for name, each in every.items() if name.startswith(begin)}
         if parts:
@@ -108,7 +108,8 @@ class Spelled(TyperCommand):
         options: list[Any] = self.params
         for each in options:
             each.opts = [word for word in each.opts if OLDER.get(word) not in each.opts]
-            each.hidden = each.hidden or not all(each.name in names for names in shared)
+            has = [each.name in names for names in shared]  # its own options, of no part, are those of older spellings
+            each.hidden = each.hidden or (any(has) and not all(has))
         super().format_options(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

@@ -87,9 +87,7 @@ def flights(
     despite_faults: Annotated[
         bool, typer.Option("--despite-faults", help="only warn of faults for which a flight is refused")
     ] = False,
-    drag_height: Annotated[
-        bool, typer.Option("--drag-height", help="hub drag acts at a height of its own; needs the velocity")
-    ] = False,
+    drag_height: Annotated[bool, typer.Option("--drag-height", help="hub drag acts at a height of its own")] = False,
     begin: Moment = None,
     end: Moment = None,
     gravity: Gravity = None,
@@ -250,8 +248,8 @@ def identify(
     files: Annotated[
         list[str] | None, typer.Argument(metavar="flights|lags|design", autocompletion=_words_and_files)
     ] = None,
-    only_lags: Annotated[bool, typer.Option("--lags")] = False,
-    designed: Annotated[str | None, typer.Option("--design")] = None,
+    only_lags: Annotated[bool, typer.Option("--lags", help="as identify lags does")] = False,
+    designed: Annotated[str | None, typer.Option("--design", metavar="VEHICLE", help="as identify design does")] = None,
     **options: Any,
 ) -> None:
     """Identify a vehicle, or delays and lags, from flights.

@@ -343,8 +343,22 @@ def test_an_accelerometer_that_is_read_seldom_averages_what_lies_between():
     errors.take_samples(searched)
     found, there = errors.errors_at(searched, true_states(errors, QUAD))
     rows = [i for i, (name, _) in enumerate(errors.rows) if name == "accelerometer"]
-    # of the first sample of a window, what lies before its begin is not there
     last = found[4:, :, rows][there[4:, :, rows]]
     assert there[:, :, rows].sum() == 3 * 3 * 4
     assert np.abs(last).max() < 1e-2
     assert np.ptp(log.rate, axis=0).max() > 1.0
+
+
+def test_a_mean_force_that_begins_before_its_window_does_not_count():
+    """Read in the middle of its step, it is the mean of halves of two steps, of which the first is not flown."""
+    whole, searched = errors_of("quadrotor")
+    windows = whole.windows
+    errors = WindowErrors(windows, QUAD, whole.unknowns, {}, [], [], GRAVITY)
+    searched = searched.copy()
+    searched[errors.names.index("accelerometer_delay")] = 0.5 * STEP
+    rows = [i for i, (name, _) in enumerate(errors.rows) if name == "accelerometer"]
+    errors.take_samples(searched)
+    assert errors.samples["accelerometer"].share[windows.begins] == pytest.approx(0.5)
+    _, there = errors.errors_at(searched, errors.first_states())
+    assert not there[0][:, rows].any()
+    assert there[1:][:, :, rows].all()

@@ -366,3 +366,12 @@ def test_a_planted_quadrotor_is_found_within_its_intervals():
     assert found.noise[0] / wanted == pytest.approx(np.ones(len(wanted)), abs=0.2)
     # no wind blew: what nothing explains is less than a thousandth of the weight
     assert (found.spread[:3] < 1e-3 * GRAVITY * float(QUAD.mass)).all()
+
+
+def test_a_missing_library_is_named_before_the_search(monkeypatch):
+    def missing():
+        raise ValueError("scipy: is missing")
+
+    monkeypatch.setattr("skyarm.studies.identify.window_fit.scipy_parts", missing)
+    with pytest.raises(ValueError, match=r"^scipy: is missing$"):
+        fit_windows(None, np.zeros(1))

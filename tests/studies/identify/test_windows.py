@@ -146,6 +146,8 @@ def test_sections_take_the_place_of_what_flies():
     clocked = on_clock(flight(), QUAD, STEP, sections=[(0.5, 1.0), (2.0, 2.2)])
     assert np.array(spans(clocked.usable, clocked.edges)) == pytest.approx(np.array([(0.5, 1.0), (2.0, 2.2)]), abs=STEP)
     assert clocked.since[0] == pytest.approx(-0.5)
+    # a thrust drifts from the take-off on, whatever part counts
+    assert on_clock(flight(), QUAD, STEP, sections=[(2.0, 2.2)]).since[0] == pytest.approx(-0.5)
 
 
 @pytest.mark.parametrize("sensor", ["gyro", "accelerometer", "joint_positions"])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import _thread
 import ctypes
+import os
 import weakref
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -16,6 +17,12 @@ from typing import Any
 
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import immutable
+
+
+def cores() -> int:
+    """Number of processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
 
 SLICE = 0.003
 """s that a thread steps at a time. Each slice computes anew what depends on parameters alone: 13 us of a quadrotor with

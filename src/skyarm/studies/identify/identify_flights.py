@@ -56,7 +56,7 @@ def identify_flights(
         start: vehicle with what is known before: data sheet, drawing, total mass.
         held_out: flights that are predicted and not fitted.
         curve: find a thrust curve in place of the start's times a factor.
-        drag_height: the rotors' hub drag acts at a height of its own; needs the velocity.
+        drag_height: the rotors' hub drag acts at a height of its own.
         full_voltage: V, at which the start's thrust holds; 0 leaves the battery's voltage out.
         sections: (begin, end), s, of each flight that count; by default all in which the vehicle flies.
         known: numbers that are not searched, by name; ``mass`` is that of the whole vehicle, kg.

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyarm.records.arrays import Array, Mask
-from skyarm.records.files import must_be_one_of, number
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.accelerometer_lag import accelerometer_lag
 from skyarm.studies.identify.identified_numbers import (
@@ -29,7 +28,15 @@ from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_
 from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, predict, prediction_errors
 from skyarm.studies.identify.prediction_error import PredictedErrors, PredictionFit, bridge_unused, fit_prediction
 from skyarm.studies.identify.servo_response import with_servos
-from skyarm.studies.identify.unknowns import ACCELEROMETER, THRUST, Reported, Unknown, reported_of, unknowns_of
+from skyarm.studies.identify.unknowns import (
+    ACCELEROMETER,
+    THRUST,
+    Reported,
+    Unknown,
+    reported_of,
+    require_searched,
+    unknowns_of,
+)
 from skyarm.vehicle.vehicle_records import Vehicle
 
 if TYPE_CHECKING:
@@ -272,13 +279,7 @@ def search_of(
         drag_height=drag_height,
         others=list(dict.fromkeys(each.name for each in stretches if each.name != stretches[0].name)),
     )
-    positive = {each.name: each.positive for each in every}
-    for name, value in fixed.items():
-        if name not in positive:
-            words = {f"base.second_moment.{axis}": f"base.inertia.{axis}{axis}" for axis in "xyz"}
-            every_name = ["mass", "voltage", *(words.get(each, each) for each in positive)]
-            raise ValueError(f"known.{name}: {must_be_one_of(every_name, name)}")
-        number(value, f"known.{name}", low=0.0 if positive[name] else -math.inf, strict=positive[name])
+    require_searched(fixed, every)
     unknowns = [each for each in every if each.name not in fixed]
     memos = [Memo() for _ in stretches]
 

@@ -11,7 +11,6 @@ import numpy as np
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.arrays import Array
-from skyarm.records.files import must_be_one_of, number
 from skyarm.studies.identify.command_samples import sampling_period
 from skyarm.studies.identify.identified_numbers import (
     NOT_SHOWN,
@@ -26,7 +25,7 @@ from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_
 from skyarm.studies.identify.identify_vehicle import LAGS, Identified
 from skyarm.studies.identify.servo_response import with_servos
 from skyarm.studies.identify.stretches import commanded_speeds
-from skyarm.studies.identify.unknowns import Unknown, reported_of, unknowns_of
+from skyarm.studies.identify.unknowns import Unknown, reported_of, require_searched, unknowns_of
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import WindowFit, first_noise, fit_windows
 from skyarm.studies.identify.windows import Windows, clock_step, on_clock
@@ -95,7 +94,8 @@ def identify_by_windows(
         # the drag of rotors shows in forces; that of the body, by the square of the speed, would be that of any speed
         every = [each for each in every if not each.name.startswith("drag.area.")]
     every += _of_sensors(flights)
-    fixed = _checked_known(known or {}, every)
+    fixed = dict(known or {})
+    require_searched(fixed, every)
     unknowns = [each for each in every if each.name not in fixed]
     slow = any(sampling_period(commanded_speeds(each, start)) for each in flights)
     sample = max(1.0 / each["gyro"].rate for each in flights)
@@ -178,18 +178,6 @@ def _of_sensors(flights: Sequence[FlightData]) -> list[Unknown]:
     if any("quaternion" in each for each in flights):
         found.append(Unknown(name="pose_delay", unit="s", start=0.0, spread=LATE, in_vehicle=False))
     return found
-
-
-def _checked_known(known: Mapping[str, float], every: Sequence[Unknown]) -> dict[str, float]:
-    """Numbers that are not searched, each one that could be and of a value that it may have."""
-    positive = {each.name: each.positive for each in every}
-    for name, value in known.items():
-        if name not in positive:
-            words = {f"base.second_moment.{axis}": f"base.inertia.{axis}{axis}" for axis in "xyz"}
-            allowed = ["mass", "voltage", *(words.get(each, each) for each in positive)]
-            raise ValueError(f"known.{name}: {must_be_one_of(allowed, name)}")
-        number(value, f"known.{name}", low=0.0 if positive[name] else -math.inf, strict=positive[name])
-    return dict(known)
 
 
 def _explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, float], dict[str, float]]:

@@ -20,6 +20,7 @@ from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.autoregression import ar_coefficients, innovations
 from skyarm.studies.identify.whitened_fit import FEWEST, jackknife_scores, scipy_parts
+from skyarm.studies.identify.window_fit import student_quantiles
 
 ORDER = 8
 """Of the whitening filter."""
@@ -133,17 +134,8 @@ class PredictionFit:
         return np.asarray(np.linalg.inv(self.curvature) - self.stretch_information.sum(axis=0))
 
     def quantiles(self, rows: Array) -> Array:
-        """Quantiles (K,) of Student's t for half widths of 95 % of sums (K, P) of the numbers.
-
-        Of a number that a few blocks tell, the spread of the scores is known by these few alone: its degrees of freedom
-        are those of a sum of squares of unequal sizes (Satterthwaite 1946; Bell and McCaffrey 2002).
-        """
-        _, student = scipy_parts()
-        influence = rows @ self.curvature
-        sizes = np.einsum("kp,bpq,kq->kb", influence, self.block_information, influence)
-        freedom = sizes.sum(axis=1) ** 2 / np.maximum((sizes**2).sum(axis=1), 1e-300)
-        blocks = len(self.block_information)
-        return np.asarray(student(np.maximum(freedom * (blocks - 1) / blocks, 1.0), 0.975))
+        """Quantiles (K,) of Student's t for half widths of 95 % of sums (K, P) of the numbers."""
+        return student_quantiles(rows @ self.curvature, self.block_information)
 
 
 def fit_prediction(

@@ -157,12 +157,12 @@ def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
 
 
 def period_note(flight: FlightData, start: Vehicle) -> str:
-    """Reason for a longer period than the rotors' lags ask for, in words; empty if there is none."""
+    """Note on rotor commands that were logged too seldom to be held between; empty of others."""
     period = sampling_period(commanded_speeds(flight, start))
     if not period:
         return ""
     return (
-        f"{flight.name}: period = {period:.3g} s, that of the rotor commands, which are on straight lines between: "
+        f"{flight.name}: period = {period:.3g} s, of the rotor commands, which are on straight lines between: "
         "lags do not show, and what the commands did in between may put numbers beside their intervals"
     )
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from itertools import pairwise
 
 from skyarm.algebra import Sym3
 from skyarm.algebra.scalars import Scalar
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.records.files import must_be_one_of, number
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.servo_response import servo_of
 from skyarm.vehicle.linkage import Body, Link
@@ -256,6 +257,25 @@ def _of_surroundings(arm: float, weight: float, voltage: bool, driven: bool) -> 
         *(_any(f"torque.{axis}", "N m", 0.0, (0.01 if axis == "z" else 0.1) * weight * arm) for axis in "xyz"),
         _any("sag", "", 1.0, 1.0) if voltage else _any("drift", "1/s", 0.0, 0.005),
     ]
+
+
+def require_searched(known: Mapping[str, float], every: Sequence[Unknown]) -> None:
+    """Check that known numbers are some that a search would find, of values that they may have.
+
+    Args:
+        known: by name.
+        every: unknowns of the search without them.
+
+    Raises:
+        ValueError: one line: the number, and what is allowed.
+    """
+    positive = {each.name: each.positive for each in every}
+    for name, value in known.items():
+        if name not in positive:
+            words = {f"base.second_moment.{axis}": f"base.inertia.{axis}{axis}" for axis in "xyz"}
+            allowed = ["mass", "voltage", *(words.get(each, each) for each in positive)]
+            raise ValueError(f"known.{name}: {must_be_one_of(allowed, name)}")
+        number(value, f"known.{name}", low=0.0 if positive[name] else -math.inf, strict=positive[name])
 
 
 def reported_of(unknowns: Sequence[Unknown]) -> list[Reported]:

@@ -8,13 +8,13 @@ number and free number, of every window, all flown side by side.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
+from skyarm.compile.llvm.shared_steps import cores
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.state import State
 from skyarm.records.arrays import Array, IntArray, Mask
@@ -176,7 +176,6 @@ class WindowErrors:
         weight = gravity * float(start.mass)
         arm = max(math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors)
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
-        self._threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
     def _make_replay(self, gravity: float) -> Replay:
         """Plant whose vehicle follows from the numbers that are in it."""
@@ -310,7 +309,7 @@ class WindowErrors:
 
         Errors are (columns, 1 + directions, W), slopes (columns, W) per second.
         """
-        lanes, step = WindowLanes(self, self._replay, searched, states, directions, self._threads), self.windows.step
+        lanes, step = WindowLanes(self, self._replay, searched, states, directions), self.windows.step
         numbers = self.numbers(searched)
         late = {name: numbers.get(DELAY.get(name, ""), 0.0) - self._taken.get(name, 0.0) for name in self.samples}
         before, forces = lanes.read(self.samples), list[Array]()
@@ -324,6 +323,8 @@ class WindowErrors:
                 before["accelerometer"] = now["accelerometer"]
             for name, samples in self.samples.items():
                 has = samples.there[at]
+                if name == "accelerometer":  # a mean over a sample's period that begins before the window is not flown
+                    has = has & (k + samples.share[at] > self._averaged - 1e-9)
                 if not has.any():
                     continue
                 error, slope = _error(name, before[name], now[name], now["gyro"][:, 0], samples, at, step)
@@ -369,7 +370,6 @@ class WindowLanes:
         searched: (P,) numbers on the scale of the search.
         states: of the windows.
         directions: in which the lanes behind the first differ.
-        threads: at most.
     """
 
     def __init__(
@@ -379,7 +379,6 @@ class WindowLanes:
         searched: Array,
         states: WindowStates,
         directions: Sequence[Direction],
-        threads: int,
     ) -> None:
         self._errors, self._windows = errors, errors.windows
         count, every = errors.windows.count, len(directions) + 1
@@ -395,7 +394,7 @@ class WindowLanes:
             {name: np.tile(rows, (every, 1)) for name, rows in states.parts.items()}, np.tile(states.beside, (every, 1))
         ).moved_by(np.repeat(changes, count, axis=0))
         self._shape, self._numbers = (-1, every, count), errors.values(candidates)
-        self.flights: Flights = replay.flights(every * count, threads)
+        self.flights: Flights = replay.flights(every * count, cores())
         inside = [errors.names.index(name) for name in replay.names]
         self.flights.inputs["numbers"][:] = np.repeat(self._numbers[:, inside], count, axis=0).T
         for name, rows in moved.parts.items():

@@ -50,6 +50,23 @@ LEAST = {
 """Least noise of a sensor, SI units: after a noiseless one the search would creep."""
 
 
+def student_quantiles(influence: Array, information: Array) -> Array:
+    """Quantiles (K,) of Student's t for half widths of 95 % of numbers that some blocks of data tell.
+
+    Of a number that a few blocks tell, the spread of the scores is known by these few alone: its degrees of freedom are
+    those of a sum of squares of unequal sizes (Satterthwaite 1946; Bell and McCaffrey 2002).
+
+    Args:
+        influence: (K, P) of a score on the numbers.
+        information: (blocks, P, P) of the data of each block.
+    """
+    _, student = scipy_parts()
+    sizes = np.einsum("kp,bpq,kq->kb", influence, information, influence)
+    freedom = sizes.sum(axis=1) ** 2 / np.maximum((sizes**2).sum(axis=1), 1e-300)
+    blocks = len(information)
+    return np.asarray(student(np.maximum(freedom * (blocks - 1) / blocks, 1.0), 0.975))
+
+
 @immutable(kw_only=False, eq=False)
 class WindowFit:
     """Estimated numbers, P of them.
@@ -80,17 +97,8 @@ class WindowFit:
     settled: bool
 
     def quantiles(self, rows: Array) -> Array:
-        """Quantiles (K,) of Student's t for half widths of 95 % of sums (K, P) of the numbers.
-
-        Of a number that a few blocks tell, the spread of the scores is known by these few alone: its degrees of freedom
-        are those of a sum of squares of unequal sizes (Satterthwaite 1946; Bell and McCaffrey 2002).
-        """
-        _, student = scipy_parts()
-        influence = rows @ self.curvature
-        sizes = np.einsum("kp,bpq,kq->kb", influence, self.block_information, influence)
-        freedom = sizes.sum(axis=1) ** 2 / np.maximum((sizes**2).sum(axis=1), 1e-300)
-        blocks = len(self.block_information)
-        return np.asarray(student(np.maximum(freedom * (blocks - 1) / blocks, 1.0), 0.975))
+        """Quantiles (K,) of Student's t for half widths of 95 % of sums (K, P) of the numbers."""
+        return student_quantiles(rows @ self.curvature, self.block_information)
 
 
 @immutable(kw_only=False, eq=False)
@@ -128,6 +136,7 @@ def fit_windows(
         spread: (6,) of the wrench, to begin with.
         progress: called with one line a turn of the search.
     """
+    scipy_parts()  # whose absence is no news for after the search
     with _one_thread():
         return _search(errors, begin, noise, spread, progress)
 

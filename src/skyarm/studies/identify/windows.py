@@ -126,9 +126,9 @@ def on_clock(
         speeds = Channel(time=edges[:-1], values=straight_lines(speeds, middles), source=speeds.source)
     limits = highest_speeds(start.rotors)
     speeds = Channel(time=speeds.time, values=np.clip(speeds.values, 0.0, limits), source=speeds.source)
-    spans = list(sections) or flying_spans(speeds, start)
+    aloft = flying_spans(speeds, start) or list(sections)
     usable = np.zeros(size, dtype=bool)
-    for first, last in spans:
+    for first, last in sections or aloft:
         usable |= (edges[:-1] >= first) & (edges[1:] <= last)
     share = coasting if coasting is not None else -1.0 if "rotor_speed_commands" in flight else COASTING
     if share > 0.0:
@@ -157,7 +157,7 @@ def on_clock(
         efforts=flight["joint_efforts"] if start.n and "joint_efforts" in flight else None,
         setpoints=flight["joint_commands"] if start.n and "joint_commands" in flight else None,
         voltage=voltage,
-        since=edges[:-1] - (spans[0][0] if spans else begin),
+        since=edges[:-1] - (aloft[0][0] if aloft else begin),
         usable=usable,
     )
 
