@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ import pytest
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.identified_numbers import NOT_SHOWN
 from skyarm.studies.identify.identified_parts import vehicle_with
-from skyarm.studies.identify.identify_windows import identify_by_windows
+from skyarm.studies.identify.identify_windows import _explained_shares, _without_lines, identify_by_windows
 from skyarm.studies.identify.unknowns import second_moments, unknowns_of
+from skyarm.studies.identify.windows import Samples
 from skyarm.vehicle.thrust_table import ThrustTable
 from window_flights import ONE, QUAD, flown, measured, on_servo
 
@@ -114,6 +116,33 @@ def test_what_cannot_be_identified_is_refused_in_one_line(flights, options, mess
     with pytest.raises(ValueError, match=message) as error:
         identify_by_windows(flights(), QUAD, **options)
     assert "\\n" not in str(error.value)
+
+
+def test_a_line_is_taken_out_of_the_samples_of_each_window():
+    draw = np.random.default_rng(0)
+    there = (draw.random((30, 4)) < 0.7).astype(float)
+    time = np.arange(30.0)[:, None]
+    rows = there * draw.normal(size=(30, 4))
+    found = _without_lines(rows + there * (3.0 - 0.2 * time * np.arange(4)), there)
+    for column, use, wanted in zip(rows.T, there.T > 0.0, found.T, strict=True):
+        line = np.polyval(np.polyfit(time[use, 0], column[use], 1), time[use, 0])
+        assert wanted[use] == pytest.approx(column[use] - line, abs=1e-9)
+        assert (wanted[~use] == 0.0).all()
+
+
+def test_what_is_explained_is_beyond_white_noise(monkeypatch):
+    """Of a rate that swings by 1, white noise of 0.1 and errors of 0.3: all but 0.08 of what is no line."""
+    monkeypatch.setattr("skyarm.studies.identify.identify_windows.first_noise", lambda _: np.full((1, 1), 0.1))
+    windows = SimpleNamespace(owners=np.zeros(2, int), begins=np.array([0, 40]), length=40)
+    swing = np.where(np.arange(80) % 2, 1.0, -1.0)[:, None]
+    samples = {"gyro": Samples(swing, np.ones(80), np.ones(80, dtype=bool))}
+    errors = SimpleNamespace(windows=windows, rows=[("gyro", 0)], samples=samples)
+    fit = SimpleNamespace(counted=np.ones((40, 2, 1), dtype=bool), errors=np.full((40, 2, 1), 0.3))
+    explained, deviation = _explained_shares(errors, fit)
+    time = np.arange(40.0)
+    bends = np.mean((swing[:40, 0] - np.polyval(np.polyfit(time, swing[:40, 0], 1), time)) ** 2)
+    assert explained == {"rate.x": pytest.approx(1.0 - 0.08 / (bends - 0.01))}
+    assert deviation == {"rate.x": pytest.approx(0.3)}
 
 
 @pytest.mark.thorough

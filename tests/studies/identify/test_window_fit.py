@@ -239,6 +239,32 @@ def test_intervals_are_those_of_leaving_out_blocks():
     assert found.block_information.sum(axis=0) == pytest.approx(found.stretch_information.sum(axis=0))
 
 
+def test_what_was_known_before_is_no_spread_of_blocks():
+    """Its pull on every block is alike: scores count about their mean, and the prior by its own information."""
+    toy = Toy(windows=32, steps=6, noise=0.5, per_block=4, prior=0.02)
+    found, known = fit(toy), np.eye(COUNT) / 0.02**2
+    whole, _ = dense(toy, toy.given[-1], found.spread, np.arange(32), 0.02)
+    kept = [np.setdiff1d(np.arange(32), block) for block in blocks_of(toy.windows)]
+    moves = np.stack([dense(toy, toy.given[-1], found.spread, each, 0.02)[0] - whole for each in kept])
+    centred = moves - moves.mean(axis=0)
+    wanted = centred.T @ centred * 7.0 / 8.0 + found.curvature @ known @ found.curvature
+    plain = moves.T @ moves * 7.0 / 8.0 + found.curvature @ known @ found.curvature
+    assert np.diag(found.covariance) == pytest.approx(np.maximum(np.diag(wanted), np.diag(found.curvature)), rel=0.1)
+    assert (np.diag(plain) > 1.2 * np.diag(found.covariance)).any()
+
+
+def test_scores_of_flights_are_those_after_the_last_step(monkeypatch):
+    """Of one turn of a linear problem: at its minimum they add up to the pull of what was known before."""
+    monkeypatch.setattr("skyarm.studies.identify.window_fit.TURNS", 1)
+    found = fit(Toy(windows=16, steps=8, flights=2, prior=2.0))
+    assert np.abs(found.values).max() > 0.5
+    sizes = np.sqrt(np.diag(found.stretch_information.sum(axis=0)))
+    assert (found.stretch_scores.sum(axis=0) + found.values / 2.0**2) / sizes == pytest.approx(
+        np.zeros(COUNT), abs=1e-6
+    )
+    assert found.prior_information == pytest.approx(np.eye(COUNT) / 2.0**2)
+
+
 def test_intervals_are_never_narrower_than_the_curvature():
     """Of data without noise the least noise of a sensor is left."""
     found = fit(Toy(windows=16, steps=8, noise=0.0))
