@@ -1,4 +1,4 @@
-"""Flights of the plant under logged commands: from any state, for any numbers of the vehicle, many side by side.
+"""Simulation of logged commands: the plant flies them from any state, with any vehicle parameters, in many lanes.
 
 What a flight's commands explain is flown by the same step as every simulation. Lanes of machine code differ in the
 numbers of the vehicle, in where in the log they begin, and in a constant wrench, which stands for what the model leaves
@@ -40,14 +40,14 @@ class Unexplained(Component):
     """Force (N) and torque (N m) on the base about its origin, base axes, which are its memory."""
 
     def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
-        """The wrench, turned with the base."""
+        """Unexplained force and torque on the base in world axes."""
         force, torque = (motion.rotation.apply(each) for each in memory)
         return [Wrench(force_W=force, torque_W=torque)]
 
 
 @immutable
 class Inputs:
-    """Inputs of one lane over one step.
+    """Vehicle parameters, unexplained wrench and commands of one simulated lane over one step.
 
     Attributes:
         numbers: in the order of the replay's names.
@@ -138,7 +138,7 @@ class Replay:
         self._kernel = Kernel(loop, Lanes(host_width(), contract=True), logging=True, effort=1)
 
     def flights(self, lanes: int, threads: int = 1) -> Flights:
-        """Flights side by side, all at rest at the origin, with the usual numbers."""
+        """Simulated flights in lanes, all at rest at the origin, with the usual vehicle parameters."""
         return Flights(self._kernel, self._carry, self._inputs, lanes, threads)
 
 
@@ -168,17 +168,17 @@ class Flights:
         self.inputs["numbers"][:] = np.array(inputs.numbers, dtype=float)[:, None]
 
     def step(self) -> None:
-        """Fly one step."""
+        """Simulate one step of all lanes."""
         self._stepper.fill()
         self._stepper.step()
 
     def close(self) -> None:
-        """End the threads."""
+        """Shut down the threads of the lanes."""
         self._stepper.close()
 
 
 def _views(record: Any, rows: Array) -> tuple[dict[str, Array], int]:
-    """Views on the rows of a record's numbers, by the names of its fields, and how many rows it has."""
+    """Rows of an array that hold a record's numbers, by the names of its fields, and their count."""
     found, first = dict[str, Array](), 0
     for name in field_names(type(record)) or ():
         last = first + len(leaves(getattr(record, name)))

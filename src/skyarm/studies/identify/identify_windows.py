@@ -149,7 +149,7 @@ def identify_by_windows(
 
 
 def _distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
-    """Flights of different names, without position and velocity where there is no attitude to read them by."""
+    """Flights with different names, without position and velocity where no attitude is measured."""
     if not flights:
         raise ValueError("flights: must be one or more")
     names, found = [each.name for each in flights], list[FlightData]()
@@ -162,7 +162,7 @@ def _distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
 
 
 def _moved_joints(flights: Sequence[FlightData], start: Vehicle) -> tuple[list[bool], list[bool]]:
-    """Joints whose efforts are logged; and those of which setpoints of a position servo are, and no efforts."""
+    """Flags of each joint: its efforts are logged; setpoints of its position servo are, and no efforts."""
 
     def logged(quantity: str, joint: int) -> bool:
         return any(quantity in each and bool(np.any(each[quantity].values[:, joint])) for each in flights)
@@ -172,7 +172,7 @@ def _moved_joints(flights: Sequence[FlightData], start: Vehicle) -> tuple[list[b
 
 
 def _of_sensors(flights: Sequence[FlightData]) -> list[Unknown]:
-    """Bias of the gyroscope, and the pose's delay where there is a pose."""
+    """Unknowns of the sensors: bias of the gyroscope, and delay of a measured pose."""
     names = [f"gyro_bias.{axis}" for axis in "xyz"]
     found = [Unknown(name=each, unit="rad/s", start=0.0, spread=TURNING, in_vehicle=False) for each in names]
     if any("quaternion" in each for each in flights):
@@ -181,7 +181,7 @@ def _of_sensors(flights: Sequence[FlightData]) -> list[Unknown]:
 
 
 def _explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, float], dict[str, float]]:
-    """Share that is explained of each row's variance beyond straight lines and white noise; deviation of its errors."""
+    """Explained share of each row's variance beyond straight lines and white noise, and its errors' deviation."""
     names, windows = {"gyro": "rate", "accelerometer": "specific_force"}, errors.windows
     white = first_noise(errors)[windows.owners] ** 2
     at = windows.begins + np.arange(windows.length)[:, None]

@@ -75,7 +75,7 @@ READ = {"gyro": "rate", "joint_positions": "joints"}
 
 @immutable(kw_only=False, eq=False)
 class WindowStates:
-    """Free numbers of W windows, which belong to each alone.
+    """First state, unexplained wrench and unlogged efforts of each of W windows.
 
     Attributes:
         parts: name -> (W, k), first states and integrals of servos in the order of the free numbers.
@@ -86,7 +86,7 @@ class WindowStates:
     beside: Array
 
     def moved_by(self, change: Array) -> WindowStates:
-        """States after a change (W, free numbers)."""
+        """Window states after a change (W, unknowns of a window)."""
         parts, first = dict[str, Array](), 0
         for name, rows in self.parts.items():
             size = 3 if name == "quaternion" else rows.shape[1]
@@ -105,7 +105,7 @@ def turn_attitudes(attitude: Array, turn: Array) -> Array:
 
 @immutable(kw_only=False, eq=False)
 class Normal:
-    """Normal equations of W windows with x free numbers each, and P numbers of all.
+    """Normal equations of a least-squares fit: x unknowns of each of W windows, and P vehicle parameters.
 
     Attributes:
         own: (W, x, x). mixed: (W, x, P). common: (W, P, P). pull, push: (W, x) and (W, P), products with the errors.
@@ -125,7 +125,7 @@ Direction = tuple[int, float]
 
 
 class WindowErrors:
-    """Errors of windows as a function of numbers and of the windows' states.
+    """Measured less simulated sensor readings of windows, as a function of vehicle parameters and window states.
 
     Args:
         windows: of flights.
@@ -178,7 +178,7 @@ class WindowErrors:
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
 
     def _make_replay(self, gravity: float) -> Replay:
-        """Plant whose vehicle follows from the numbers that are in it."""
+        """Simulated plant whose vehicle follows from the searched parameters."""
         start, servoed, step = self.start, self.servoed, self.windows.step
         inside = {self.names[i]: self.unknowns[i].start for i in self._inside}
         fixed = {name: value for name, value in self.known.items() if name not in inside}
@@ -206,21 +206,21 @@ class WindowErrors:
         return Replay(vehicle_of, inside, step, gravity, drives_of=drives_of, sensed=felt)
 
     def first_states(self) -> WindowStates:
-        """First states of the windows, from the samples."""
+        """First estimates of the window states, from the sensors' samples."""
         count = self.windows.count
         parts = self.windows.first_states(self.samples) | {"integrals": np.zeros((count, len(self.integrals)))}
         return WindowStates(parts, np.zeros((count, 6 + self.hats * len(self.unlogged))))
 
     def values(self, searched: Array) -> Array:
-        """Numbers (..., P) from the scale of the search."""
+        """Parameters (..., P) in their units from the scale of the search, which is logarithmic for positive ones."""
         return np.where(self._positive, np.exp(np.where(self._positive, searched, 0.0)), searched)
 
     def numbers(self, searched: Array) -> dict[str, float]:
-        """Numbers by name, with those that are known."""
+        """Parameters in their units by name, searched and known ones."""
         return {**self.known, **dict(zip(self.names, self.values(searched).tolist(), strict=True))}
 
     def take_samples(self, searched: Array) -> None:
-        """Put the samples of sensors that are late on the clock by the delays of a search."""
+        """Place the samples of delayed sensors on the clock anew, for the estimated delays."""
         numbers = self.numbers(searched)
         delays = {name: numbers.get(DELAY[name], 0.0) for name in self.samples if name in DELAY}
         # to and fro over the edge of a step a search would not come to rest
@@ -275,12 +275,12 @@ class WindowErrors:
         return found, there, Normal(own, mixed, common, pull[..., 0], push[..., 0], of_rows)
 
     def _nothing(self) -> tuple[Array, Mask]:
-        """Errors none of which counts."""
+        """Empty errors (steps, W, rows), and the mask of those that count."""
         shape = self.windows.length, self.windows.count, len(self.rows)
         return np.zeros(shape), np.zeros(shape, dtype=bool)
 
     def _directions(self) -> list[Direction]:
-        """Directions of the lanes behind the first; the slopes of the others are known without a flight."""
+        """Unknowns whose slopes need a simulated lane, with the differences; the slopes of others are known."""
         sizes = [SMALL * (self.push[column] if name == "wrench" else 1.0) for name, column in self.free]
         found = [(i, size) for i, size in enumerate(sizes) if self.free[i][0] != "position"]
         without = (*BIAS.values(), TRIM, *DELAY.values())
@@ -290,7 +290,7 @@ class WindowErrors:
         return found
 
     def _known_slopes(self, part: Array, name: str, slope: Array) -> None:
-        """Fill in slopes (W, columns, all) of a sensor's readings that are known without a flight."""
+        """Fill in the slopes (W, columns, unknowns) of a sensor's readings that need no simulated lane."""
         x = len(self.free)
         if name == "position":
             part[:, range(3), range(3)] = -1.0
@@ -362,7 +362,7 @@ def _error(
 
 
 class WindowLanes:
-    """Lanes of the plant: all windows at the estimate, then all of them in each direction.
+    """Simulated lanes of all windows: at the estimate, then with each unknown changed by a small difference.
 
     Args:
         errors: of the windows.
@@ -409,7 +409,7 @@ class WindowLanes:
         self._take_commands()
 
     def _number(self, name: str, default: float = 0.0) -> Array:
-        """Values (candidates,) of a number, searched or known."""
+        """Values (candidates,) of a parameter by name, searched or known."""
         if name in self._errors.names:
             return np.asarray(self._numbers[:, self._errors.names.index(name)])
         return np.full(len(self._numbers), self._errors.known.get(name, default))
@@ -459,11 +459,11 @@ class WindowLanes:
         return np.asarray(found[:, windows.begins].ravel())
 
     def advance(self, k: int) -> None:
-        """Fly step k of the windows."""
+        """Simulate step k of all windows under its commands."""
         at, inputs = self._windows.begins + k, self.flights.inputs
 
         def lanes(table: Array, which: IntArray) -> Array:
-            """Rows (k, lanes) of a table (keys, steps, k)."""
+            """Values (k, lanes) of a table (keys, steps, k) at the present step of each window."""
             return np.moveaxis(table[:, at], -1, 0)[:, which].reshape(table.shape[2], -1)
 
         held, which = self._speeds
@@ -492,12 +492,12 @@ class WindowLanes:
         return np.asarray(self.flights.logged.reshape(self._shape).copy())
 
     def close(self) -> None:
-        """End the threads."""
+        """Shut down the threads of the lanes."""
         self.flights.close()
 
 
 def _distinct(*columns: Array) -> tuple[list[list[float]], IntArray]:
-    """Distinct rows of numbers of the candidates, and which of them each candidate has."""
+    """Distinct parameter rows of the candidates, and the index of each candidate's row."""
     rows, which = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
     return rows.tolist(), np.asarray(which.ravel(), dtype=np.int64)
 

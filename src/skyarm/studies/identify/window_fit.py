@@ -69,7 +69,7 @@ def student_quantiles(influence: Array, information: Array) -> Array:
 
 @immutable(kw_only=False, eq=False)
 class WindowFit:
-    """Estimated numbers, P of them.
+    """Estimate of P vehicle parameters with its covariance and the noise of the sensors.
 
     Attributes:
         values: (P,) on the scale of the search.
@@ -103,7 +103,7 @@ class WindowFit:
 
 @immutable(kw_only=False, eq=False)
 class Reduced:
-    """Normal equations of the numbers, the windows' free numbers eliminated.
+    """Normal equations of the vehicle parameters, after elimination of each window's own unknowns.
 
     Attributes:
         information: (W, P, P). scores: (W, P). total: (P, P) of all, with what was known before.
@@ -127,7 +127,7 @@ def fit_windows(
     spread: Array | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> WindowFit:
-    """Fit numbers, with a normal prior around those of the start vehicle.
+    """Fit vehicle parameters to windows, with a normal prior around those of the start vehicle.
 
     Args:
         errors: of the windows.
@@ -157,7 +157,7 @@ def _search(
     spread: Array | None,
     progress: Callable[[str], None] | None,
 ) -> WindowFit:
-    """Turns of numbers and noise until they rest; the arguments are those of :func:`fit_windows`."""
+    """Gauss-Newton search for parameters and noise; the arguments are those of :func:`fit_windows`."""
     start, prior = (np.array([getattr(each, name) for each in errors.unknowns]) for name in ("begin", "spread"))
     noise = first_noise(errors) if noise is None else noise
     spread = errors.push if spread is None else spread
@@ -220,7 +220,7 @@ class Cost:
 
 
 def reduce(normal: Normal, beside: Array, loose: Array, prior: Array) -> Reduced:
-    """Normal equations of the numbers alone.
+    """Eliminate the unknowns of each window from the normal equations by the Schur complement.
 
     Args:
         normal: of windows and numbers.
@@ -239,7 +239,7 @@ def reduce(normal: Normal, beside: Array, loose: Array, prior: Array) -> Reduced
 
 
 def first_noise(errors: WindowErrors) -> Array:
-    """Noise (flights, rows) of the samples by their third differences, in which some motion is left."""
+    """Sensor noise (flights, rows) from third differences of the samples, in which some motion is left."""
     found = np.ones((len(errors.windows.flights), len(errors.rows)))
     for i, flight in enumerate(errors.windows.flights):
         for j, (name, column) in enumerate(errors.rows):
@@ -253,7 +253,7 @@ def first_noise(errors: WindowErrors) -> Array:
 
 
 def new_noise(errors: WindowErrors, found: Array, there: Mask, noise: Array, normal: Normal, inverse: Array) -> Array:
-    """Noise (flights, rows) by restricted maximum likelihood: of what the windows' free numbers did not take."""
+    """Sensor noise (flights, rows) by restricted maximum likelihood, for the freedom that windows' unknowns take."""
     owners = errors.windows.owners
     taken = np.einsum("wxy,rwxy->wr", inverse, normal.of_rows)
     z = np.abs(found / noise[owners]) * there
@@ -268,7 +268,7 @@ def new_noise(errors: WindowErrors, found: Array, there: Mask, noise: Array, nor
 
 
 def new_spread(errors: WindowErrors, states: WindowStates, spread: Array, inverse: Array) -> Array:
-    """Spread (6,) of the wrench over the windows by the size that its estimates have, for as far as data tell them."""
+    """Spread (6,) of the unexplained wrench over the windows, from its estimates and their uncertainty."""
     wrench = states.beside[:, :6]
     uncertain = inverse[:, errors.wrench, errors.wrench]
     told = np.maximum((1.0 - uncertain / spread**2).sum(axis=0), 1e-3 * len(wrench))
@@ -320,7 +320,7 @@ def _fit_of(
 
 
 def blocks_of(windows: Windows) -> list[IntArray]:
-    """Numbers of the windows in each block of time of a flight."""
+    """Indices of the windows in each block of time of a flight, for the jackknife."""
     size = max(1, round(BLOCK / windows.step))
     keys = windows.owners * 10**9 + (windows.begins - windows.firsts[windows.owners]) // size
     return [np.flatnonzero(keys == key) for key in np.unique(keys)]

@@ -53,7 +53,7 @@ class Samples:
 
 @immutable(eq=False)
 class Clocked:
-    """Flight on an even clock.
+    """Measured flight whose commands and sensors are placed on a clock of even steps.
 
     Attributes:
         name: of the flight. begin: s, of the clock. step: s. size: steps.
@@ -103,7 +103,7 @@ def on_clock(
     sections: Sequence[tuple[float, float]] = (),
     coasting: float | None = None,
 ) -> Clocked:
-    """A flight on an even clock.
+    """Place a measured flight on a clock of even steps.
 
     Args:
         flight: measured.
@@ -177,7 +177,7 @@ def _require_columns(flight: FlightData, start: Vehicle, speeds: Channel) -> Non
 
 
 def samples_on(channel: Channel, edges: Array) -> Samples:
-    """Samples of a channel on a clock of even edges (s)."""
+    """Samples of a measured channel, at most one in each step of a clock with even edges (s)."""
     step, size = float(edges[1] - edges[0]), len(edges) - 1
     place = np.ceil((channel.time - edges[0]) / step - 1e-6).astype(int) - 1
     inside = (place >= 0) & (place < size)
@@ -245,7 +245,7 @@ def _without_gaps(channel: Channel, edges: Array) -> Mask:
 
 
 class Windows:
-    """Windows of flights on one clock.
+    """Short windows of measured flights, cut where the vehicle flies and no needed sensor has a gap.
 
     Args:
         flights: of one step.
@@ -287,11 +287,11 @@ class Windows:
         return found
 
     def before(self, k: int) -> IntArray:
-        """Numbers (W,) of the steps k behind the windows' begins, not beyond their flights' first ones."""
+        """Indices (W,) of the steps k behind the windows' begins, not beyond their flights' first ones."""
         return np.asarray(np.maximum(self.begins + k, self.firsts[self.owners]), dtype=np.int64)
 
     def samples(self, late: Mapping[str, float] | None = None) -> dict[str, Samples]:
-        """Samples of each sensor on the clock of all flights, one after the other; of one that is missing, none there.
+        """Samples of each sensor on the clock, all flights one after the other; marked absent where it is missing.
 
         Args:
             late: sensor -> s, by which its samples are late.
@@ -312,7 +312,7 @@ class Windows:
         return found
 
     def commands(self, name: str, delay: float, hold: float = 0.0) -> Held:
-        """Commands over each step of all flights, a dead time later; of what is not logged none.
+        """Logged commands of all flights in each step of the clock, a dead time (s) later; zeros where none is logged.
 
         Args:
             name: ``speeds``, ``efforts`` or ``setpoints``.
@@ -330,7 +330,7 @@ class Windows:
         return Held(*(np.concatenate([getattr(each, field) for each in rows]) for field in ("before", "after", "late")))
 
     def thrusts(self, sag: float, drift: float, *own: float) -> Array:
-        """Factor (steps,) of the thrust by the voltage's power, the time since take-off (1/s), and of each flight."""
+        """Thrust factor (steps,) by a power of the voltage, by drift since the take-off (1/s), and of each flight."""
         rows = [a * each.voltage**sag * (1.0 + drift * each.since) for a, each in zip(own, self.flights, strict=True)]
         return np.concatenate(rows)
 
