@@ -26,11 +26,10 @@ from skyarm.sensing.sensor_kinds import Imu
 from skyarm.studies.identify import identify_files, identify_flights
 from skyarm.studies.identify.held_out import CURVE, HOLD, IDENTIFIED, HeldOut, OneStep
 from skyarm.studies.identify.identified_file import identified_file
-from skyarm.studies.identify.identified_numbers import IdentifiedNumber
+from skyarm.studies.identify.identified_numbers import Identified, IdentifiedNumber
+from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.identified_report import correlated_pairs, prediction_lines
 from skyarm.studies.identify.identify_flights import known_of_search
-from skyarm.studies.identify.identify_vehicle import Identified
-from skyarm.studies.identify.motion_model import Surroundings
 from skyarm.studies.identify.open_loop import HORIZONS, HorizonErrors
 from skyarm.studies.identify.unknowns import second_moments
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest

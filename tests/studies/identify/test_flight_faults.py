@@ -14,9 +14,8 @@ from planted_vehicles import NOMINAL, fly_designed
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.channel_scales import REFUSED, WARNED
 from skyarm.studies.identify.data_faults import find_faults, require_no_refusal
-from skyarm.studies.identify.identified_numbers import NOT_SHOWN, IdentifiedNumber
-from skyarm.studies.identify.identify_vehicle import Identified
-from skyarm.studies.identify.motion_model import Surroundings
+from skyarm.studies.identify.identified_numbers import NOT_SHOWN, Identified, IdentifiedNumber
+from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.plausibility import implausible_numbers
 
 SEED, SECONDS = 0, 34.0

@@ -13,8 +13,9 @@ from planted_vehicles import NOMINAL, fly_designed, weighed
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify.dry_friction import BLUR
 from skyarm.studies.identify.identified_numbers import IdentifiedNumber, unresolved_friction
+from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.identify_vehicle import identify_vehicle
-from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, _joint_efforts
+from skyarm.studies.identify.motion_model import Memo, Stretch, _joint_efforts
 from skyarm.studies.identify.stretches import stretches_of
 from skyarm.studies.identify.unknowns import unknowns_of
 

@@ -22,7 +22,7 @@ from skyarm.studies.identify.held_out import (
     predict_held_out,
     spread_of,
 )
-from skyarm.studies.identify.identify_vehicle import Identified
+from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.open_loop import hold, predict_ahead
 
 RUN_IN = 200

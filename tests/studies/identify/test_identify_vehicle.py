@@ -29,9 +29,8 @@ from skyarm.studies.identify.identified_parts import of_a_body, vehicle_with
 from skyarm.studies.identify.identify_vehicle import _explained_shares, identify_vehicle, search_of
 from skyarm.studies.identify.information import expected_numbers
 from skyarm.studies.identify.motion_model import Stretch
-from skyarm.studies.identify.servo_response import with_servos
 from skyarm.studies.identify.stretches import stretches_of, stretches_of_flights
-from skyarm.studies.identify.unknowns import reported_of, second_moments, unknowns_of
+from skyarm.studies.identify.unknowns import reported_of, second_moments, unknowns_of, with_servos
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
 from skyarm.vehicle.check import principal_moments
 

@@ -13,7 +13,8 @@ from skyarm.scenario.scenario_record import Delays, NamedSensor, Rates
 from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor_kinds import Imu
-from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, predict, prediction_errors
+from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.motion_model import Memo, Stretch, predict, prediction_errors
 from skyarm.studies.identify.sampled_series import position_differences
 from skyarm.studies.tune.excitation import of_vehicle, unseen_motion
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_motion_model import ABOUT, PERIOD, log_of, stretch_of, vehicle
 
-from skyarm.studies.identify.motion_model import Surroundings
+from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.open_loop import (
     Poses,
     begins_of,

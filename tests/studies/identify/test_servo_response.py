@@ -12,12 +12,12 @@ import pytest
 from planted_servos import NOMINAL, ONE, fly_servos, planted_numbers, servo_numbers, swing_on_bench
 from skyarm.dynamics.actuators.servo import PositionServo, VelocityServo
 from skyarm.studies.identify.identified_numbers import NOT_SHOWN
-from skyarm.studies.identify.identified_parts import vehicle_with
+from skyarm.studies.identify.identified_parts import Surroundings, vehicle_with
 from skyarm.studies.identify.identify_vehicle import identify_vehicle
-from skyarm.studies.identify.motion_model import Surroundings, prediction_errors
-from skyarm.studies.identify.servo_response import Loops, joint_loads, servo_of, servo_response, with_servos
+from skyarm.studies.identify.motion_model import prediction_errors
+from skyarm.studies.identify.servo_response import Loops, joint_loads, servo_response
 from skyarm.studies.identify.stretches import stretches_of
-from skyarm.studies.identify.unknowns import unknowns_of
+from skyarm.studies.identify.unknowns import servo_of, unknowns_of, with_servos
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import MountedDrive
 

@@ -10,8 +10,9 @@ import pytest
 
 import skyarm
 from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.studies.identify.logged_commands import period_note
 from skyarm.studies.identify.sampled_series import position_differences
-from skyarm.studies.identify.stretches import joint_rate_lag, joint_rates_note, period_note, stretches_of
+from skyarm.studies.identify.stretches import joint_rate_lag, joint_rates_note, stretches_of
 
 VEHICLE = skyarm.load_vehicle("hummingbird")
 HOVER = (9.81 * VEHICLE.mass / 4.0 / VEHICLE.rotors[0].thrust_coefficient) ** 0.5

@@ -21,8 +21,10 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import attitude_at, common_span, integral_of, means_of, middle, thin_samples
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.lagged_inputs import highest_speeds, time_constants, wrench_of_pushes
-from skyarm.studies.identify.motion_model import Stretch, Surroundings, predict
+from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
+from skyarm.studies.identify.logged_commands import highest_speeds, time_constants
+from skyarm.studies.identify.motion_model import Stretch, predict
 from skyarm.studies.identify.rotor_lag import lag_response
 from skyarm.studies.identify.sampled_series import moving_mean
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -24,7 +24,8 @@ from skyarm.records.files.messages import one_line
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.channel_scales import REFUSED, WARNED, Found, wrong_units
 from skyarm.studies.identify.fault_isolation import incompatible_channels
-from skyarm.studies.identify.stretches import SETTLING, SHORTEST, commanded_speeds, flying_spans
+from skyarm.studies.identify.logged_commands import SETTLING, commanded_speeds, flying_spans
+from skyarm.studies.identify.stretches import SHORTEST
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

@@ -20,7 +20,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.studies.identify.autoregression import innovations
 from skyarm.studies.identify.identify_vehicle import RATES, search_of
-from skyarm.studies.identify.lagged_inputs import highest_speeds
+from skyarm.studies.identify.logged_commands import highest_speeds
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, draw_segment, mutate_segment
 from skyarm.studies.identify.prediction_error import WINDOWS, Whitening, error_slopes, expected_fit

@@ -27,7 +27,7 @@ from skyarm.simulate import run
 from skyarm.studies.compare.suite import DELAY, NOISE
 from skyarm.studies.identify.design import SHRUNK, DesignLimits, design_segments, measured_noise
 from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
-from skyarm.studies.identify.lagged_inputs import highest_speeds
+from skyarm.studies.identify.logged_commands import highest_speeds
 from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, axes_of, reference_table
 from skyarm.studies.identify.required_flight import arm_clearance
 from skyarm.studies.identify.stretches import stretches_of

@@ -21,9 +21,10 @@ from skyarm.flight_data.series import continuous, middle, unit_rows
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.autoregression import without_line
-from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
+from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.motion_model import Memo, Stretch, base_acceleration
 from skyarm.studies.identify.sampled_series import vectors_of
-from skyarm.studies.identify.whitened_fit import scipy_parts
+from skyarm.studies.identify.window_fit import scipy_parts
 from skyarm.vehicle.vehicle_records import Vehicle
 
 if TYPE_CHECKING:

@@ -33,7 +33,8 @@ from skyarm.studies.identify.data_compatibility import (
     slope_law,
     tilt_law,
 )
-from skyarm.studies.identify.stretches import commanded_speeds, stretches_of
+from skyarm.studies.identify.logged_commands import commanded_speeds
+from skyarm.studies.identify.stretches import stretches_of
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 Incompatible: TypeAlias = tuple[str, str, str, bool]

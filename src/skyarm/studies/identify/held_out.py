@@ -14,10 +14,10 @@ from skyarm.flight_data.series import attitude_at, middle, values_at
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.disturbances import SETTLED, fit_disturbances
-from skyarm.studies.identify.identified_parts import surroundings_with
-from skyarm.studies.identify.identify_vehicle import Identified
-from skyarm.studies.identify.lagged_inputs import time_constants
-from skyarm.studies.identify.motion_model import Stretch, Surroundings, predict
+from skyarm.studies.identify.identified_numbers import Identified
+from skyarm.studies.identify.identified_parts import Surroundings, surroundings_with
+from skyarm.studies.identify.logged_commands import time_constants
+from skyarm.studies.identify.motion_model import Stretch, predict
 from skyarm.studies.identify.open_loop import (
     FORGOTTEN,
     HORIZONS,

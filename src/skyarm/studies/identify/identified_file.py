@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.records.files import number, one_line, shown
-from skyarm.studies.identify.identified_numbers import GIVEN, IdentifiedNumber
-from skyarm.studies.identify.identify_vehicle import Identified
-from skyarm.studies.identify.motion_model import Surroundings
+from skyarm.studies.identify.identified_numbers import GIVEN, Identified, IdentifiedNumber
+from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT, THRUST
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_text import vehicle_text

@@ -8,15 +8,22 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from dataclasses import field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
+from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.prediction_error import PredictionFit
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
 from skyarm.studies.identify.window_fit import WindowFit
 from skyarm.vehicle.linkage import Link
+from skyarm.vehicle.vehicle_records import Vehicle
+
+if TYPE_CHECKING:
+    from skyarm.studies.identify.held_out import HeldOut
 
 NOT_SHOWN = "not in this data"
 """Reason of a number of which the flights tell less than what was known before."""
@@ -29,6 +36,9 @@ GIVEN = "Total mass and rotor places are given; inertia scales with both."
 
 SHOWN = 0.5
 """Least share of a number's information that the flights must give."""
+
+LAGS = ("delay", "rotors.time_constant_up", "rotors.time_constant_down")
+"""Numbers of the rotors' commands that samples below 40 Hz do not show."""
 
 SHARE, INSTANT, SPREAD = 2e-3, 0.02, 1e-2
 """Of a positive number, of a period (for times) and of what is known before (for others): what sampling leaves.
@@ -65,6 +75,50 @@ class IdentifiedNumber:
     def is_known(self) -> bool:
         """True if the flights show the number."""
         return not self.reason
+
+
+@immutable(eq=False)
+class Identified:
+    """Vehicle that was identified from flights.
+
+    Attributes:
+        numbers: each with its interval.
+        correlation: (numbers, numbers) of their errors.
+        vehicle: the start vehicle with what the flights show; the rest is the start's, and what is shown fits to it.
+        surroundings: delays, places and offsets.
+        explained: row -> share that the model explains, 0 to 1, of its variance in a window beyond a straight line and
+            white noise.
+        deviation: row -> standard deviation of its errors.
+        settled: whether the search came to rest.
+        seconds: of flight that counted.
+        period: s, between samples of the gyroscope.
+        held_out: errors of predictions of other flights, if any were asked for.
+        counted: of each flight of :func:`skyarm.identify_flights`, whether any part of it was long enough to count.
+    """
+
+    numbers: tuple[IdentifiedNumber, ...]
+    correlation: Array
+    vehicle: Vehicle
+    surroundings: Surroundings
+    explained: Mapping[str, float]
+    deviation: Mapping[str, float]
+    settled: bool
+    seconds: float
+    searched: Mapping[str, float] = field(default_factory=dict)
+    period: float = 0.0
+    held_out: HeldOut | None = None
+    counted: tuple[bool, ...] = ()
+
+    def __getitem__(self, name: str) -> IdentifiedNumber:
+        """Identified number by its name.
+
+        Raises:
+            KeyError: there is none of this name.
+        """
+        for each in self.numbers:
+            if each.name == name:
+                return each
+        raise KeyError(name)
 
 
 @immutable(kw_only=False, eq=False)

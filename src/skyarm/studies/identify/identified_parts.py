@@ -13,7 +13,7 @@ import numpy as np
 from skyarm.algebra import Sym3, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators.servo import PositionServo
-from skyarm.studies.identify.motion_model import Surroundings
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT, KNOTS, rises_of_thrust, second_moments
 from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -29,6 +29,40 @@ FRICTIONS = ("damping", "coulomb", "coulomb_rate", "armature")
 
 OF_SERVOS = ("stiffness", "damping", "integral", "latency", "speed_limit")
 """Numbers of a joint's position servo that may be identified."""
+
+
+@immutable
+class Surroundings:
+    """Delays, places and offsets of a flight and of its sensors, identified beside the vehicle.
+
+    Attributes:
+        delay: s, dead time from a rotor's command to the measured rates.
+        joint_delay: s, dead time from a joint's torque to the measured rates.
+        accelerometer_delay: s, of the accelerometer behind the gyroscope.
+        pose_delay: s, of the pose behind the gyroscope.
+        gyro_bias: rad/s, base axes.
+        place: m, of the inertial unit in the base frame.
+        offset: m/s^2, of the accelerometer.
+        torque: N m, constant, base axes.
+        sag: thrust over that of the curve is the relative voltage to this power.
+        drift: 1/s, relative change of the thrust, from the flight's take-off on.
+        thrust: over that of the first flight, at the take-offs; 1 where the voltage is known.
+        setpoint_hold: share of a sample's period that servos average their setpoints over; where a servo's own loop is
+            slow, as in skyarm's plants, 1.
+    """
+
+    delay: float = 0.0
+    joint_delay: float = 0.0
+    accelerometer_delay: float = 0.0
+    pose_delay: float = 0.0
+    gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sag: float = 0.0
+    drift: float = 0.0
+    thrust: float = 1.0
+    setpoint_hold: float = 0.5
 
 
 def vehicle_with(start: Vehicle, numbers: Mapping[str, Scalar], *, checked: bool = False) -> Vehicle:

@@ -19,9 +19,9 @@ from skyarm.records.text_tables import Row, aligned_lines, shown_number
 from skyarm.studies.identify.data_faults import Fault
 from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, PAST, START, HeldOut, table_horizons
 from skyarm.studies.identify.identified_file import VOLTAGE, identified_file
-from skyarm.studies.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, IdentifiedNumber
-from skyarm.studies.identify.identify_vehicle import Identified
-from skyarm.studies.identify.stretches import joint_rates_note, period_note
+from skyarm.studies.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, Identified, IdentifiedNumber
+from skyarm.studies.identify.logged_commands import period_note
+from skyarm.studies.identify.stretches import joint_rates_note
 from skyarm.vehicle.vehicle_records import Vehicle
 
 VEHICLE, NUMBERS, TABLE, FIGURE = "vehicle.toml", "identified.json", "prediction.csv", "prediction.png"

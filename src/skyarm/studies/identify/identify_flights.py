@@ -13,7 +13,7 @@ from skyarm.records.files import number
 from skyarm.studies.identify.channel_scales import WARNED
 from skyarm.studies.identify.data_faults import Fault, find_faults, require_no_refusal
 from skyarm.studies.identify.held_out import held_out_period, predict_held_out
-from skyarm.studies.identify.identify_vehicle import Identified
+from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identify_windows import WHOLE, identify_by_windows
 from skyarm.studies.identify.plausibility import implausible_numbers, require_possible_numbers
 from skyarm.studies.identify.stretches import stretches_of_flights

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +13,9 @@ from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.accelerometer_lag import accelerometer_lag
 from skyarm.studies.identify.identified_numbers import (
+    LAGS,
     NOT_SHOWN,
+    Identified,
     IdentifiedNumber,
     Scale,
     at_starts,
@@ -24,10 +26,9 @@ from skyarm.studies.identify.identified_numbers import (
     unresolved_friction,
     with_reasons,
 )
-from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
-from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, predict, prediction_errors
+from skyarm.studies.identify.identified_parts import Surroundings, surroundings_with, vehicle_with
+from skyarm.studies.identify.motion_model import Memo, Stretch, predict, prediction_errors
 from skyarm.studies.identify.prediction_error import PredictedErrors, PredictionFit, bridge_unused, fit_prediction
-from skyarm.studies.identify.servo_response import with_servos
 from skyarm.studies.identify.unknowns import (
     ACCELEROMETER,
     THRUST,
@@ -36,11 +37,12 @@ from skyarm.studies.identify.unknowns import (
     reported_of,
     require_searched,
     unknowns_of,
+    with_servos,
 )
 from skyarm.vehicle.vehicle_records import Vehicle
 
 if TYPE_CHECKING:
-    from skyarm.studies.identify.held_out import HeldOut
+    pass
 
 
 BLOCK = 2.0
@@ -49,58 +51,11 @@ BLOCK = 2.0
 RATES = (3, 4, 5)
 """Rows of the base's rates: trim torques differ from flight to flight, by the battery's place and by propellers."""
 
-LAGS = ("delay", "rotors.time_constant_up", "rotors.time_constant_down")
-"""Numbers of the rotors' commands that samples below 40 Hz do not show."""
-
 UNEVEN = 0.01
 """Of a period: what the periods of flights may be off each other; clocks of files differ."""
 
 LEAST = 160
 """Periods of the shortest stretch: 20 orders of the whitening filter."""
-
-
-@immutable(eq=False)
-class Identified:
-    """Vehicle that was identified from flights.
-
-    Attributes:
-        numbers: each with its interval.
-        correlation: (numbers, numbers) of their errors.
-        vehicle: the start vehicle with what the flights show; the rest is the start's, and what is shown fits to it.
-        surroundings: delays, places and offsets.
-        explained: row -> share that the model explains, 0 to 1, of its variance in a window beyond a straight line and
-            white noise.
-        deviation: row -> standard deviation of its errors.
-        settled: whether the search came to rest.
-        seconds: of flight that counted.
-        period: s, between samples of the gyroscope.
-        held_out: errors of predictions of other flights, if any were asked for.
-        counted: of each flight of :func:`skyarm.identify_flights`, whether any part of it was long enough to count.
-    """
-
-    numbers: tuple[IdentifiedNumber, ...]
-    correlation: Array
-    vehicle: Vehicle
-    surroundings: Surroundings
-    explained: Mapping[str, float]
-    deviation: Mapping[str, float]
-    settled: bool
-    seconds: float
-    searched: Mapping[str, float] = field(default_factory=dict)
-    period: float = 0.0
-    held_out: HeldOut | None = None
-    counted: tuple[bool, ...] = ()
-
-    def __getitem__(self, name: str) -> IdentifiedNumber:
-        """Identified number by its name.
-
-        Raises:
-            KeyError: there is none of this name.
-        """
-        for each in self.numbers:
-            if each.name == name:
-                return each
-        raise KeyError(name)
 
 
 def identify_vehicle(

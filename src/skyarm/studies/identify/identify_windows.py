@@ -11,9 +11,10 @@ import numpy as np
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.arrays import Array
-from skyarm.studies.identify.command_samples import sampling_period
 from skyarm.studies.identify.identified_numbers import (
+    LAGS,
     NOT_SHOWN,
+    Identified,
     at_starts,
     bound_number,
     condition_on_start,
@@ -22,10 +23,8 @@ from skyarm.studies.identify.identified_numbers import (
     with_reasons,
 )
 from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
-from skyarm.studies.identify.identify_vehicle import LAGS, Identified
-from skyarm.studies.identify.servo_response import with_servos
-from skyarm.studies.identify.stretches import commanded_speeds
-from skyarm.studies.identify.unknowns import Unknown, reported_of, require_searched, unknowns_of
+from skyarm.studies.identify.logged_commands import commanded_speeds, sampling_period
+from skyarm.studies.identify.unknowns import Unknown, reported_of, require_searched, unknowns_of, with_servos
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import WindowFit, first_noise, fit_windows
 from skyarm.studies.identify.windows import Windows, clock_step, on_clock

@@ -17,6 +17,7 @@ from skyarm.flight_data.series import middle
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 SHORTEST = 1.0
@@ -108,17 +109,6 @@ def believed_lags(rotors: Sequence[Rotor]) -> tuple[Array, Array]:
     pairs = time_constants(rotors)
     pairs = np.where(pairs > 0.0, pairs, USUAL)
     return pairs[:, 0], pairs[:, 1]
-
-
-def time_constants(rotors: Sequence[Rotor]) -> Array:
-    """Time constants (rotors, 2) of rotors, up and down, s."""
-    pairs = [[float(each.time_constant_up), float(each.time_constant_down)] for each in rotors]
-    return np.array(pairs).reshape(-1, 2)
-
-
-def highest_speeds(rotors: Sequence[Rotor]) -> Array:
-    """Highest speeds (rotors,), rad/s."""
-    return np.array([float(each.max_speed) for each in rotors])
 
 
 def pushes_of(rotors: Sequence[Rotor], squares: Array) -> Array:

@@ -27,13 +27,12 @@ from skyarm.records.immutable import immutable
 from skyarm.studies.identify.lagged_inputs import (
     Needed,
     believed_lags,
-    highest_speeds,
     model_forces,
     pushes_of,
     require_finite,
-    time_constants,
     wrench_of_pushes,
 )
+from skyarm.studies.identify.logged_commands import highest_speeds, time_constants
 from skyarm.studies.identify.rotor_lag import lag_response
 from skyarm.studies.identify.whitened_fit import Fit, blocks_of, fit
 from skyarm.vehicle.vehicle_records import Vehicle

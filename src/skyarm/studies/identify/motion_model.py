@@ -22,7 +22,8 @@ from skyarm.flight_data.series import columns_at, middle
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.dry_friction import mean_bend
-from skyarm.studies.identify.lagged_inputs import highest_speeds, time_constants
+from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.logged_commands import highest_speeds, time_constants
 from skyarm.studies.identify.rotor_lag import commands_at_ends, delay_commands, integral_bends, lag_response
 from skyarm.studies.identify.sampled_series import (
     delay_series,
@@ -171,40 +172,6 @@ class Stretch:
     def seconds(self) -> float:
         """Duration, s."""
         return self.size * self.period
-
-
-@immutable
-class Surroundings:
-    """Delays, places and offsets of a flight and of its sensors, identified beside the vehicle.
-
-    Attributes:
-        delay: s, dead time from a rotor's command to the measured rates.
-        joint_delay: s, dead time from a joint's torque to the measured rates.
-        accelerometer_delay: s, of the accelerometer behind the gyroscope.
-        pose_delay: s, of the pose behind the gyroscope.
-        gyro_bias: rad/s, base axes.
-        place: m, of the inertial unit in the base frame.
-        offset: m/s^2, of the accelerometer.
-        torque: N m, constant, base axes.
-        sag: thrust over that of the curve is the relative voltage to this power.
-        drift: 1/s, relative change of the thrust, from the flight's take-off on.
-        thrust: over that of the first flight, at the take-offs; 1 where the voltage is known.
-        setpoint_hold: share of a sample's period that servos average their setpoints over; where a servo's own loop is
-            slow, as in skyarm's plants, 1.
-    """
-
-    delay: float = 0.0
-    joint_delay: float = 0.0
-    accelerometer_delay: float = 0.0
-    pose_delay: float = 0.0
-    gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    sag: float = 0.0
-    drift: float = 0.0
-    thrust: float = 1.0
-    setpoint_hold: float = 0.5
 
 
 @immutable(kw_only=False, eq=False)

@@ -20,10 +20,11 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.disturbances import SETTLED, DisturbanceModel, begin_at, unexplained_sums
-from skyarm.studies.identify.lagged_inputs import time_constants
-from skyarm.studies.identify.motion_model import Memo, Stretch, Surroundings, base_acceleration
+from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.logged_commands import time_constants
+from skyarm.studies.identify.motion_model import Memo, Stretch, base_acceleration
 from skyarm.studies.identify.sampled_series import vectors_of
-from skyarm.studies.identify.whitened_fit import scipy_parts
+from skyarm.studies.identify.window_fit import scipy_parts
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Errors: TypeAlias = tuple[Array, Array, Array, Array]

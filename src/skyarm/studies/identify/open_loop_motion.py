@@ -16,11 +16,12 @@ from skyarm.flight_data.motion import Motion, PredictedMotion, join_motions, mea
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.arrays import Array
 from skyarm.records.files import one_line
-from skyarm.studies.identify.command_samples import sampling_period
 from skyarm.studies.identify.held_out import SHORTEST, poses_of
-from skyarm.studies.identify.motion_model import Stretch, Surroundings
+from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.logged_commands import commanded_speeds, sampling_period
+from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.open_loop import BaseStates, begins_of, hold, predict_ahead
-from skyarm.studies.identify.stretches import commanded_speeds, stretches_of
+from skyarm.studies.identify.stretches import stretches_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NEEDED = ("position", "quaternion", "gyro")

@@ -10,9 +10,9 @@ import numpy as np
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.studies.identify.channel_scales import REFUSED, WARNED, Found
 from skyarm.studies.identify.data_faults import Fault, faults_of
-from skyarm.studies.identify.identify_vehicle import Identified
-from skyarm.studies.identify.lagged_inputs import time_constants
-from skyarm.studies.identify.stretches import SHORTEST, commanded_speeds
+from skyarm.studies.identify.identified_numbers import Identified
+from skyarm.studies.identify.logged_commands import commanded_speeds, time_constants
+from skyarm.studies.identify.stretches import SHORTEST
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FAR, IMPOSSIBLE = 4.0, 8.0

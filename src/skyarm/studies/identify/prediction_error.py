@@ -19,8 +19,8 @@ import numpy as np
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.autoregression import ar_coefficients, innovations
-from skyarm.studies.identify.whitened_fit import FEWEST, jackknife_scores, scipy_parts
-from skyarm.studies.identify.window_fit import student_quantiles
+from skyarm.studies.identify.whitened_fit import FEWEST, jackknife_scores
+from skyarm.studies.identify.window_fit import scipy_parts, student_quantiles
 
 ORDER = 8
 """Of the whitening filter."""

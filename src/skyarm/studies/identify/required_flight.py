@@ -21,7 +21,8 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import middle, unit_rows
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.lagged_inputs import time_constants, wrench_of_pushes
+from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
+from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.multisines import BASE_AXES
 from skyarm.studies.identify.sampled_series import vectors_of

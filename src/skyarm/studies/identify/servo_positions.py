@@ -17,7 +17,8 @@ from skyarm.studies.identify.servo_response import Loops, joint_loads, loops_of,
 from skyarm.vehicle.vehicle_records import Vehicle
 
 if TYPE_CHECKING:
-    from skyarm.studies.identify.motion_model import Stretch, Surroundings
+    from skyarm.studies.identify.identified_parts import Surroundings
+    from skyarm.studies.identify.motion_model import Stretch
 
 
 MEMORY = 6

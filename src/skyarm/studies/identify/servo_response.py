@@ -21,8 +21,9 @@ from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.flight_data.series import middle
 from skyarm.records.arrays import Array
 from skyarm.studies.identify.sampled_series import vectors_of
+from skyarm.studies.identify.unknowns import servo_of
 from skyarm.vehicle.linkage import Joint
-from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
 
 STRETCH = 0.5
 """s, of the parts of a series that are simulated side by side, each from its measured state."""
@@ -38,39 +39,6 @@ STEP = 0.1
 
 LEAST = 3
 """Time steps within a sample at least, if it is too long for one: a dead time falls anywhere within it."""
-
-UNKNOWN = 20.0
-"""rad/s, natural frequency that a servo of an unknown make is thought to have, critically damped."""
-
-
-def servo_of(vehicle: Vehicle, joint: int) -> PositionServo | None:
-    """Position servo of a joint; None where the vehicle has another drive or none."""
-    name = vehicle.links[joint].joint.name
-    drives = [each.drive for each in vehicle.drives if each.name == name]
-    return drives[0] if drives and isinstance(drives[0], PositionServo) else None
-
-
-def with_servos(vehicle: Vehicle, servoed: Sequence[bool]) -> Vehicle:
-    """Vehicle with a position servo of moderate gains on each joint that takes setpoints and has no drive.
-
-    Args:
-        vehicle: start.
-        servoed: of each joint, whether its setpoints are positions.
-
-    Raises:
-        ValueError: one line: such a joint has a drive that takes no position.
-    """
-    made = list(vehicle.drives)
-    for i, (link, moves) in enumerate(zip(vehicle.links, servoed, strict=True)):
-        if not moves or servo_of(vehicle, i) is not None:
-            continue
-        name = link.joint.name
-        if name in [each.name for each in vehicle.drives]:
-            raise ValueError(f"drives.{name}: must be a position_servo, or none: joint_commands are its setpoints")
-        inertia = float(mass_matrix(vehicle, Mat3.identity(), [0.0] * vehicle.n)[6 + i][6 + i])
-        servo = PositionServo(inertia=inertia, stiffness=inertia * UNKNOWN**2, damping=2.0 * inertia * UNKNOWN)
-        made.append(MountedDrive(name=name, drive=servo))
-    return dataclasses.replace(vehicle, drives=tuple(made)) if len(made) > len(vehicle.drives) else vehicle
 
 
 def joint_loads(

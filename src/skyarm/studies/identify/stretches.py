@@ -10,16 +10,20 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra.frames import to_base
-from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import attitude_at, common_span, measured_at, middle, values_at
-from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, Mask
-from skyarm.studies.identify.command_samples import sampling_period, straight_lines
-from skyarm.studies.identify.lagged_inputs import highest_speeds, time_constants
+from skyarm.studies.identify.logged_commands import (
+    commanded_speeds,
+    flying_spans,
+    highest_speeds,
+    sampling_period,
+    straight_lines,
+    time_constants,
+)
 from skyarm.studies.identify.motion_model import PARABOLA, Stretch
 from skyarm.studies.identify.sampled_series import moving_mean, position_differences
+from skyarm.studies.identify.windows import COASTING, GAP, RECOVERED
 from skyarm.vehicle.vehicle_records import Vehicle
 
 PER_LAG = 2.5
@@ -27,18 +31,6 @@ PER_LAG = 2.5
 
 FINE = 0.2
 """Of the shortest time constant, longest period of the commands' clock."""
-
-GAP = 5.0
-"""Usual times between samples of the gyroscope, and at least a period, beyond which a flight is cut."""
-
-COASTING = 0.1
-"""Of the full signal: below, a motor coasts and does not obey its lag."""
-
-RECOVERED = 3.0
-"""Time constants after coasting until a rotor's speed is predictable again."""
-
-AIRBORNE, SETTLING = 0.5, 0.5
-"""Of the weight, thrust beyond which a vehicle flies; s, over which it is averaged and that are left out beside it."""
 
 SHORTEST = 1.0
 """s, of a stretch."""
@@ -143,30 +135,6 @@ def stretches_of_flights(
     return found
 
 
-def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
-    """Commanded rotor speeds, rad/s, from speeds or from shares of the full signal."""
-    if "rotor_speed_commands" in flight:
-        return flight["rotor_speed_commands"]
-    share = flight["rotor_commands"]
-    highest = highest_speeds(start.rotors)
-    if len(highest) != share.values.shape[1]:
-        return share
-    if not np.isfinite(highest).all():
-        raise ValueError("rotors.max_speed = inf: must be finite, the speed of the full signal of rotor_commands")
-    return Channel(time=share.time, values=share.values * highest, source=share.source)
-
-
-def period_note(flight: FlightData, start: Vehicle) -> str:
-    """Note on rotor commands that were logged too seldom to be held between; empty of others."""
-    period = sampling_period(commanded_speeds(flight, start))
-    if not period:
-        return ""
-    return (
-        f"{flight.name}: period = {period:.3g} s, of the rotor commands, which are on straight lines between: "
-        "lags do not show, and what the commands did in between may put numbers beside their intervals"
-    )
-
-
 def _air_velocity(flight: FlightData, time: Array) -> Array:
     """Velocity in base axes, m/s, in still air."""
     velocity = measured_at(flight["velocity"], time, float(time[1] - time[0]))
@@ -251,17 +219,6 @@ def _coasting(stretch: Stretch, start: Vehicle, share: float, recovered: float) 
 def _needed(flight: FlightData) -> list[Channel]:
     others = ("joint_positions", "joint_rates", "rotor_commands", "rotor_speed_commands")
     return [flight["gyro"], flight["accelerometer"], *(flight[name] for name in others if name in flight)]
-
-
-def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]:
-    """Spans of time (s) in which the start vehicle's rotors lift a good part of its weight."""
-    step = 0.02
-    time = np.arange(commands.time[0], commands.time[-1], step)
-    speeds = commands.values[np.searchsorted(commands.time, time, side="right") - 1]
-    thrust = sum(float(r.thrust_coefficient) * push(r, w) for r, w in zip(start.rotors, speeds.T, strict=True))
-    flies = moving_mean(np.asarray(thrust), round(SETTLING / step) | 1) > AIRBORNE * GRAVITY * float(start.mass)
-    spans = [(float(time[a]) + SETTLING, float(time[b - 1]) - SETTLING) for a, b in runs_of(flies)]
-    return [(a, b) for a, b in spans if b > a]
 
 
 def _without_gaps(gyro: Channel, begin: float, end: float, longest: float) -> list[tuple[float, float]]:

@@ -13,14 +13,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from itertools import pairwise
 
-from skyarm.algebra import Sym3
+from skyarm.algebra import Mat3, Sym3
 from skyarm.algebra.scalars import Scalar
+from skyarm.dynamics import mass_matrix
+from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import must_be_one_of, number
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.servo_response import servo_of
 from skyarm.vehicle.linkage import Body, Link
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle.vehicle_records import MountedDrive, Rotor, Vehicle
 
 KNOTS = (0.25, 0.5, 0.75, 1.0)
 """Shares of the full signal at which the thrust of a rotor with a curve of its own is identified."""
@@ -30,6 +31,9 @@ USUAL_DELAY, DELAY_SPREAD = 0.005, 0.01
 
 STICKING = 0.01
 """rad or m, error in which a servo without dry friction on record is thought to stick at most."""
+
+UNKNOWN = 20.0
+"""rad/s, natural frequency that a servo of an unknown make is thought to have, critically damped."""
 
 DRAG_HEIGHT = "rotors.drag_height"
 """Height of the hub drag's point above the hubs of the start vehicle: blades flap, which tilts thrust and adds a moment
@@ -321,3 +325,33 @@ def _thrust_rises(rotor: Rotor) -> list[float]:
     pushes = [speed**2 if rotor.table is None else float(rotor.table.push(speed)) for speed in speeds]
     thrusts = [float(rotor.thrust_coefficient) * each for each in pushes]
     return [thrusts[0], *(b - a for a, b in pairwise(thrusts))]
+
+
+def servo_of(vehicle: Vehicle, joint: int) -> PositionServo | None:
+    """Position servo of a joint; None where the vehicle has another drive or none."""
+    name = vehicle.links[joint].joint.name
+    drives = [each.drive for each in vehicle.drives if each.name == name]
+    return drives[0] if drives and isinstance(drives[0], PositionServo) else None
+
+
+def with_servos(vehicle: Vehicle, servoed: Sequence[bool]) -> Vehicle:
+    """Vehicle with a position servo of moderate gains on each joint that takes setpoints and has no drive.
+
+    Args:
+        vehicle: start.
+        servoed: of each joint, whether its setpoints are positions.
+
+    Raises:
+        ValueError: one line: such a joint has a drive that takes no position.
+    """
+    made = list(vehicle.drives)
+    for i, (link, moves) in enumerate(zip(vehicle.links, servoed, strict=True)):
+        if not moves or servo_of(vehicle, i) is not None:
+            continue
+        name = link.joint.name
+        if name in [each.name for each in vehicle.drives]:
+            raise ValueError(f"drives.{name}: must be a position_servo, or none: joint_commands are its setpoints")
+        inertia = float(mass_matrix(vehicle, Mat3.identity(), [0.0] * vehicle.n)[6 + i][6 + i])
+        servo = PositionServo(inertia=inertia, stiffness=inertia * UNKNOWN**2, damping=2.0 * inertia * UNKNOWN)
+        made.append(MountedDrive(name=name, drive=servo))
+    return dataclasses.replace(vehicle, drives=tuple(made)) if len(made) > len(vehicle.drives) else vehicle

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from skyarm.records.arrays import Array, Mask
-from skyarm.records.files.packages import needs_extra
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.autoregression import ar_coefficients, innovations
+from skyarm.studies.identify.window_fit import scipy_parts
 
 ORDER, TURNS = 6, 3
 """Of the whitening filter; turns of filter and parameters."""
@@ -55,20 +55,6 @@ class Fit:
         """Half-width of the confidence interval of a weighted sum of the parameters."""
         weights = np.asarray(direction, dtype=float)
         return self.quantile * float(np.sqrt(max(float(weights @ self.covariance @ weights), 0.0)))
-
-
-def scipy_parts() -> tuple[Any, Any]:
-    """Import SciPy's ``least_squares`` and the quantile function of Student's t distribution.
-
-    Raises:
-        ValueError: it is not installed.
-    """
-    try:
-        from scipy.optimize import least_squares
-        from scipy.special import stdtrit
-    except ImportError:
-        raise ValueError(f"scipy: is missing; 'skyarm identify' {needs_extra('identify')}") from None
-    return least_squares, stdtrit
 
 
 def fit(

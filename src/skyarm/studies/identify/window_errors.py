@@ -21,8 +21,7 @@ from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.simulate.replay import Flights, Numbers, Replay
 from skyarm.studies.identify.identified_parts import vehicle_with, with_changes
-from skyarm.studies.identify.servo_response import servo_of
-from skyarm.studies.identify.unknowns import THRUST, Unknown
+from skyarm.studies.identify.unknowns import THRUST, Unknown, servo_of
 from skyarm.studies.identify.windows import Held, Samples, Windows
 from skyarm.vehicle.vehicle_records import Vehicle
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from skyarm.compile.machine_code import missing_extra
 from skyarm.records.arrays import Array, IntArray, Mask
+from skyarm.records.files.packages import needs_extra
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.whitened_fit import scipy_parts
 from skyarm.studies.identify.window_errors import OUTLIER, Normal, WindowErrors, WindowStates
 from skyarm.studies.identify.windows import Windows
 
@@ -48,6 +48,20 @@ LEAST = {
     "joint_positions": 1e-5,
 }
 """Least noise of a sensor, SI units: after a noiseless one the search would creep."""
+
+
+def scipy_parts() -> tuple[Any, Any]:
+    """Import SciPy's ``least_squares`` and the quantile function of Student's t distribution.
+
+    Raises:
+        ValueError: it is not installed.
+    """
+    try:
+        from scipy.optimize import least_squares
+        from scipy.special import stdtrit
+    except ImportError:
+        raise ValueError(f"scipy: is missing; 'skyarm identify' {needs_extra('identify')}") from None
+    return least_squares, stdtrit
 
 
 def student_quantiles(influence: Array, information: Array) -> Array:

@@ -17,9 +17,14 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import continuous, unit_rows
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.command_samples import sampling_period, straight_lines
-from skyarm.studies.identify.lagged_inputs import highest_speeds, time_constants
-from skyarm.studies.identify.stretches import COASTING, GAP, RECOVERED, commanded_speeds, flying_spans
+from skyarm.studies.identify.logged_commands import (
+    commanded_speeds,
+    flying_spans,
+    highest_speeds,
+    sampling_period,
+    straight_lines,
+    time_constants,
+)
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 SENSORS = ("gyro", "accelerometer", "position", "quaternion", "velocity", "joint_positions")
@@ -33,6 +38,15 @@ SHORTEST, LONGEST = 1e-3, 5e-3
 
 RUN_IN = 8.0
 """Longest time constants of the rotors before a window from which their speeds are known: 3e-4 of a change is left."""
+
+GAP = 5.0
+"""Usual times between samples, beyond which a sensor has a gap."""
+
+COASTING = 0.1
+"""Of the full signal: below, a motor coasts and does not obey its lag."""
+
+RECOVERED = 3.0
+"""Time constants after coasting until a rotor's speed is predictable again."""
 
 AROUND = 0.05
 """s, to each side of an instant, over which parabolas through the samples give a first state."""
