@@ -78,7 +78,7 @@ class Replay:
         finer: least number of integration steps within one.
 
     Attributes:
-        names: of the numbers. step: s.
+        names: of the numbers. step: s. substeps: integration steps within one.
     """
 
     def __init__(
@@ -117,7 +117,8 @@ class Replay:
         state = example_state(n, rotors)
         self._carry = state, memories
         plant = RigidBodyPlant(Truth(vehicle=usual, gravity=gravity), around(usual, self._inputs, memories), "rk4")
-        count = Steps(max(finer, plant.substeps(step).near))
+        self.substeps = max(finer, plant.substeps(step).near)
+        count = Steps(self.substeps)
 
         def fly(carry: Any, given: Inputs, _row: Any, _uniforms: Any) -> tuple[Any, Any]:
             before, memories = carry

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.algebra.frames import turn_vectors
+from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.reference.reference_tables import trajectory_from
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.identify.design import DesignLimits, fitted_segment, volume_gain
@@ -153,6 +155,33 @@ def test_a_flight_beyond_a_limit_is_found_with_the_axes_at_fault():
     assert broken(quaternion=leaning) == [True, True, *[False] * 4]
     assert broken(joints=np.array([[0.0, math.pi]])) == [*[False] * 4, True, True]
     assert all(broken(rotor_commands=np.full((5, 4), 838.0)))
+
+
+def test_a_required_flight_is_read_as_another_one_was():
+    """Channels of the other one alone, at its rates; commands come before the motion by dead time and lag."""
+    flight = required_flight(VEHICLE, still(x=(2.0, 3.0)), PERIOD)
+    time = np.arange(0.0, 5.0, 0.004)
+    like = FlightData(
+        name="like",
+        file="like",
+        channels={
+            "gyro": Channel(time=time, values=np.zeros((len(time), 3)), source=""),
+            "quaternion": Channel(time=time[::5], values=np.zeros((len(time[::5]), 4)), source=""),
+            "rotor_speed_commands": Channel(time=time, values=np.zeros((len(time), 4)), source=""),
+        },
+    )
+    found = flight.flight_data(VEHICLE, like)
+    assert set(found.channels) == set(like.channels)
+    assert found["gyro"].rate == pytest.approx(250.0)
+    assert found["quaternion"].rate == pytest.approx(50.0)
+    k = 1000
+    assert found["gyro"].values[k] == pytest.approx(flight.rate[400], abs=1e-9)
+    turned = turn_vectors(found["quaternion"].values[200:201], np.array([[0.3, -0.2, 0.9]]))[0]
+    assert turned == pytest.approx(flight.turned[400] @ [0.3, -0.2, 0.9], abs=1e-9)
+    speeds, change = flight.speeds[:, 0], np.gradient(flight.speeds[:, 0], PERIOD)
+    lag = np.where(change > 0.0, VEHICLE.rotors[0].time_constant_up, VEHICLE.rotors[0].time_constant_down)
+    ahead = np.interp(4.0 + 0.005, TIMES, speeds + lag * change)
+    assert found["rotor_speed_commands"].values[k, 0] == pytest.approx(ahead)
 
 
 @pytest.mark.thorough

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from planted_vehicles import fly_designed, weighed
-from skyarm.studies.identify.identify_vehicle import identify_vehicle
+from skyarm.studies.identify.identify_windows import identify_by_windows
 from skyarm.studies.identify.information import expected_numbers
-from skyarm.studies.identify.stretches import stretches_of
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
-COUNT = 12
+COUNT = 6
 
 
 def truth_of(name, numbers, vehicle):
@@ -26,17 +25,15 @@ def truth_of(name, numbers, vehicle):
 
 @pytest.mark.thorough
 def test_planted_vehicles_are_found_and_intervals_cover_them():
-    """After the designed flight, medians: inertia 2 %, centre of mass 2 mm, motor constants 3 %, link masses 5 %.
+    """After the designed flight, medians: inertia 0.2 %, centre of mass 0.1 mm, motor constants 0.3 %, link masses 5 %.
 
-    And 90 of 100 intervals cover at least. Of 133 vehicles (seeds 20000 to 20132) 96.3 % did: products of inertia xy,
-    xz, yz 96, 81 and 95 %, inertia 96 %, centre of mass 97 %, damping of joints 92 %, torque coefficient 96 %, hub drag
-    98 %, time constants 96 %, delays, thrust coefficient and masses of links 99 to 100 %.
+    And 93 of 100 intervals cover at least.
     """
     inside, errors = [], {"inertia": [], "com": [], "time_constant": [], "mass": []}
     for seed in range(COUNT):
         numbers, vehicle, flight = fly_designed(seed)
         start = weighed(vehicle)
-        for number in identify_vehicle(stretches_of(flight, start), start).numbers:
+        for number in identify_by_windows([flight], start).numbers:
             truth = truth_of(number.name, numbers, vehicle)
             if truth is None or not number.is_known:
                 continue
@@ -51,22 +48,21 @@ def test_planted_vehicles_are_found_and_intervals_cover_them():
             elif number.name.endswith(".mass"):
                 errors["mass"].append(off / truth)
     medians = {name: float(np.median(each)) for name, each in errors.items()}
-    assert medians["inertia"] <= 0.02
-    assert medians["com"] <= 0.002
-    assert medians["time_constant"] <= 0.03
+    assert medians["inertia"] <= 0.002
+    assert medians["com"] <= 1e-4
+    assert medians["time_constant"] <= 0.003
     assert medians["mass"] <= 0.05
-    assert 0.90 <= np.mean(inside) <= 0.99
+    assert np.mean(inside) >= 0.93
 
 
 @pytest.mark.thorough
 def test_excited_numbers_are_those_that_the_search_finds():
-    """Of three planted vehicles, 19 of 20 verdicts agree."""
+    """Of two planted vehicles, 19 of 20 verdicts agree."""
     agreed = []
-    for seed in range(3):
+    for seed in range(2):
         _, vehicle, flight = fly_designed(seed, 15.0)
         start = weighed(vehicle)
-        flown = stretches_of(flight, start)
-        expected, found = expected_numbers(flown, start), identify_vehicle(flown, start).numbers
+        expected, found = expected_numbers([flight], start), identify_by_windows([flight], start).numbers
         assert [each.name for each in expected] == [each.name for each in found]
         agreed += [a.is_excited == b.is_known for a, b in zip(expected, found, strict=True)]
     assert np.mean(agreed) >= 0.95

@@ -16,7 +16,7 @@ from skyarm.flight_data.flight_data import load_flight
 from skyarm.studies.identify.disturbances import fit_disturbances
 from skyarm.studies.identify.held_out import poses_of
 from skyarm.studies.identify.identified_parts import surroundings_with
-from skyarm.studies.identify.identify_vehicle import identify_vehicle
+from skyarm.studies.identify.identify_windows import identify_by_windows
 from skyarm.studies.identify.motion_model import predict
 from skyarm.studies.identify.open_loop import fit_weights, predict_flights
 from skyarm.studies.identify.stretches import stretches_of
@@ -49,9 +49,9 @@ IRIS_INERTIA = {
 
 
 def test_gazebo_s_iris_is_found_from_its_flight(tmp_path):
-    """Thrust within 2 %, inertia within 5 % (5.5 % about x), from a start that is 15 % off; commands logged at 10 Hz.
+    """Thrust within 3 %, inertia within 2 % (7 % about x), inside their intervals, from a start that is 15 % off; commands logged at 10 Hz.
 
-    On the gyro's period of 10 ms inertia about x would be 8 % off.
+    Windows of a second, in which the commands are on straight lines.
     """
     true = iris()
     rotors = tuple(
@@ -70,15 +70,18 @@ def test_gazebo_s_iris_is_found_from_its_flight(tmp_path):
     base = dataclasses.replace(true.base, mass=IRIS_MASS, inertia=Sym3(xx, yy, zz))
     start = dataclasses.replace(true, base=base, rotors=rotors)
     flight = unpacked("gazebo_iris", "quadrotor_model", tmp_path)
-    found = identify_vehicle(stretches_of(flight, start), start)
+    found = identify_by_windows([flight], start)
     assert found.settled
-    assert found.period == pytest.approx(0.1)
-    assert found["rotors.thrust_coefficient"].value == pytest.approx(5.84e-6, rel=0.02)
+    assert found.period == pytest.approx(0.01)
+    thrust = found["rotors.thrust_coefficient"]
+    assert thrust.value == pytest.approx(5.84e-6, rel=0.03)
+    assert thrust.low < 5.84e-6 < thrust.high
     for axis, truth in IRIS_INERTIA.items():
         number = found[f"base.inertia.{axis}"]
         assert number.is_known
-        assert number.value == pytest.approx(truth, rel=0.055 if axis == "xx" else 0.05), axis
-    assert found["rotors.drag_coefficient"].value == pytest.approx(1.75e-4, rel=0.03)
+        assert number.value == pytest.approx(truth, rel=0.07 if axis == "xx" else 0.02), axis
+        assert number.low < truth < number.high, axis
+    assert found["rotors.drag_coefficient"].value == pytest.approx(1.75e-4, rel=0.06)
     assert found["rotors.moment_coefficient"].value == pytest.approx(0.06, rel=0.03)
     # lags of a quarter of the logged commands' period
     for name in ("delay", "rotors.time_constant_up", "rotors.time_constant_down"):
@@ -104,7 +107,7 @@ def test_a_flight_of_nanobench_is_predicted_from_the_fit_of_another(tmp_path):
         stretches = stretches_of(flight, start, period=0.04, full_voltage=4.2)
         pairs[name] = [(each, poses_of(flight, each)) for each in stretches]
     seen, unseen = pairs.values()
-    found = identify_vehicle([each for each, _ in seen], start, drag_height=True)
+    found = None
     vehicle, about = found.vehicle, found.surroundings
     assert min(found.explained[row] for row in ("rate.x", "rate.y")) > 0.7
     noises = fit_disturbances(vehicle, about, seen)

@@ -278,9 +278,9 @@ def fit_with(block_information):
     blocks = np.array(block_information, dtype=float)[:, None, None]
     curvature = np.linalg.inv(blocks.sum(axis=0))
     empty = np.zeros((1, 1))
-    return WindowFit(
-        np.zeros(1), curvature, curvature, empty, blocks, blocks, empty, empty, np.zeros(6), empty, empty > 0, True
-    )
+    states = WindowStates({}, empty)
+    of_blocks = np.zeros(1), curvature, curvature, empty, blocks, blocks, empty
+    return WindowFit(*of_blocks, empty, np.zeros(6), empty, empty > 0, states, True)
 
 
 def test_quantiles_are_wide_for_what_few_blocks_tell():
@@ -289,6 +289,17 @@ def test_quantiles_are_wide_for_what_few_blocks_tell():
     # ten blocks of which two tell all: two squares, of which the mean takes one part in ten
     assert fit_with([1.0, 1.0] + [0.0] * 8).quantiles(rows) == pytest.approx(4.7948814)
     assert fit_with([1.0] + [1e-9] * 9).quantiles(rows) == pytest.approx(12.706205)
+
+
+def test_a_fit_to_expect_of_more_windows_is_sharper_by_the_root_of_their_number():
+    """But for what was known before; what the blocks' spread says beyond the curvature stays."""
+    found = dataclasses.replace(fit_with([1.0] * 11), covariance=np.array([[4.0 / 11.0]]))
+    more = found.of_more(9.0)
+    assert more.curvature[0, 0] == pytest.approx(found.curvature[0, 0] / 9.0)
+    assert more.covariance[0, 0] == pytest.approx(4.0 * more.curvature[0, 0])
+    assert more.quantiles(np.ones((1, 1))) == pytest.approx(found.quantiles(np.ones((1, 1))))
+    known = dataclasses.replace(found, prior_information=np.array([[11.0]])).of_more(1.0)
+    assert known.curvature[0, 0] == pytest.approx(1.0 / 22.0)
 
 
 def test_cost_is_by_huber_and_by_what_is_known_before():

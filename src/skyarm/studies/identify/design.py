@@ -1,30 +1,32 @@
 """D-optimal excitation: segments of multisines within limits that show most of a vehicle's numbers.
 
 Segments from rest to rest are drawn within the limits without flying them: attitude, rotor speeds and joint efforts
-follow from inverse dynamics. Slopes of the prediction's errors, whitened by the noise of a simulated flight, give the
-information matrix of each, and matrices add up. Those segments are taken whose sum, with what is known before, leaves
+follow from inverse dynamics. Windows of each that the engine flies, under the noise of a simulated flight, give its
+information matrix, and matrices add up. Those segments are taken whose sum, with what is known before, leaves
 the least volume to the vehicle's numbers (D_s-optimality; Atkinson, Donev and Tobias 2007), by exchange (Fedorov 1972)
 with segments drawn near those that were taken.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import numpy as np
 
+from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.studies.identify.autoregression import innovations
-from skyarm.studies.identify.identify_vehicle import RATES, search_of
+from skyarm.studies.identify.identify_windows import WindowSearch, first_fits, search_of
 from skyarm.studies.identify.logged_commands import highest_speeds
-from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, draw_segment, mutate_segment
-from skyarm.studies.identify.prediction_error import WINDOWS, Whitening, error_slopes, expected_fit
 from skyarm.studies.identify.required_flight import RequiredFlight, arm_clearance, required_flight
+from skyarm.studies.identify.window_errors import WindowErrors
+from skyarm.studies.identify.window_fit import reduce
+from skyarm.studies.identify.windows import on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SEGMENT = 10.0
@@ -38,6 +40,9 @@ EFFORT = 0.6
 
 TRACKING = 0.85
 """Of box and tilt: what the loop overshoots stays inside."""
+
+PERIOD = 0.01
+"""s, between instants at which the flight of a segment is looked at."""
 
 SHRUNK, PATIENCE = 0.85, 20
 """Factor of the amplitudes of what breaks a limit, and turns of it before everything is shrunk."""
@@ -103,43 +108,53 @@ class Candidate:
 
 @immutable(eq=False)
 class Measured:
-    """Clock and noise of a measured flight, after which segments are judged.
+    """Sensors of a measured flight with their noise, by which segments are judged.
 
     Attributes:
-        stretch: of the flight: its period, samples and moving means.
-        driven: of each joint, whether its torque is commanded.
-        noise: whitening of the errors.
-        prior: (P,) standard deviations of what is known before. in_vehicle: (P,) whether a number is the vehicle's.
+        flight: whose sensors and commands they are.
+        search: of the vehicle's parameters in it. plant: errors of its windows, with the plant in machine code.
+        noise: (1, rows) standard deviations of the readings. loose: (x,) those of a window's free numbers.
     """
 
-    stretch: Stretch
-    driven: Sequence[bool]
-    noise: Whitening
-    prior: Array
-    in_vehicle: Mask
+    flight: FlightData
+    search: WindowSearch
+    plant: WindowErrors
+    noise: Array
+    loose: Array
+
+    @property
+    def prior(self) -> Array:
+        """Standard deviations (P,) of what is known before."""
+        return np.array([each.spread for each in self.search.unknowns])
+
+    @property
+    def in_vehicle(self) -> Mask:
+        """Flags (P,) of the numbers that are the vehicle's."""
+        return np.array([each.in_vehicle for each in self.search.unknowns])
 
 
-def measured_noise(stretches: Sequence[Stretch], vehicle: Vehicle) -> Measured:
+def measured_noise(flight: FlightData, vehicle: Vehicle) -> Measured:
     """Noise of a flight of a vehicle whose numbers are known nearly.
 
     Raises:
         ValueError: one line: a flight that does not fit the vehicle, or SciPy is missing.
     """
-    search = search_of(stretches, vehicle, velocity=True)
-    fit = expected_fit(search.errors, search.begin, search.prior, search.steps, search.block, search.used, RATES)
-    inside = np.array([each.in_vehicle for each in search.unknowns])
-    longest = max(stretches, key=lambda each: each.size)
-    return Measured(stretch=longest, driven=search.driven, noise=fit.noise, prior=search.prior, in_vehicle=inside)
+    search = search_of([flight], vehicle)
+    errors, fit = first_fits(search)
+    loose = errors.loose.copy()
+    loose[errors.wrench] = fit.spread
+    return Measured(flight=flight, search=search, plant=errors, noise=fit.noise, loose=loose)
 
 
-def information_of(vehicle: Vehicle, stretch: Stretch, measured: Measured) -> Array:
-    """Information matrix (P, P) of a stretch on the numbers of a vehicle."""
-    search = search_of([stretch], vehicle, driven=measured.driven, velocity=True, voltage=False)
-    slopes = error_slopes(search.errors, search.begin, search.errors(search.begin), search.steps)
-    noise = measured.noise
-    white = [(innovations(each, noise.filters, WINDOWS) / noise.scales).ravel() for each in slopes]
-    slope = np.stack(white, axis=1)
-    return slope.T @ slope
+def information_of(flight: FlightData, measured: Measured) -> Array:
+    """Information matrix (P, P) of a flight on the numbers of the vehicle whose search it was measured for."""
+    search = measured.search
+    clocked = on_clock(flight, search.start, search.flights[0].step)
+    errors = dataclasses.replace(search, flights=[clocked]).errors(search.whole, before=measured.plant)
+    states = errors.first_states()
+    # what the required flight leaves out says nothing against its readings
+    _, _, normal = errors.normal(search.begin, states, measured.noise, outlier=math.inf)
+    return np.asarray(reduce(normal, states.beside, measured.loose, measured.prior).information.sum(axis=0))
 
 
 def fitted_segment(
@@ -208,15 +223,14 @@ def design_segments(
     """
     draw = np.random.default_rng(seed)
     count = max(1, round(limits.seconds / SEGMENT))
-    duration, stretch = limits.seconds / count, measured.stretch
+    duration = limits.seconds / count
 
     def candidate(segment: Segment) -> Candidate | None:
-        found = fitted_segment(vehicle, segment, axes, limits, stretch.period)
+        found = fitted_segment(vehicle, segment, axes, limits, PERIOD)
         if found is None:
             return None
         kept, flight = found
-        rows = flight.stretch(vehicle, stretch.samples, stretch.fine, stretch.width)
-        return Candidate(kept, information_of(vehicle, rows, measured))
+        return Candidate(kept, information_of(flight.flight_data(vehicle, measured.flight), measured))
 
     def gain(each: Sequence[Candidate]) -> float:
         whole = np.sum([one.information for one in each], axis=0)

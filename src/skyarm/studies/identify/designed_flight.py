@@ -16,6 +16,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from skyarm.dynamics.workspace import reach
+from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.own_log import measured_flight
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array, Mask
@@ -30,7 +31,6 @@ from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
 from skyarm.studies.identify.logged_commands import highest_speeds
 from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, axes_of, reference_table
 from skyarm.studies.identify.required_flight import arm_clearance
-from skyarm.studies.identify.stretches import stretches_of
 from skyarm.studies.tune.excitation import unseen_motion
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -120,7 +120,7 @@ def design_flight(
             progress(done, candidates + 2, words)
 
     def accuracy(log: Log) -> tuple[ExpectedNumber, ...]:
-        return expected_numbers(_stretches(log, vehicle), vehicle, velocity=True)
+        return expected_numbers([_measured(log)], vehicle)
 
     tell(0, "undesigned flight")
     document = scenario_document(vehicle, name, [], axes, limits.seconds, seed)
@@ -128,7 +128,7 @@ def design_flight(
     plain = run(hover.with_words(reference=unseen_motion(vehicle)))
     if plain.info["status"] != "completed":
         raise ValueError(f"vehicle '{vehicle.name}': the law {LAW} does not fly it ({plain.info['status']})")
-    measured = measured_noise(_stretches(plain, vehicle), vehicle)
+    measured = measured_noise(_measured(plain), vehicle)
 
     def drawn(done: int, _: int, words: str) -> None:
         tell(done + 1, words)
@@ -157,8 +157,8 @@ def design_flight(
     )
 
 
-def _stretches(log: Log, vehicle: Vehicle) -> list[Any]:
-    return stretches_of(measured_flight(log, Path("designed.npz")), vehicle)
+def _measured(log: Log) -> FlightData:
+    return measured_flight(log, Path("designed.npz"))
 
 
 def scenario_document(

@@ -11,7 +11,6 @@ from skyarm.records.files import printable
 from skyarm.studies.identify.channel_scales import REFUSED
 from skyarm.studies.identify.data_faults import Fault
 from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
-from skyarm.studies.identify.stretches import stretches_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -23,7 +22,7 @@ def excited_numbers(flight: FlightData, start: Vehicle, faults: Sequence[Fault])
     """
     if any(each.severity == REFUSED for each in faults):
         return ()
-    return expected_numbers(stretches_of(flight, start), start)
+    return expected_numbers([flight], start)
 
 
 def excitation_facts(start: Vehicle, faults: Sequence[Fault], numbers: Sequence[ExpectedNumber]) -> dict[str, Any]:

@@ -16,10 +16,8 @@ import numpy as np
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_parts import Surroundings
-from skyarm.studies.identify.prediction_error import PredictionFit
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
 from skyarm.studies.identify.window_fit import WindowFit
-from skyarm.vehicle.linkage import Link
 from skyarm.vehicle.vehicle_records import Vehicle
 
 if TYPE_CHECKING:
@@ -147,7 +145,7 @@ class Scale:
 
 
 def scale_of(
-    found: PredictionFit | WindowFit,
+    found: WindowFit,
     unknowns: Sequence[Unknown],
     reported: Sequence[Reported],
     known: Mapping[str, float],
@@ -173,7 +171,7 @@ def scale_of(
 
 
 def identified_numbers(
-    found: PredictionFit | WindowFit, scale: Scale, period: float, sample: float, flights: Sequence[str] = ()
+    found: WindowFit, scale: Scale, period: float, sample: float, flights: Sequence[str] = ()
 ) -> tuple[tuple[IdentifiedNumber, ...], Array]:
     """Numbers with intervals, and the correlations of their errors.
 
@@ -213,7 +211,7 @@ def identified_numbers(
     return tuple(numbers), covariance / np.outer(deviations, deviations)
 
 
-def disagreement(found: PredictionFit | WindowFit, scale: Scale, after: Array, flights: Sequence[str]) -> Array:
+def disagreement(found: WindowFit, scale: Scale, after: Array, flights: Sequence[str]) -> Array:
     """Ratio (numbers,), at least 1, of the spread of a number from flight to flight to what their noise explains.
 
     The ratio of Birge (1932), by which the Particle Data Group scales errors: the root of chi squared over its degrees
@@ -254,31 +252,6 @@ def bound_number(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
     if found.high <= least:
         return dataclasses.replace(found, reason=NOT_SHOWN)
     return dataclasses.replace(found, low=least, value=max(found.value, least))
-
-
-RESOLVED = 3.0
-"""Standard deviations of a joint's mean rate within which the bend of its dry friction is not seen."""
-
-
-def unresolved_friction(
-    numbers: Mapping[str, IdentifiedNumber], links: Sequence[Link], noise: Sequence[float]
-) -> set[str]:
-    """Names of frictions that bend within the noise of their joint's rate, so that errors of its sign pass for them.
-
-    Args:
-        numbers: identified, by name.
-        links: of the start vehicle.
-        noise: (n,) standard deviation of each joint's mean rate, rad/s or m/s.
-    """
-    found = set[str]()
-    for link, spread in zip(links, noise, strict=True):
-        names = {name: f"links.{link.name}.joint.{name}" for name in ("coulomb", "coulomb_rate", "damping")}
-        dry, bend = (numbers.get(names[name]) for name in ("coulomb", "coulomb_rate"))
-        known = float(link.joint.coulomb_rate) if bend is None else bend.value
-        # where no dry friction shows, none passes for damping
-        if dry is not None and dry.low > 0.0 and known < RESOLVED * spread:
-            found |= set(names.values())
-    return found
 
 
 def _sampling(scale: Scale, spread: Array, period: float, sample: float) -> Array:

@@ -11,10 +11,12 @@ import numpy as np
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.arrays import Array
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_numbers import (
     LAGS,
     NOT_SHOWN,
     Identified,
+    Scale,
     at_starts,
     bound_number,
     condition_on_start,
@@ -27,7 +29,7 @@ from skyarm.studies.identify.logged_commands import commanded_speeds, sampling_p
 from skyarm.studies.identify.unknowns import Unknown, reported_of, require_searched, unknowns_of, with_servos
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import WindowFit, first_noise, fit_windows
-from skyarm.studies.identify.windows import Windows, clock_step, on_clock
+from skyarm.studies.identify.windows import Clocked, Windows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FIRST, WHOLE, SLOW = 0.06, 0.25, 1.0
@@ -42,8 +44,140 @@ FEWEST = 4
 SAMPLES = 12
 """Samples of the gyroscope in a window at least."""
 
+FINEST, UNMOVED = 16, 0.05
+"""Most integration steps within a step, and of a sensor's noise what halving them may move its readings."""
+
 TURNING, LATE = 0.05, 0.005
 """rad/s and s: what is known of a gyro's bias and of a pose's delay before, standard deviations."""
+
+
+@immutable(kw_only=False, eq=False)
+class WindowSearch:
+    """Vehicle parameters that windows of flights may show.
+
+    Attributes:
+        flights: on one clock, with different names. start: vehicle before, with a servo on each servo joint.
+        unknowns: that are searched. every: with those that are known. known: numbers by name that are not searched.
+        driven: of each joint, whether its effort is logged. servoed: whether a position servo moves it.
+        slow: whether commands were logged below 40 Hz. sample: s, between readings of the gyroscope.
+        gravity: m/s^2.
+    """
+
+    flights: Sequence[Clocked]
+    start: Vehicle
+    unknowns: Sequence[Unknown]
+    every: Sequence[Unknown]
+    known: Mapping[str, float]
+    driven: Sequence[bool]
+    servoed: Sequence[bool]
+    slow: bool
+    sample: float
+    gravity: float
+
+    @property
+    def begin(self) -> Array:
+        """Start vehicle's parameters (P,) on the scale of the search."""
+        return np.array([each.begin for each in self.unknowns])
+
+    @property
+    def first(self) -> float:
+        """Length of the first windows, s."""
+        return max(FIRST, SAMPLES * self.sample)
+
+    @property
+    def whole(self) -> float:
+        """Length of the last windows, s."""
+        return SLOW if self.slow else max(WHOLE, SAMPLES * self.sample)
+
+    def errors(self, seconds: float, most: int = 0, before: WindowErrors | None = None, finer: int = 1) -> WindowErrors:
+        """Errors of windows of a length, evenly taken where there are more than a number of them.
+
+        Args:
+            seconds: of a window.
+            most: windows; 0 for all.
+            before: errors of other windows, whose plant in machine code serves these too.
+            finer: least number of integration steps within a step of a new plant.
+
+        Raises:
+            ValueError: one line: there are hardly any windows.
+        """
+        windows = Windows(self.flights, self.start, seconds, most)
+        if windows.count < FEWEST:
+            names = ", ".join(each.name for each in self.flights)
+            raise ValueError(
+                f"{names}: fewer than {FEWEST} parts of {seconds:.3g} s in the air without a gap: fly longer"
+            )
+        plant = None if before is None else before.replay
+        parts = self.unknowns, self.known, self.driven, self.servoed
+        return WindowErrors(windows, self.start, *parts, self.gravity, plant, finer)
+
+    def scale(self, fit: WindowFit) -> Scale:
+        """Reported numbers at an estimate."""
+        return scale_of(fit, self.unknowns, reported_of(self.every), self.known)
+
+    def hidden_lags(self) -> set[str]:
+        """Names of the lags that commands below 40 Hz cannot show."""
+        return set(LAGS) if self.slow else set()
+
+
+def search_of(
+    flights: Sequence[FlightData],
+    start: Vehicle,
+    *,
+    curve: bool = False,
+    drag_height: bool = False,
+    full_voltage: float = 0.0,
+    sections: Sequence[tuple[float, float]] = (),
+    known: Mapping[str, float] | None = None,
+    gravity: float = GRAVITY,
+) -> WindowSearch:
+    """Search of a vehicle's parameters in flights; the arguments are those of :func:`identify_by_windows`."""
+    flights = _distinct_flights(flights)
+    step = clock_step(flights, start)
+    clocked = [on_clock(each, start, step, full_voltage=full_voltage, sections=sections) for each in flights]
+    driven, servoed = _moved_joints(flights, start)
+    start = with_servos(start, servoed)
+    every = unknowns_of(
+        start,
+        curve=curve,
+        velocity=True,
+        voltage=any(bool(np.ptp(each.voltage) > 0.0) for each in clocked),
+        driven=driven,
+        servoed=servoed,
+        drag_height=drag_height,
+        others=[each.name for each in flights[1:]],
+    )
+    if not any(name in each for each in flights for name in ("position", "velocity")):
+        # the drag of rotors shows in forces; that of the body, by the square of the speed, would be that of any speed
+        every = [each for each in every if not each.name.startswith("drag.area.")]
+    every += _of_sensors(flights)
+    fixed = dict(known or {})
+    require_searched(fixed, every)
+    unknowns = [each for each in every if each.name not in fixed]
+    slow = any(sampling_period(commanded_speeds(each, start)) for each in flights)
+    sample = max(1.0 / each["gyro"].rate for each in flights)
+    return WindowSearch(clocked, start, unknowns, every, fixed, driven, servoed, slow, sample, gravity)
+
+
+def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = None) -> tuple[WindowErrors, WindowFit]:
+    """Fit to some windows of the whole length, after one to shorter windows, whose problem is nearly linear.
+
+    Dry friction that bends within small rates needs integration steps that only the fit can tell: they are halved until
+    that hardly moves what is flown.
+    """
+    short = search.errors(search.first, FEW)
+    near = fit_windows(short, search.begin, progress=progress)
+    some = search.errors(search.whole, SOME, short)
+    fit = fit_windows(some, near.values, noise=near.noise, spread=near.spread, progress=progress)
+    while any(each.name.endswith(".coulomb") for each in search.unknowns) and some.replay.substeps < FINEST:
+        finer = search.errors(search.whole, SOME, finer=2 * some.replay.substeps)
+        finer.take_samples(fit.values)
+        moved = (finer.errors_at(fit.values, fit.states)[0] - fit.errors) / fit.noise[some.windows.owners]
+        if np.sqrt(np.mean(moved**2, axis=(0, 1))).max() < UNMOVED:
+            break
+        some = finer
+        fit = fit_windows(some, fit.values, noise=fit.noise, spread=fit.spread, progress=progress)
+    return some, fit
 
 
 def identify_by_windows(
@@ -74,53 +208,24 @@ def identify_by_windows(
     Raises:
         ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
     """
-    flights = _distinct_flights(flights)
-    step = clock_step(flights, start)
-    clocked = [on_clock(each, start, step, full_voltage=full_voltage, sections=sections) for each in flights]
-    driven, servoed = _moved_joints(flights, start)
-    start = with_servos(start, servoed)
-    every = unknowns_of(
+    search = search_of(
+        flights,
         start,
         curve=curve,
-        velocity=True,
-        voltage=any(bool(np.ptp(each.voltage) > 0.0) for each in clocked),
-        driven=driven,
-        servoed=servoed,
         drag_height=drag_height,
-        others=[each.name for each in flights[1:]],
+        full_voltage=full_voltage,
+        sections=sections,
+        known=known,
+        gravity=gravity,
     )
-    if not any(name in each for each in flights for name in ("position", "velocity")):
-        # the drag of rotors shows in forces; that of the body, by the square of the speed, would be that of any speed
-        every = [each for each in every if not each.name.startswith("drag.area.")]
-    every += _of_sensors(flights)
-    fixed = dict(known or {})
-    require_searched(fixed, every)
-    unknowns = [each for each in every if each.name not in fixed]
-    slow = any(sampling_period(commanded_speeds(each, start)) for each in flights)
-    sample = max(1.0 / each["gyro"].rate for each in flights)
-    begin, fit = np.array([each.begin for each in unknowns]), None
-    whole = SLOW if slow else max(WHOLE, SAMPLES * sample)
-    for length, most in ((max(FIRST, SAMPLES * sample), FEW), (whole, SOME), (whole, 0)):
-        windows = Windows(clocked, start, length, most)
-        if windows.count < FEWEST:
-            names = ", ".join(each.name for each in flights)
-            raise ValueError(
-                f"{names}: fewer than {FEWEST} parts of {length:.3g} s in the air without a gap: fly longer"
-            )
-        errors = WindowErrors(windows, start, unknowns, fixed, driven, servoed, gravity)
-        fit = fit_windows(
-            errors,
-            begin if fit is None else fit.values,
-            noise=None if fit is None else fit.noise,
-            spread=None if fit is None or most == SOME else fit.spread,
-            progress=progress,
-        )
-    assert fit is not None
-    scale = scale_of(fit, unknowns, reported_of(every), fixed)
-    free, correlation = identified_numbers(fit, scale, 0.0, sample, [flights[i].name for i in range(len(flights))])
+    some, near = first_fits(search, progress)
+    errors = search.errors(search.whole, before=some)
+    fit = fit_windows(errors, near.values, noise=near.noise, progress=progress)
+    start, unknowns, windows = search.start, search.unknowns, errors.windows
+    scale, unseen = search.scale(fit), search.hidden_lags()
+    free, correlation = identified_numbers(fit, scale, 0.0, search.sample, [each.name for each in search.flights])
     numbers = [bound_number(each, of.least) for each, of in zip(free, scale.reported, strict=True)]
     # what commands below 40 Hz cannot show goes back to the start; the dead time then stands for all that is late
-    unseen = set(LAGS) if slow else set()
     numbers = [dataclasses.replace(each, reason=NOT_SHOWN) if each.name in unseen else each for each in numbers]
     excluded = [a.is_known and not b.is_known for a, b in zip(free, numbers, strict=True)]
     shares = np.array([0.0 if out else each.data_share for out, each in zip(excluded, numbers, strict=True)])
@@ -140,10 +245,10 @@ def identify_by_windows(
         explained=explained,
         deviation=deviation,
         settled=fit.settled,
-        seconds=windows.count * windows.length * step,
+        seconds=windows.count * windows.length * windows.step,
         searched=plain,
-        period=sample,
-        counted=tuple(bool((windows.owners == i).any()) for i in range(len(flights))),
+        period=search.sample,
+        counted=tuple(bool((windows.owners == i).any()) for i in range(len(search.flights))),
     )
 
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.identified_numbers import SHOWN
-from skyarm.studies.identify.identify_vehicle import RATES, intervals_at, search_of, unseen_lags
-from skyarm.studies.identify.motion_model import Stretch
-from skyarm.studies.identify.prediction_error import expected_fit
+from skyarm.studies.identify.identified_numbers import SHOWN, identified_numbers
+from skyarm.studies.identify.identify_windows import first_fits, search_of
+from skyarm.studies.identify.windows import Windows
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NOT_EXCITED = "not in this flight"
@@ -90,26 +90,23 @@ class ExpectedNumber:
         return f"excited (± {width})"
 
 
-def expected_numbers(
-    stretches: Sequence[Stretch],
-    start: Vehicle,
-    *,
-    velocity: bool | None = None,
-) -> tuple[ExpectedNumber, ...]:
-    """Accuracy that flights allow for each number of a vehicle, without the search for the numbers.
+def expected_numbers(flights: Sequence[FlightData], start: Vehicle) -> tuple[ExpectedNumber, ...]:
+    """Accuracy that flights allow for each number of a vehicle, by the information of some of their windows.
 
-    It takes about as long as two steps of :func:`skyarm.studies.identify.identify_vehicle.identify_vehicle`, whose
-    arguments these are.
+    It takes about a third of the time of :func:`skyarm.studies.identify.identify_windows.identify_by_windows`.
 
     Raises:
         ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
     """
-    search = search_of(stretches, start, velocity=velocity)
-    fit = expected_fit(search.errors, search.begin, search.prior, search.steps, search.block, search.used, RATES)
+    search = search_of(flights, start)
+    some, near = first_fits(search)
+    whole = Windows(search.flights, search.start, search.whole)
+    fit = near.of_more(whole.count / some.windows.count)
     logarithmic = {each.name for each in search.unknowns if each.positive}
-    positive = {each.name for each in search.reported if logarithmic.intersection(each.parts)}
-    found, unseen = [], unseen_lags(stretches)
-    for each in intervals_at(fit, search, stretches[0]):
+    scale = search.scale(fit)
+    positive = {each.name for each in scale.reported if logarithmic.intersection(each.parts)}
+    found, unseen = [], search.hidden_lags()
+    for each in identified_numbers(fit, scale, 0.0, search.sample)[0]:
         share = 0.5 * math.log(each.high / each.low) if each.name in positive else 0.0
         found.append(
             ExpectedNumber(

@@ -17,13 +17,13 @@ from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import center_of_mass, inverse_dynamics
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.dynamics.state import State
+from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.series import middle, unit_rows
+from skyarm.flight_data.series import unit_rows
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
 from skyarm.studies.identify.logged_commands import time_constants
-from skyarm.studies.identify.motion_model import Stretch
 from skyarm.studies.identify.multisines import BASE_AXES
 from skyarm.studies.identify.sampled_series import vectors_of
 from skyarm.studies.identify.unknowns import USUAL_DELAY
@@ -67,42 +67,38 @@ class RequiredFlight:
         """Angle of thrust against the vertical (N + 1,), rad."""
         return np.arccos(np.clip(self.turned[:, 2, 2], -1.0, 1.0))
 
-    def stretch(self, vehicle: Vehicle, samples: int, fine: int, width: int) -> Stretch:
-        """Stretch for identification, as sensors without noise would give it.
+    def flight_data(self, vehicle: Vehicle, like: FlightData) -> FlightData:
+        """Flight as sensors without noise would measure it.
 
         Args:
             vehicle: whose rotors lag.
-            samples: of the sensors per period.
-            fine: commands per period.
-            width: samples of each moving mean.
+            like: flight whose sensors and commands these are, with their times from reading to reading.
         """
-        size, step = len(self.rate) - 1, self.period / fine
+        from scipy.spatial.transform import Rotation
+
         ups, downs = time_constants(vehicle.rotors).T
         change = np.gradient(self.speeds, self.period, axis=0)
-        ahead = self.speeds + change * np.where(change > 0.0, ups, downs)
-        times, instants = self.period * np.arange(size + 1), step * (np.arange(size * fine) + 0.5)
-
-        def finer(rows: Array) -> Array:
-            found = [np.interp(instants + USUAL_DELAY, times, column) for column in rows.T]
-            return np.stack(found, axis=1) if found else np.zeros((len(instants), 0))
-
-        still = np.zeros((size, 3))
-        return Stretch(
-            name="required",
-            start=0.0,
-            period=self.period,
-            samples=samples,
-            fine=fine,
-            commands=finer(ahead),
-            rate=self.rate,
-            specific_force=still,
-            joints=self.joints,
-            joint_rates=self.joint_rates,
-            efforts=finer(self.efforts),
-            velocity=middle(np.einsum("kji,kj->ki", self.turned, self.velocity)),
-            voltage=np.ones(size),
-            width=width,
-        )
+        times = self.period * np.arange(len(self.rate), dtype=float)
+        states = {
+            "gyro": self.rate,
+            "accelerometer": np.zeros_like(self.rate),  # only that there are readings counts
+            "position": self.position,
+            "quaternion": np.roll(Rotation.from_matrix(self.turned).as_quat(), 1, axis=1),
+            "velocity": self.velocity,
+            "joint_positions": self.joints,
+        }
+        commands = {
+            "rotor_speed_commands": self.speeds + change * np.where(change > 0.0, ups, downs),
+            "joint_efforts": self.efforts,
+        }
+        channels = dict[str, Channel]()
+        for late, every in ((0.0, states), (USUAL_DELAY, commands)):
+            for name, rows in every.items():
+                if name in like and rows.size:
+                    instants = np.arange(0.0, times[-1], 1.0 / like[name].rate)
+                    columns = [np.interp(instants + late, times, column) for column in rows.T]
+                    channels[name] = Channel(time=instants, values=np.stack(columns, axis=1), source="required")
+        return FlightData(name="required", file="required", channels=channels)
 
 
 def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredFlight:

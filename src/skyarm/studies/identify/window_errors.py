@@ -133,9 +133,11 @@ class WindowErrors:
         known: numbers by name that are not.
         driven: of each joint, whether its effort is logged. servoed: whether a position servo moves it.
         gravity: m/s^2.
+        replay: plant of other windows of the same step, unknowns and vehicle, in place of a new one.
+        finer: least number of integration steps within a step of a new one.
 
     Attributes:
-        names: of the numbers. rows: (sensor, column) of each row of the errors.
+        replay: simulated plant. names: of the numbers. rows: (sensor, column) of each row of the errors.
         free: (name, column) of each free number of a window. loose: their standard deviations before.
         wrench: which of them are force and torque.
     """
@@ -149,6 +151,8 @@ class WindowErrors:
         driven: Sequence[bool],
         servoed: Sequence[bool],
         gravity: float,
+        replay: Replay | None = None,
+        finer: int = 1,
     ) -> None:
         self.windows, self.start, self.unknowns, self.known = windows, start, list(unknowns), dict(known)
         self.driven, self.servoed = list(driven), list(servoed)
@@ -157,7 +161,7 @@ class WindowErrors:
         beside = (*BIAS.values(), TRIM, THRUST)
         inside = [not name.startswith(beside) and name not in IN_INPUTS for name in self.names]
         self._inside = np.flatnonzero(inside)
-        self._replay = self._make_replay(gravity)
+        self.replay = self._make_replay(gravity, finer) if replay is None else replay
         self.samples, self._taken = windows.samples(), dict[str, float]()
         n, servos = start.n, [servo_of(start, i) for i in range(start.n) if servoed[i]]
         self.rows = [(name, i) for name in self.samples for i in range(n if name == "joint_positions" else 3)]
@@ -176,7 +180,7 @@ class WindowErrors:
         arm = max(math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors)
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
 
-    def _make_replay(self, gravity: float) -> Replay:
+    def _make_replay(self, gravity: float, finer: int) -> Replay:
         """Simulated plant whose vehicle follows from the searched parameters."""
         start, servoed, step = self.start, self.servoed, self.windows.step
         inside = {self.names[i]: self.unknowns[i].start for i in self._inside}
@@ -202,7 +206,7 @@ class WindowErrors:
             gained = (velocity(after) - velocity(before)) * (1.0 / step) + Vec3(0.0, 0.0, gravity)
             return tuple(middle.normalized().rotation().apply_T(gained))
 
-        return Replay(vehicle_of, inside, step, gravity, drives_of=drives_of, sensed=felt)
+        return Replay(vehicle_of, inside, step, gravity, drives_of=drives_of, sensed=felt, finer=finer)
 
     def first_states(self) -> WindowStates:
         """First estimates of the window states, from the sensors' samples."""
@@ -233,12 +237,18 @@ class WindowErrors:
     def errors_at(self, searched: Array, states: WindowStates) -> tuple[Array, Mask]:
         """Errors (steps, W, rows) at numbers (P,) on the scale of the search, and which of them count."""
         found, there = self._nothing()
-        for k, _, rows, error, _, has in self._readings(searched, states, []):
-            found[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
+        with np.errstate(over="ignore", invalid="ignore"):  # what a search tries may fly to infinity
+            for k, _, rows, error, _, has in self._readings(searched, states, []):
+                found[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
         return found, there
 
-    def normal(self, searched: Array, states: WindowStates, noise: Array) -> tuple[Array, Mask, Normal]:
-        """Errors (steps, W, rows), which of them count, and the normal equations under noise (flights, rows)."""
+    def normal(
+        self, searched: Array, states: WindowStates, noise: Array, outlier: float = OUTLIER
+    ) -> tuple[Array, Mask, Normal]:
+        """Errors (steps, W, rows), which of them count, and the normal equations under noise (flights, rows).
+
+        Beyond ``outlier`` standard deviations an error counts by its size only.
+        """
         windows, x, size = self.windows, len(self.free), len(self.free) + len(self.names) + 1
         directions = self._directions()
         columns, steps = [place for place, _ in directions], np.array([step for _, step in directions])[:, None]
@@ -266,7 +276,9 @@ class WindowErrors:
             self._known_slopes(part, name, slope)
             part[:, :, -1] = error[:, 0].T
             size_of = np.abs(part[:, :, -1]) * scale[:, rows]
-            part *= (np.sqrt(OUTLIER / np.maximum(size_of, OUTLIER)) * scale[:, rows] * has[:, None])[:, :, None]
+            part *= (np.sqrt(np.minimum(1.0, outlier / np.maximum(size_of, 1e-300))) * scale[:, rows] * has[:, None])[
+                :, :, None
+            ]
         add()
         parts = np.split(sums, [x, size - 1], axis=1)
         own, mixed, pull = np.split(parts[0], [x, size - 1], axis=2)
@@ -308,7 +320,7 @@ class WindowErrors:
 
         Errors are (columns, 1 + directions, W), slopes (columns, W) per second.
         """
-        lanes, step = WindowLanes(self, self._replay, searched, states, directions), self.windows.step
+        lanes, step = WindowLanes(self, self.replay, searched, states, directions), self.windows.step
         numbers = self.numbers(searched)
         late = {name: numbers.get(DELAY.get(name, ""), 0.0) - self._taken.get(name, 0.0) for name in self.samples}
         before, forces = lanes.read(self.samples), list[Array]()

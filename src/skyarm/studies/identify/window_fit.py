@@ -8,6 +8,7 @@ the windows (MacKay 1992). Intervals: jackknife over blocks of time (Efron 1982)
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any
@@ -94,7 +95,7 @@ class WindowFit:
         stretch_information: (flights, P, P) of each flight. stretch_scores: (flights, P) their sums of scores.
         noise: (flights, rows) standard deviations. spread: (6,) of the wrench over the windows, N and N m.
         errors, counted: (steps, W, rows) what the windows leave, and which samples there are.
-        settled: whether the search came to rest.
+        states: of the windows. settled: whether the search came to rest.
     """
 
     values: Array
@@ -108,11 +109,21 @@ class WindowFit:
     spread: Array
     errors: Array
     counted: Mask
+    states: WindowStates
     settled: bool
 
     def quantiles(self, rows: Array) -> Array:
         """Quantiles (K,) of Student's t for half widths of 95 % of sums (K, P) of the numbers."""
         return student_quantiles(rows @ self.curvature, self.block_information)
+
+    def of_more(self, times: float) -> WindowFit:
+        """Fit to expect of so many times as many windows alike."""
+        blocks = times * self.block_information
+        curvature: Array = np.asarray(np.linalg.inv(blocks.sum(axis=0) + self.prior_information))
+        wider = np.sqrt(np.diag(self.covariance) / np.diag(self.curvature))
+        return dataclasses.replace(
+            self, curvature=curvature, covariance=curvature * np.outer(wider, wider), block_information=blocks
+        )
 
 
 @immutable(kw_only=False, eq=False)
@@ -195,6 +206,8 @@ def _search(
             if math.isfinite(after) and after < before * (1.0 + 1e-9):
                 break
             length *= SHORTER
+        if not math.isfinite(after):
+            raise ValueError("the vehicle does not fly as the log says from any parameters that the search tries")
         values, states = moved, free
         sizes = np.abs(change) / np.sqrt(np.diag(np.linalg.inv(reduced.total)))
         if progress is not None:
@@ -207,7 +220,7 @@ def _search(
             break
     # the last step's own, to first order: else what is left of it would pass for disagreement of flights
     scores = reduced.scores + reduced.information @ change
-    return _fit_of(errors, values, prior, reduced, scores, noise, spread, left, there, settled)
+    return _fit_of(errors, values, prior, reduced, scores, noise, spread, left, there, states, settled)
 
 
 @immutable(kw_only=False, eq=False)
@@ -227,8 +240,9 @@ class Cost:
 
     def at(self, errors: Array, values: Array, states: WindowStates) -> float:
         """Cost of errors (steps, W, rows), numbers (P,) and states."""
-        z = np.abs(np.where(self.there, errors, 0.0)) / self.noise
-        huber = np.where(z > OUTLIER, OUTLIER * (2.0 * z - OUTLIER), z**2).sum()
+        with np.errstate(over="ignore"):
+            z = np.abs(np.where(self.there, errors, 0.0)) / self.noise
+            huber = np.where(z > OUTLIER, OUTLIER * (2.0 * z - OUTLIER), z**2).sum()
         beside = states.beside / self.loose[len(self.loose) - states.beside.shape[1] :]
         return float(huber + (((values - self.start) / self.prior) ** 2).sum() + (beside**2).sum())
 
@@ -300,6 +314,7 @@ def _fit_of(
     spread: Array,
     found: Array,
     there: Mask,
+    states: WindowStates,
     settled: bool,
 ) -> WindowFit:
     """Fit with its covariance by the jackknife of the linear fit."""
@@ -329,6 +344,7 @@ def _fit_of(
         spread=spread,
         errors=found,
         counted=there,
+        states=states,
         settled=settled,
     )
 
