@@ -49,9 +49,9 @@ IRIS_INERTIA = {
 
 
 def test_gazebo_s_iris_is_found_from_its_flight(tmp_path):
-    """Thrust within 3 %, inertia within 2 % (7 % about x), inside their intervals, from a start that is 15 % off; commands logged at 10 Hz.
+    """Thrust within 3 %, inertia within 2 % (7 % about x), from a start that is 15 % off.
 
-    Windows of a second, in which the commands are on straight lines.
+    Commands are logged at 10 Hz, and all these lie inside their intervals.
     """
     true = iris()
     rotors = tuple(

@@ -120,7 +120,7 @@ def design_flight(
             progress(done, candidates + 2, words)
 
     def accuracy(log: Log) -> tuple[ExpectedNumber, ...]:
-        return expected_numbers([_measured(log)], vehicle)
+        return expected_numbers([_flight_data(log)], vehicle)
 
     tell(0, "undesigned flight")
     document = scenario_document(vehicle, name, [], axes, limits.seconds, seed)
@@ -128,7 +128,7 @@ def design_flight(
     plain = run(hover.with_words(reference=unseen_motion(vehicle)))
     if plain.info["status"] != "completed":
         raise ValueError(f"vehicle '{vehicle.name}': the law {LAW} does not fly it ({plain.info['status']})")
-    measured = measured_noise(_measured(plain), vehicle)
+    measured = measured_noise(_flight_data(plain), vehicle)
 
     def drawn(done: int, _: int, words: str) -> None:
         tell(done + 1, words)
@@ -157,7 +157,7 @@ def design_flight(
     )
 
 
-def _measured(log: Log) -> FlightData:
+def _flight_data(log: Log) -> FlightData:
     return measured_flight(log, Path("designed.npz"))
 
 
