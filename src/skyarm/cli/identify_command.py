@@ -51,8 +51,8 @@ from skyarm.studies.identify.identified_report import (
 )
 from skyarm.studies.identify.identify_files import identify_files
 from skyarm.studies.identify.identify_flights import known_of_search
-from skyarm.studies.identify.lag_report import every_lag, lag_lines, nominal_model, stated_delays
-from skyarm.studies.identify.loop_lags import lag_tables, loop_lags
+from skyarm.studies.identify.lag_report import every_lag, lag_lines, lag_tables, nominal_model, stated_delays
+from skyarm.studies.identify.loop_lags import loop_lags
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 

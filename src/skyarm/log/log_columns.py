@@ -211,17 +211,25 @@ def setpoints_of(info: Mapping[str, Any]) -> dict[str, str]:
         units as ``rad or m``, of a revolute and of a prismatic joint; empty where a user's drive states none,
         or its plugin is not loaded.
     """
+    found = {}
+    for joint, drive in drives_of(info).items():
+        if not getattr(drive, "takes_torque", False):
+            takes = getattr(drive, "takes", "")
+            found[joint] = takes if isinstance(takes, str) else ""
+    return found
+
+
+def drives_of(info: Mapping[str, Any]) -> dict[str, Any]:
+    """Drive of each joint that has one, by the joint's name; of one whose plugin is not loaded what is written.
+
+    Args:
+        info: of a log, which keeps the scenario that was flown.
+    """
     carried = _rows(written_part(info, "agent", "plant", "vehicle", "drives"))
     # the scenario's own drive of a joint wins over the vehicle's
     given = {each.get("name"): each.get("drive") for each in carried}
     given |= {each.get("joint"): each.get("drive") for each in _rows(written_part(info, "agent", "drives"))}
-    found = {}
-    for joint, drive in given.items():
-        made = restore_written(info, drive)
-        if isinstance(joint, str) and not getattr(made, "takes_torque", False):
-            takes = getattr(made, "takes", "")
-            found[joint] = takes if isinstance(takes, str) else ""
-    return found
+    return {joint: restore_written(info, drive) for joint, drive in given.items() if isinstance(joint, str)}
 
 
 def _rows(data: Any) -> list[Mapping[str, Any]]:

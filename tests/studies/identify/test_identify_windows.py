@@ -11,7 +11,7 @@ import pytest
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.identified_numbers import NOT_SHOWN
 from skyarm.studies.identify.identified_parts import vehicle_with
-from skyarm.studies.identify.identify_windows import _explained_shares, _without_lines, identify_by_windows
+from skyarm.studies.identify.identify_windows import _without_lines, explained_shares, identify_by_windows
 from skyarm.studies.identify.unknowns import second_moments, unknowns_of
 from skyarm.studies.identify.windows import Samples
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -138,7 +138,7 @@ def test_what_is_explained_is_beyond_white_noise(monkeypatch):
     samples = {"gyro": Samples(swing, np.ones(80), np.ones(80, dtype=bool))}
     errors = SimpleNamespace(windows=windows, rows=[("gyro", 0)], samples=samples)
     fit = SimpleNamespace(counted=np.ones((40, 2, 1), dtype=bool), errors=np.full((40, 2, 1), 0.3))
-    explained, deviation = _explained_shares(errors, fit)
+    explained, deviation = explained_shares(errors, fit)
     time = np.arange(40.0)
     bends = np.mean((swing[:40, 0] - np.polyval(np.polyfit(time, swing[:40, 0], 1), time)) ** 2)
     assert explained == {"rate.x": pytest.approx(1.0 - 0.08 / (bends - 0.01))}

@@ -22,9 +22,9 @@ from skyarm.flight_data.series import attitude_at, common_span, integral_of, mea
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_parts import Surroundings
-from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
 from skyarm.studies.identify.logged_commands import highest_speeds, time_constants
 from skyarm.studies.identify.motion_model import Stretch, predict
+from skyarm.studies.identify.required_flight import wrench_of_pushes
 from skyarm.studies.identify.rotor_lag import lag_response
 from skyarm.studies.identify.sampled_series import moving_mean
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -236,7 +236,7 @@ def identify_by_windows(
     groups = [[i for i, each in enumerate(of_vehicle) if each is first] for first in (True, False)]
     told = condition_on_start(fit.values, fit.curvature, scale.rows, scale.off, scale.before, shares, groups)
     plain = at_starts(errors.numbers(told.values), scale, told.replaced, [each.name for each in unknowns])
-    explained, deviation = _explained_shares(errors, fit)
+    explained, deviation = explained_shares(errors, fit)
     return Identified(
         numbers=with_reasons(numbers, told.beside),
         correlation=correlation,
@@ -284,7 +284,7 @@ def _of_sensors(flights: Sequence[FlightData]) -> list[Unknown]:
     return found
 
 
-def _explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, float], dict[str, float]]:
+def explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, float], dict[str, float]]:
     """Explained share of each row's variance beyond straight lines and white noise, and its errors' deviation."""
     names, windows = {"gyro": "rate", "accelerometer": "specific_force"}, errors.windows
     white = first_noise(errors)[windows.owners] ** 2

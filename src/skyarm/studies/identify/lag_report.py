@@ -9,6 +9,7 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import written_part
 from skyarm.records.files import printable
+from skyarm.records.files.toml import toml_key
 from skyarm.records.text_tables import Row, aligned_lines
 from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -45,8 +46,55 @@ def stated_delays(log: Log) -> dict[str, float | None]:
 
 
 def every_lag(found: LoopLags) -> list[Lag]:
-    """Lags of the rotors, if there are any, and of each joint."""
-    return [*([found.rotors] if found.rotors else []), *found.joints]
+    """Lags of the rotors and of each joint."""
+    return [found.rotors, *found.joints]
+
+
+PHYSICS_STEP = 0.001
+"""s, of the usual physics, of which a command's delay is a whole number."""
+
+
+def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
+    """TOML tables of the identified delays, rotor time constants and joint drives; empty if none was identified.
+
+    Args:
+        found: in a log.
+        measured: additional nominal measurement delay, s, of logs with true rates.
+    """
+    lines: list[str] = []
+    rotors = found.rotors
+    if rotors.is_known:
+        periods = round((measured + rotors.delay.value) / found.period)
+        lines += [
+            "# scenario: what the plant has, in whole physics steps",
+            "[delays]",
+            f"command = {round(rotors.delay.value / PHYSICS_STEP) * PHYSICS_STEP:.3f}  {_from(rotors.delay)}",
+            "",
+            "# what a law may be given, as an option of its law: centroidal, and others",
+            f"# controller.delay = {periods * found.period:.6g}",
+            f"# controller.delay_periods = {periods}",
+            "",
+            "# vehicle file, each of [[rotors]]",
+            f"# time_constant_up = {rotors.up.value:.4f}  {_from(rotors.up)}",
+            f"# time_constant_down = {rotors.down.value:.4f}  {_from(rotors.down)}",
+            "",
+        ]
+    for joint in found.joints:
+        # a lag that its interval does not tell from none is none; where delay and lag are one, it stands for both
+        lagging = joint.up.low > PHYSICS_STEP if joint.apart else joint.together.low > found.period
+        if joint.is_known and lagging:
+            beside = f"beside a delay of {1e3 * joint.delay.value:.1f} ms"
+            lines += [
+                f"[plant.drives.{toml_key(joint.name)}]",
+                'kind = "lagged_torque"',
+                f"time_constant = {joint.up.value:.4f}  {_from(joint.up)}; {beside}",
+                "",
+            ]
+    return "\n".join(lines)
+
+
+def _from(found: Estimated) -> str:
+    return f"# {1e3 * found.low:.2f} to {1e3 * found.high:.2f} ms"
 
 
 def lag_lines(title: str, found: LoopLags, stated: Mapping[str, float | None]) -> list[str]:

@@ -1,9 +1,7 @@
 """Identification of command delays and of rotor and joint drive lags from a flight log.
 
-Motion gives by inverse dynamics the forces that acted; commands, a dead time and a first-order lag give those that
-should have. The dead time and the time constants by which both agree best are found by least squares
-(:mod:`whitened_fit`), each with an interval. The strength of each row (roll, pitch, yaw, thrust) and the joints'
-viscous friction are found with them: they need not be modelled rightly.
+They are found with what need not be modelled rightly, thrust, inertia, links and friction, by the fit of a vehicle to
+windows that the engine flies (:mod:`window_fit`).
 
 What is found is the time from a command to the *logged* rates. Where a log holds rates as an on-board computer received
 them, their age is in it: of delays around a loop only the sum is seen by what passes through it. A log of skyarm holds
@@ -14,28 +12,28 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from skyarm.dynamics.actuators.servo import PositionServo
+from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.flight_data.own_log import STATED
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.flight_data.series import middle
 from skyarm.log.flight_log import Log
-from skyarm.log.log_columns import setpoints_of
+from skyarm.log.log_columns import drives_of, setpoints_of
 from skyarm.records.arrays import Array
-from skyarm.records.files.toml import toml_key
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.lagged_inputs import (
-    Needed,
-    believed_lags,
-    model_forces,
-    pushes_of,
-    require_finite,
-    wrench_of_pushes,
-)
-from skyarm.studies.identify.logged_commands import highest_speeds, time_constants
-from skyarm.studies.identify.rotor_lag import lag_response
-from skyarm.studies.identify.whitened_fit import Fit, blocks_of, fit
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.studies.identify.identified_numbers import LAGS
+from skyarm.studies.identify.identified_parts import vehicle_with
+from skyarm.studies.identify.identify_windows import FIRST, TURNING, WHOLE, explained_shares
+from skyarm.studies.identify.logged_commands import time_constants
+from skyarm.studies.identify.unknowns import USUAL_DELAY, Unknown, servo_of, unknowns_of
+from skyarm.studies.identify.window_errors import WindowErrors
+from skyarm.studies.identify.window_fit import BLOCK, WindowFit, fit_windows
+from skyarm.studies.identify.windows import Windows, clock_step, on_clock
+from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
 
 
 @immutable
@@ -49,7 +47,7 @@ class Estimated:
     @classmethod
     def of(cls, value: float, half: float, *, least: float = 0.0) -> Estimated:
         """Create an estimate with a symmetric confidence interval, cut at the least possible value."""
-        return cls(value=value, low=max(least, value - half), high=value + half)
+        return cls(value=max(least, value), low=max(least, value - half), high=value + half)
 
 
 @immutable
@@ -58,7 +56,7 @@ class Lag:
 
     Attributes:
         name: "rotors", or the joint's. together: s, dead time and lag, as a small swing meets them.
-        delay: s, dead time. up, down: s, time constants of rotors; of a joint drive both are its own.
+        delay: s, dead time. up, down: s, time constants of the first rotor; of a joint drive both are its own.
         factor: (up, down) ratio to the nominal time constants; NaN without nominal ones.
         explained: share of the motion, 0 to 1, that the commands explain once noise and slow disturbances are off.
         reason: why the log does not determine the lag, else empty. apart: whether delay and lag are separable.
@@ -86,74 +84,21 @@ class LoopLags:
 
     Attributes:
         period: s, of the control. seconds: of the log.
-        rotors: lag of the rotors, None without any. joints: lags of torque-driven joints.
+        rotors: lag of the rotors. joints: lags of torque-driven joints.
         left_out: joint -> reason why it was not identified.
     """
 
     period: float
     seconds: float
-    rotors: Lag | None
+    rotors: Lag
     joints: tuple[Lag, ...]
     left_out: dict[str, str]
 
 
-PHYSICS_STEP = 0.001
-"""s, of the usual physics, of which a command's delay is a whole number."""
+LONGEST, SLOWEST = 0.08, 0.5
+"""s, longest delay and time constant that are looked for."""
 
-
-def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
-    """TOML tables of the identified delays, rotor time constants and joint drives; empty if none was identified.
-
-    Args:
-        found: in a log.
-        measured: additional nominal measurement delay, s, of logs with true rates.
-    """
-    lines: list[str] = []
-    rotors = found.rotors
-    if rotors is not None and rotors.is_known:
-        periods = round((measured + rotors.delay.value) / found.period)
-        lines += [
-            "# scenario: what the plant has, in whole physics steps",
-            "[delays]",
-            f"command = {round(rotors.delay.value / PHYSICS_STEP) * PHYSICS_STEP:.3f}  {_from(rotors.delay)}",
-            "",
-            "# what a law may be given, as an option of its law: centroidal, and others",
-            f"# controller.delay = {periods * found.period:.6g}",
-            f"# controller.delay_periods = {periods}",
-            "",
-            "# vehicle file, each of [[rotors]]",
-            f"# time_constant_up = {rotors.up.value:.4f}  {_from(rotors.up)}",
-            f"# time_constant_down = {rotors.down.value:.4f}  {_from(rotors.down)}",
-            "",
-        ]
-    for joint in found.joints:
-        # a lag that its interval does not tell from none is none; where delay and lag are one, it stands for both
-        lagging = joint.up.low > PHYSICS_STEP if joint.apart else joint.together.low > found.period
-        if joint.is_known and lagging:
-            beside = f"beside a delay of {1e3 * joint.delay.value:.1f} ms"
-            lines += [
-                f"[plant.drives.{toml_key(joint.name)}]",
-                'kind = "lagged_torque"',
-                f"time_constant = {joint.up.value:.4f}  {_from(joint.up)}; {beside}",
-                "",
-            ]
-    return "\n".join(lines)
-
-
-def _from(found: Estimated) -> str:
-    return f"# {1e3 * found.low:.2f} to {1e3 * found.high:.2f} ms"
-
-
-LONGEST = 0.08
-"""s, longest delay that is looked for."""
-
-LOWEST_FACTOR, HIGHEST_FACTOR = 0.1, 8.0
-"""Time constants that are looked for, over what is believed."""
-
-LEAST_LAG, MOST_LAG = 5e-4, 0.2
-"""s, time constants of a joint drive that are looked for."""
-
-INSTANT, SHARE = 0.1, 0.03
+INSTANT, SHARE = 0.1, 0.01
 """Of a control period and of the time itself: what sampling and a model that is never quite right leave, whatever the
 noise; no half of an interval is smaller than both together."""
 
@@ -167,8 +112,26 @@ APART = 0.004
 STIRRING = 1e-5
 """Of the size of commands, least change from one control period to the next."""
 
-DELAY_STEP, FACTOR_STEP, GAIN_STEP = 2.5e-4, 0.03, 0.02
-"""Of differences: s, and of logarithms."""
+SHORTEST, UNEVEN = 1.0, 0.01
+"""s of a flight of which anything is asked, and share of a period by which instants may be off an even clock."""
+
+USUAL = 0.02
+"""s: time constant that drives of joints are thought to have."""
+
+LATE, SLOW = 0.05, 1.5
+"""s, standard deviation of a delay before the flight; of the logarithm of a time constant."""
+
+SENSORS = ("gyro", "quaternion", "velocity", "joint_positions", "joint_rates")
+"""Quantities that are compared: a position tells nothing beyond the velocity."""
+
+ROTORS = "rotors"
+"""Name of the rotors' lag."""
+
+MODELLED = ("rotors.thrust_coefficient", "base.second_moment.", "links.", "drives.")
+"""Begins of the names of what need not be modelled rightly: answers to commands, the arm, its friction and servos."""
+
+FEW, PARTS = 40, 16
+"""Windows with which the search begins; of a flight at least as many at its end."""
 
 
 def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
@@ -182,189 +145,156 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     Raises:
         ValueError: in one line: the log does not fit the vehicle or is too short, or SciPy is missing.
     """
-    rotors = len(vehicle.rotors)
-    if log.rotor_commands.shape[1] != rotors:
-        count = log.rotor_commands.shape[1]
-        raise ValueError(f"rotor_commands: the log has {count}, vehicle '{vehicle.name}' {rotors} rotors")
-    require_finite(log, "rotor_commands", "efforts")
-    motion = model_forces(vehicle, log, gravity)
-    setpoints = setpoints_of(log.info)
-    names = [link.joint.name for link in vehicle.links]
-    left_out = {
-        name: f"its drive takes a setpoint, {setpoints[name] or 'of its own'}" for name in names if name in setpoints
+    period = _control_period(log, vehicle)
+    logged = {**STATED, "joint_efforts": "efforts", "joint_commands": "efforts"}
+    channels = {
+        name: Channel(time=log.time, values=log[array], source=array)
+        for name, array in logged.items()
+        if log[array].size
     }
+    flight = FlightData(name="log", file="", channels=channels)
+    # a servo that the vehicle does not have is that of the flight
+    setpoints = setpoints_of(log.info)
+    flown = drives_of(log.info)
+    servos = [name for name in flown if setpoints.get(name) == PositionServo.takes]
+    drives = {name: MountedDrive(name=name, drive=flown[name]) for name in servos}
+    drives |= {each.name: each for each in vehicle.drives}
+    rotors = tuple(dataclasses.replace(each, tilt=None) for each in vehicle.rotors)
+    start = dataclasses.replace(vehicle, rotors=rotors, drives=tuple(drives.values()))
+    names = [link.joint.name for link in vehicle.links]
+    searched = {
+        name: _delay_and_lags(f"drives.{name}.latency", **{f"drives.{name}.time_constant": USUAL})
+        for name, efforts in zip(names, log.efforts.T, strict=True)
+        if name not in setpoints and _vary(efforts)
+    }
+    believed = time_constants(vehicle.rotors)[0].tolist()
+    if _vary(log.rotor_commands):
+        searched[ROTORS] = _delay_and_lags("delay", **dict(zip(LAGS[1:], believed, strict=True)))
+    driven = [name not in setpoints for name in names]
+    # of a drive with a lag the means over the control periods act
+    known = {f"drives.{name}.hold": 1.0 for name, each in flown.items() if hasattr(each, "time_constant")}
+    known |= {f"drives.{name}.time_constant": USUAL for name in names if name not in searched}
+    fitted = _fit(flight, start, driven, searched, known | {"setpoint_hold": 1.0}, gravity) if searched else None
+
+    def lag(name: str) -> Lag:
+        if fitted is None or name not in searched:
+            none = Estimated(value=math.nan, low=math.nan, high=math.nan)
+            reason = "the commands hardly change"
+            return Lag(name=name, together=none, delay=none, up=none, down=none, explained=0.0, reason=reason)
+        return _lag(name, searched[name], *fitted, period)
+
+    of_rotors = lag(ROTORS)
+    factor = of_rotors.up.value / believed[0], of_rotors.down.value / believed[1]
     return LoopLags(
-        period=motion.period,
+        period=period,
         seconds=float(log.time[-1] - log.time[0]),
-        rotors=rotor_lag(vehicle, log, motion) if rotors else None,
-        joints=tuple(joint_lag(name, log, motion, i) for i, name in enumerate(names) if name not in setpoints),
-        left_out=left_out,
+        rotors=dataclasses.replace(of_rotors, factor=factor),
+        joints=tuple(lag(name) for name in names if name not in setpoints),
+        left_out={
+            name: f"its drive takes a setpoint, {setpoints[name] or 'of its own'}"
+            for name in names
+            if name in setpoints
+        },
     )
 
 
-def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
-    """Identify the delay of the rotor commands and the rotors' time constants."""
-    up, down = believed_lags(vehicle.rotors)
-    commands = np.clip(log.rotor_commands, 0.0, highest_speeds(vehicle.rotors))
-    if not _vary_enough(commands):
-        return _unknown_lag("rotors", "the commands hardly change")
-    matrix = wrench_of_pushes(vehicle.rotors)
-    rows = [i for i in range(6) if np.abs(matrix[i]).max() > 1e-9 * np.abs(matrix).max()]
+def _control_period(log: Log, vehicle: Vehicle) -> float:
+    """Control period of a log, s.
 
-    def predict(numbers: Array) -> Array:
-        factors = np.exp(numbers[:, 1:3])
-        lags = factors[:, :1] * up, factors[:, 1:2] * down
-        _, squares, _ = lag_response(commands[:-1], motion.period, numbers[:, 0], *lags)
-        return pushes_of(vehicle.rotors, squares) @ matrix[rows].T
-
-    found = _fit(
-        predict,
-        motion.wrench[:, rows],
-        motion.period,
-        starts=np.log([0.5, 1.0, 2.0, 4.0]),
-        bounds=(math.log(LOWEST_FACTOR), math.log(HIGHEST_FACTOR)),
-        constants=2,
-    )
-    lag = _lag("rotors", found, motion.period, np.array([up.mean(), down.mean()]))
-    known = time_constants(vehicle.rotors)[0] > 0.0
-    up_factor, down_factor = np.where(known, np.exp(found.values[1:3]), math.nan).tolist()
-    return dataclasses.replace(lag, factor=(up_factor, down_factor))
-
-
-def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
-    """Identify the delay of a joint's commands and the lag of its drive."""
-    commands = log.efforts[:, joint : joint + 1]
-    if not _vary_enough(commands):
-        return _unknown_lag(name, "the commands hardly change")
-    rate = motion.joint_rates[:, joint : joint + 1]
-
-    def predict(numbers: Array) -> Array:
-        tau = np.exp(numbers[:, 1:2])
-        return lag_response(commands[:-1], motion.period, numbers[:, 0], tau, tau)[0]
-
-    scale = float(np.std(motion.efforts[:, joint])) / max(float(np.std(rate)), 1e-9)
-    found = _fit(
-        predict,
-        motion.efforts[:, joint : joint + 1],
-        motion.period,
-        starts=np.log([0.001, 0.01, 0.03, 0.08]),
-        bounds=(math.log(LEAST_LAG), math.log(MOST_LAG)),
-        constants=1,
-        friction=scale * rate,
-    )
-    return _lag(name, found, motion.period, np.ones(1))
-
-
-def _lag(name: str, found: Fit, period: float, nominal: Array) -> Lag:
-    """Identified delay and time constants, with confidence intervals, from the parameters of a least-squares fit.
-
-    Args:
-        name: of the group.
-        found: its parameters are the dead time, then the logarithms of each time constant over the nominal one.
-        period: s, of the control.
-        nominal: time constants, s: one of a joint drive, that up and that down of rotors.
+    Raises:
+        ValueError: in one line: the log does not fit the vehicle, is too short, or its clock is not even.
     """
-    taus = np.exp(found.values[1 : 1 + len(nominal)]) * nominal
-    # the mean rate is what a small swing meets
-    middle = len(taus) / (1.0 / taus).sum()
-    weights = [1.0, *(middle**2 / (len(taus) * taus))]
-    total = float(found.values[0] + middle)
-    floor = INSTANT * period + SHARE * total
-    halves = [_half(found, row.tolist()) for row in np.eye(1 + len(taus))]
-    constants = [_constant(float(tau), half, floor) for tau, half in zip(taus, halves[1:], strict=True)]
-    lag = Lag(
-        name=name,
-        together=Estimated.of(total, math.hypot(_half(found, weights), floor)),
-        delay=Estimated.of(float(found.values[0]), math.hypot(halves[0], floor)),
-        up=constants[0],
-        down=constants[-1],
-        explained=found.explained,
-    )
-    return _with_verdict(lag, found)
+    rotors, joints = log.rotor_commands.shape[1], log.joints.shape[1]
+    if not rotors or rotors != len(vehicle.rotors):
+        raise ValueError(f"rotor_commands: the log has {rotors}, vehicle '{vehicle.name}' {len(vehicle.rotors)} rotors")
+    if joints != vehicle.n:
+        raise ValueError(f"joints: the log has {joints}, vehicle '{vehicle.name}' {vehicle.n}")
+    steps = np.diff(log.time)
+    if not len(steps) or log.time[-1] - log.time[0] < SHORTEST * (1.0 - 1e-9):
+        span = log.time[-1] - log.time[0] if log.time.size else 0.0
+        raise ValueError(f"time: {span:g} s are too short; at least {SHORTEST:g} s of flight are needed")
+    period = float(np.median(steps))
+    if not period > 0.0 or np.abs(steps - period).max() > UNEVEN * period:
+        raise ValueError("time: must be evenly spaced, one row a control period")
+    if np.linalg.norm(middle(log.quaternion), axis=1).min() < 0.5:
+        raise ValueError("quaternion: must be of unit length and without jumps")
+    return period
 
 
-def _fit(
-    predicted: Callable[[Array], Array],
-    measured: Array,
-    period: float,
-    *,
-    starts: Array,
-    bounds: tuple[float, float],
-    constants: int,
-    friction: Array | None = None,
-) -> Fit:
-    """Least-squares fit of dead time, time constants, a gain per signal, and optionally viscous friction.
-
-    Args:
-        predicted: (candidates, own parameters) -> (candidates, N, rows).
-        measured: (N, rows).
-        period: s.
-        starts: logarithms of the time constants at which the search may begin.
-        bounds: of these logarithms.
-        constants: how many time constants there are.
-        friction: (N, 1) effect of a friction coefficient of 1.
-    """
-    own, rows, more = 1 + constants, measured.shape[1], int(friction is not None)
-    aim = np.cumsum(measured, axis=0) * period
-
-    def left(candidates: Array) -> Array:
-        # candidates that differ in strength alone share a prediction
-        dynamic, place = np.unique(candidates[:, :own], axis=0, return_inverse=True)
-        force = predicted(dynamic)[place.ravel()] * np.exp(candidates[:, None, own : own + rows])
-        if friction is not None:
-            force = force - candidates[:, None, own + rows :] * friction
-        return aim - np.cumsum(force, axis=1) * period
-
-    # a constant force explains a straight line: what is left of it is what commands could explain
-    time = np.linspace(-1.0, 1.0, len(aim))[:, None]
-    moved = aim - aim.mean(axis=0) - time * (time * aim).sum(axis=0) / (time**2).sum()
-    gains, (low, high) = [1.5] * rows + [3.0] * more, bounds
-    first = [[delay, *[x] * constants, *[0.0] * len(gains)] for delay in np.arange(0.0, 0.045, 0.005) for x in starts]
-    return fit(
-        left,
-        moved,
-        np.array(first),
-        (
-            np.array([0.0, *[low] * constants, *(-each for each in gains)]),
-            np.array([LONGEST, *[high] * constants, *gains]),
-        ),
-        np.array([DELAY_STEP, *[FACTOR_STEP] * constants, *[GAIN_STEP] * len(gains)]),
-        blocks_of(len(measured) * period),
-        measured.std(axis=0) * period,
-    )
-
-
-def _half(found: Fit, weights: list[float]) -> float:
-    return found.half_width([*weights, *[0.0] * (len(found.values) - len(weights))])
-
-
-def _constant(value: float, half: float, floor: float) -> Estimated:
-    """Estimated time constant, s, with a confidence interval from the half-width of its logarithm."""
-    width = math.hypot(min(half, 5.0), floor / value)
-    return Estimated(value=value, low=value * math.exp(-width), high=value * math.exp(width))
-
-
-def _with_verdict(lag: Lag, found: Fit) -> Lag:
-    """Identified lag with the reason, if any, why the flight log does not determine it."""
-    half = lag.together.high - lag.together.value
-    alone = lag.delay.high - lag.delay.value
-    reason = ""
-    if not np.isfinite(found.covariance).all() or not math.isfinite(half):
-        reason = "the commands do not show in the motion"
-    elif found.beyond.any():
-        reason = "the best of them lies at the end of what is looked for"
-    elif found.explained < CLEAR:
-        reason = f"the commands explain {found.explained:.1%} of the motion, under {CLEAR:.0%}"
-    elif half > WIDEST:
-        reason = f"delay and lag together are known to {1e3 * half:.0f} ms only, over {1e3 * WIDEST:.0f} ms"
-    return dataclasses.replace(lag, reason=reason, apart=alone <= APART)
-
-
-def _vary_enough(commands: Array) -> bool:
-    """True if logged commands (N, actuators) vary enough to identify the actuators' lag."""
+def _vary(commands: Array) -> bool:
+    """True if logged commands, a row a period, vary enough to identify the actuators' lag."""
     return bool(np.std(np.diff(commands, axis=0)) > STIRRING * np.sqrt(np.mean(commands**2)))
 
 
-def _unknown_lag(name: str, reason: str) -> Lag:
-    none = Estimated(value=math.nan, low=math.nan, high=math.nan)
-    return Lag(name=name, together=none, delay=none, up=none, down=none, explained=0.0, reason=reason)
+def _delay_and_lags(delay: str, **lags: float) -> list[Unknown]:
+    """Unknown delay and time constants, from the name of the one, and names and usual values (s) of the others."""
+    found = [Unknown(name=name, unit="s", start=tau, spread=SLOW, positive=True) for name, tau in lags.items()]
+    return [Unknown(name=delay, unit="s", start=USUAL_DELAY, spread=LATE), *found]
+
+
+def _fit(
+    flight: FlightData,
+    start: Vehicle,
+    driven: Sequence[bool],
+    searched: Mapping[str, list[Unknown]],
+    known: Mapping[str, float],
+    gravity: float,
+) -> tuple[WindowErrors, WindowFit]:
+    """Fit of delays and time constants by group, and of what need not be modelled rightly, to windows of a flight."""
+    clocked = on_clock(flight, start, clock_step([flight], start), sections=[(-math.inf, math.inf)], sensors=SENSORS)
+    servoed = [not moved and servo_of(start, i) is not None for i, moved in enumerate(driven)]
+    usual = unknowns_of(start, curve=False, velocity=False, voltage=True, driven=driven, servoed=servoed)
+    unknowns = [each for group in searched.values() for each in group]
+    unknowns += [each for each in usual if each.name.startswith(MODELLED)]
+    unknowns += [Unknown(name=f"gyro_bias.{axis}", unit="rad/s", start=0.0, spread=TURNING) for axis in "xyz"]
+    model = (start, unknowns, known, driven, servoed, gravity)
+    errors = WindowErrors(Windows([clocked], start, FIRST, FEW), *model)
+    first = fit_windows(errors, np.array([each.begin for each in unknowns]))
+    # the speeds of slow rotors follow from more of the past
+    slow, part = vehicle_with(start, errors.numbers(first.values)), min(BLOCK, max(FIRST, flight.duration / PARTS))
+    errors = WindowErrors(Windows([clocked], slow, min(WHOLE, part)), *model, errors.replay)
+    return errors, fit_windows(errors, first.values, noise=first.noise, block=part)
+
+
+def _lag(name: str, searched: list[Unknown], errors: WindowErrors, fit: WindowFit, period: float) -> Lag:
+    """Identified delay and time constants of a group, with intervals and a reason if the flight does not tell.
+
+    Args:
+        name: of the group.
+        searched: its dead time, then its time constants.
+        errors: of the windows.
+        fit: of them.
+        period: s, of the control.
+    """
+    place = [errors.names.index(each.name) for each in searched]
+    delay, *taus = errors.values(fit.values)[place].tolist()
+    # the mean rate is what a small swing meets
+    swing = len(taus) / sum(1.0 / tau for tau in taus)
+    rows = np.zeros((1 + len(place), len(fit.values)))
+    rows[0, place] = [1.0, *(swing**2 / (len(taus) * tau) for tau in taus)]
+    rows[range(1, len(rows)), place] = [1.0, *taus]
+    halves = fit.quantiles(rows) * np.sqrt(np.einsum("kp,pq,kq->k", rows, fit.covariance, rows))
+    halves = np.hypot(halves, INSTANT * period + SHARE * (delay + swing))
+    numbers = zip((delay + swing, delay, *taus), halves.tolist(), strict=True)
+    together, alone, up, *more = (Estimated.of(value, half) for value, half in numbers)
+    shares, _ = explained_shares(errors, fit)
+    rates = [f"rate.{axis}" for axis in "xyz"] if name == ROTORS else [f"{name}.position"]
+    explained, reason = sum(shares[each] for each in rates) / len(rates), ""
+    if not np.isfinite(halves).all():
+        reason = "the commands do not show in the motion"
+    elif delay > LONGEST or max(taus) > SLOWEST:
+        reason = "the best of them lies at the end of what is looked for"
+    elif explained < CLEAR:
+        reason = f"the commands explain {explained:.1%} of the motion, under {CLEAR:.0%}"
+    elif halves[0] > WIDEST:
+        reason = f"delay and lag together are known to {1e3 * halves[0]:.0f} ms only, over {1e3 * WIDEST:.0f} ms"
+    return Lag(
+        name=name,
+        together=together,
+        delay=alone,
+        up=up,
+        down=more[0] if more else up,
+        explained=explained,
+        reason=reason,
+        apart=bool(halves[1] <= APART),
+    )

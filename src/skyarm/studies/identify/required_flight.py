@@ -13,8 +13,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skyarm.algebra import Motion, Quaternion, Vec3
+from skyarm.algebra import ZERO3, Motion, Quaternion, Vec3
 from skyarm.dynamics import center_of_mass, inverse_dynamics
+from skyarm.dynamics.actuators.rotor import rotor_forces
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.dynamics.state import State
 from skyarm.flight_data.flight_data import Channel, FlightData
@@ -22,13 +23,12 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import unit_rows
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.lagged_inputs import wrench_of_pushes
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.multisines import BASE_AXES
 from skyarm.studies.identify.sampled_series import vectors_of
 from skyarm.studies.identify.unknowns import USUAL_DELAY
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 TURNS = 4
 """Of attitude and centre of mass: an arm moves the centre by a small part of what gravity asks of the attitude."""
@@ -153,6 +153,15 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
         joint_rates=first[BASE_AXES:].T,
         efforts=np.stack(efforts, axis=1) if n else np.zeros((size, 0)),
     )
+
+
+def wrench_of_pushes(rotors: Sequence[Rotor]) -> Array:
+    """Allocation matrix (6, rotors): force and torque at the base origin, base axes, per (rad/s)^2 of each rotor."""
+    found = []
+    for i in range(len(rotors)):
+        force = rotor_forces(rotors, [float(k == i) for k in range(len(rotors))], ZERO3, ZERO3)
+        found.append([float(each) for each in (*force.force, *force.torque)])
+    return np.array(found).T
 
 
 def _smooth(rows: Array, period: float) -> Array:

@@ -164,7 +164,7 @@ class WindowErrors:
         self.replay = self._make_replay(gravity, finer) if replay is None else replay
         self.samples, self._taken = windows.samples(), dict[str, float]()
         n, servos = start.n, [servo_of(start, i) for i in range(start.n) if servoed[i]]
-        self.rows = [(name, i) for name in self.samples for i in range(n if name == "joint_positions" else 3)]
+        self.rows = [(name, i) for name in self.samples for i in range(n if name.startswith("joint") else 3)]
         self._first = {name: i for i, (name, column) in enumerate(self.rows) if not column}
         self.integrals = [j for j, each in enumerate(servos) if each is not None and float(each.integral) > 0.0]
         self.unlogged = [i for i in range(n) if not driven[i] and not servoed[i]]
@@ -174,8 +174,8 @@ class WindowErrors:
         self.free = [(name, i) for name, size in sizes.items() for i in range(size)]
         self.loose = np.array([FREE.get(name, LOOSE) for name, _ in self.free])
         self.wrench = np.array([i for i, (name, _) in enumerate(self.free) if name == "wrench"])
-        slowest = min(each.channels["accelerometer"].rate for each in windows.flights)
-        self._averaged = max(1, round(1.0 / (slowest * windows.step)))
+        felt = [each.channels["accelerometer"].rate for each in windows.flights if "accelerometer" in each.channels]
+        self._averaged = max(1, round(1.0 / (min(felt) * windows.step))) if felt else 1
         weight = gravity * float(start.mass)
         arm = max(math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors)
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
@@ -442,11 +442,13 @@ class WindowLanes:
         self._thrust = np.stack([windows.thrusts(*key) for key in keys]), which
         self._joints, servos = list[tuple[int, Held, IntArray]](), 0
         for i, link in enumerate(start.links):
+            late, hold, tau = (
+                self._number(f"drives.{link.joint.name}.{each}") for each in ("latency", "hold", "time_constant")
+            )
             if errors.driven[i]:
-                name, (keys, which) = "efforts", _distinct(self._number("joint_delay"))
+                name, (keys, which) = "efforts", _distinct(late + self._number("joint_delay"), hold, tau)
             elif errors.servoed[i]:
-                late = delays + self._number(f"drives.{link.joint.name}.latency")
-                name, (keys, which) = "setpoints", _distinct(late, self._number("setpoint_hold", 0.5))
+                name, (keys, which) = "setpoints", _distinct(delays + late, self._number("setpoint_hold", 0.5))
             else:
                 continue
             held = _stack_commands([windows.commands(name, *key) for key in keys])

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -47,6 +47,7 @@ LEAST = {
     "quaternion": 1e-4,
     "velocity": 1e-4,
     "joint_positions": 1e-5,
+    "joint_rates": 1e-4,
 }
 """Least noise of a sensor, SI units: after a noiseless one the search would creep."""
 
@@ -150,6 +151,7 @@ def fit_windows(
     *,
     noise: Array | None = None,
     spread: Array | None = None,
+    block: float = BLOCK,
     progress: Callable[[str], None] | None = None,
 ) -> WindowFit:
     """Fit vehicle parameters to windows, with a normal prior around those of the start vehicle.
@@ -159,11 +161,12 @@ def fit_windows(
         begin: (P,) where the search begins.
         noise: (flights, rows) to begin with; by default from differences of the samples.
         spread: (6,) of the wrench, to begin with.
+        block: s, of a block of the jackknife.
         progress: called with one line a turn of the search.
     """
     scipy_parts()  # whose absence is no news for after the search
     with _one_thread():
-        return _search(errors, begin, noise, spread, progress)
+        return _search(errors, begin, noise, spread, block, progress)
 
 
 def _one_thread() -> Any:
@@ -180,6 +183,7 @@ def _search(
     values: Array,
     noise: Array | None,
     spread: Array | None,
+    block: float,
     progress: Callable[[str], None] | None,
 ) -> WindowFit:
     """Gauss-Newton search for parameters and noise; the arguments are those of :func:`fit_windows`."""
@@ -220,7 +224,8 @@ def _search(
             break
     # the last step's own, to first order: else what is left of it would pass for disagreement of flights
     scores = reduced.scores + reduced.information @ change
-    return _fit_of(errors, values, prior, reduced, scores, noise, spread, left, there, states, settled)
+    blocks = blocks_of(errors.windows, block)
+    return _fit_of(errors, values, prior, reduced, scores, noise, spread, left, there, states, settled, blocks)
 
 
 @immutable(kw_only=False, eq=False)
@@ -316,13 +321,11 @@ def _fit_of(
     there: Mask,
     states: WindowStates,
     settled: bool,
+    blocks: Sequence[IntArray],
 ) -> WindowFit:
     """Fit with its covariance by the jackknife of the linear fit."""
     owners = errors.windows.owners
-    parts, pulls = (
-        np.stack([rows[each].sum(axis=0) for each in blocks_of(errors.windows)])
-        for rows in (reduced.information, scores)
-    )
+    parts, pulls = (np.stack([rows[each].sum(axis=0) for each in blocks]) for rows in (reduced.information, scores))
     curvature: Array = np.asarray(np.linalg.inv(reduced.total))
     mean, count = pulls.mean(axis=0), len(parts)
     moves = np.stack(
@@ -349,8 +352,8 @@ def _fit_of(
     )
 
 
-def blocks_of(windows: Windows) -> list[IntArray]:
+def blocks_of(windows: Windows, seconds: float = BLOCK) -> list[IntArray]:
     """Indices of the windows in each block of time of a flight, for the jackknife."""
-    size = max(1, round(BLOCK / windows.step))
+    size = max(1, round(seconds / windows.step))
     keys = windows.owners * 10**9 + (windows.begins - windows.firsts[windows.owners]) // size
     return [np.flatnonzero(keys == key) for key in np.unique(keys)]

@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from skyarm.dynamics.actuators.rotor import speeds_after
+from skyarm.dynamics.actuators.rotor import speed_after
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import continuous, unit_rows
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
+from skyarm.studies.identify.identified_parts import with_changes
 from skyarm.studies.identify.logged_commands import (
     commanded_speeds,
     flying_spans,
@@ -116,6 +118,7 @@ def on_clock(
     full_voltage: float = 0.0,
     sections: Sequence[tuple[float, float]] = (),
     coasting: float | None = None,
+    sensors: Sequence[str] = SENSORS,
 ) -> Clocked:
     """Place a measured flight on a clock of even steps.
 
@@ -127,12 +130,13 @@ def on_clock(
         sections: (begin, end), s, that count; by default all in which the vehicle flies.
         coasting: share of the full signal below which a motor does not obey its lag; by default 0.1 of motors that are
             commanded by a share of it, and none of those whose speed is commanded.
+        sensors: that are compared where the flight holds them; of these an accelerometer must be there.
 
     Raises:
         ValueError: one line: a quantity is missing or does not fit the vehicle.
     """
     gyro, speeds = flight["gyro"], commanded_speeds(flight, start)
-    _require_columns(flight, start, speeds)
+    _require_columns(flight, start, speeds, sensors)
     begin, size = float(gyro.time[0]), int((gyro.time[-1] - gyro.time[0]) / step + 1e-6)
     edges = begin + step * np.arange(size + 1, dtype=float)
     if sampling_period(speeds):
@@ -151,7 +155,7 @@ def on_clock(
         after = np.ones(max(1, round(RECOVERED * float(time_constants(start.rotors).max()) / step)))
         usable &= np.convolve(idle, after, "full")[:size] == 0.0
     # joints of a vehicle without any are no joints of it
-    channels = {name: flight[name] for name in SENSORS if name in flight and (start.n or name != "joint_positions")}
+    channels = {name: flight[name] for name in sensors if name in flight and (start.n or not name.startswith("joint"))}
     if "position" in channels:  # of which a velocity is made, smoothed: it would be believed beyond what it tells
         channels.pop("velocity", None)
     for name in NEEDED:
@@ -176,13 +180,13 @@ def on_clock(
     )
 
 
-def _require_columns(flight: FlightData, start: Vehicle, speeds: Channel) -> None:
+def _require_columns(flight: FlightData, start: Vehicle, speeds: Channel, sensors: Sequence[str]) -> None:
     """Raise an error in one line for a flight whose channels are missing or do not fit the vehicle."""
     count = speeds.values.shape[1]
     if count != len(start.rotors):
         has = f"vehicle '{start.name}' has {len(start.rotors)}"
         raise ValueError(f"{flight.name}: {speeds.source}: {count} rotors, {has}")
-    for name in ("accelerometer", *(["joint_positions"] if start.n else [])):
+    for name in (*({"accelerometer"} & {*sensors}), *(["joint_positions"] if start.n else [])):
         flight[name]  # raises
     for name in ("joint_positions", "joint_efforts", "joint_commands"):
         held = flight[name].values.shape[1] if name in flight else start.n
@@ -248,6 +252,32 @@ def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) 
     return Held(values[np.maximum(held, 0)], mean, switch - first)
 
 
+def lagging(held: Held, lag: float, step: float, flat: bool = False) -> Held:
+    """Commands that act with a time constant, in both halves of each step, from commands that have settled at first.
+
+    Impulse and first moment of each step are exact, so that all actuators switch at once, whatever their delays.
+
+    Args:
+        held: commands.
+        lag: s, above 0.
+        step: s.
+        flat: the mean of a step acts all over it, as of a drive that is advanced once a control period.
+    """
+    from scipy.signal import lfilter
+
+    early = held.late[:, None]
+    share, left = early / step, math.exp(-step / lag)
+    first, last = np.exp(-early / lag), np.exp((early - step) / lag)
+    gained, begin = held.before * (1.0 - first) * last + held.after * (1.0 - last), held.before[:1]
+    ends = lfilter([1.0], [1.0, -left], gained, axis=0, zi=left * begin)[0]
+    asked = share * held.before + (1.0 - share) * held.after
+    mean = asked - lag / step * np.diff(ends, axis=0, prepend=begin)
+    if flat:
+        return Held(mean, mean, np.zeros(len(mean)))
+    moment = 0.5 * (share**2 * held.before + (1.0 - share**2) * held.after) - lag / step * (ends - mean)
+    return Held(3.0 * mean - 4.0 * moment, 4.0 * moment - mean, np.full(len(mean), 0.5 * step))
+
+
 def _without_gaps(channel: Channel, edges: Array) -> Mask:
     """Steps (N,) that lie in no gap of a channel, nor outside of it."""
     usual = float(np.median(np.diff(channel.time)))
@@ -276,7 +306,9 @@ class Windows:
     def __init__(self, flights: Sequence[Clocked], start: Vehicle, seconds: float, most: int = 0) -> None:
         self.flights, self.step = list(flights), flights[0].step
         self.length = max(2, round(seconds / self.step))
-        self.run_in = math.ceil(RUN_IN * float(time_constants(start.rotors).max(initial=0.0)) / self.step)
+        past = RUN_IN * float(time_constants(start.rotors).max(initial=0.0)) / self.step
+        # in a short flight rather from a part of the past than no window
+        self.run_in = min(math.ceil(past), max(each.size for each in flights) // 2)
         self.firsts: IntArray = np.cumsum([0, *(each.size for each in flights)])
         places = [self._places(each) for each in flights]
         begins = np.concatenate([first + np.array(part, int) for first, part in zip(self.firsts, places, strict=False)])
@@ -311,7 +343,7 @@ class Windows:
             late: sensor -> s, by which its samples are late.
         """
         found = dict[str, Samples]()
-        for name in SENSORS:
+        for name in dict.fromkeys(name for each in self.flights for name in each.channels):
             widths = [each.channels[name].values.shape[1] for each in self.flights if name in each.channels]
             if not widths:
                 continue
@@ -325,13 +357,14 @@ class Windows:
             found[name] = Samples(*(np.concatenate(each) for each in rows))
         return found
 
-    def commands(self, name: str, delay: float, hold: float = 0.0) -> Held:
+    def commands(self, name: str, delay: float, hold: float = 0.0, lag: float = 0.0) -> Held:
         """Logged commands of all flights in each step of the clock, a dead time (s) later; zeros where none is logged.
 
         Args:
             name: ``speeds``, ``efforts`` or ``setpoints``.
             delay: s.
             hold: share of the time between its samples over which it is averaged once more.
+            lag: s, time constant with which what acts follows them.
         """
         parts = [(each, getattr(each, name)) for each in self.flights]
         width = max((channel.values.shape[1] for _, channel in parts if channel is not None), default=0)
@@ -341,6 +374,7 @@ class Windows:
             else Held(np.zeros((each.size, width)), np.zeros((each.size, width)), np.zeros(each.size))
             for each, channel in parts
         ]
+        rows = [lagging(each, lag, self.step, hold > 0.0) for each in rows] if lag else rows
         return Held(*(np.concatenate([getattr(each, field) for each in rows]) for field in ("before", "after", "late")))
 
     def thrusts(self, sag: float, drift: float, *own: float) -> Array:
@@ -350,12 +384,17 @@ class Windows:
 
     def rotor_speeds(self, rotors: Sequence[Rotor], held: Held) -> Array:
         """Speeds (W, rotors) of rotors at the begins of the windows, rad/s."""
-        speeds = list(held.before[self.before(-self.run_in)].T)
+        ups, downs = time_constants(rotors).T
+        # one rotor with the lags of all: arrays are its numbers
+        all_of = {"time_constant_up": ups, "time_constant_down": downs, "max_speed": highest_speeds(rotors)}
+        rotor = with_changes(rotors[0], False, **all_of)
+        speeds: Any = held.before[self.before(-self.run_in)]
         for k in range(-self.run_in, 0):
             at = self.before(k)
-            for commands, seconds in ((held.before[at], held.late[at]), (held.after[at], self.step - held.late[at])):
-                speeds = list(speeds_after(rotors, speeds, list(commands.T), seconds))
-        return np.asarray(np.stack(speeds, axis=1))
+            late = held.late[at, None]
+            for commands, seconds in ((held.before[at], late), (held.after[at], self.step - late)):
+                speeds = speed_after(rotor, speeds, commands, seconds)
+        return np.asarray(speeds)
 
     def first_states(self, samples: Mapping[str, Samples]) -> dict[str, Array]:
         """First estimates (W, k) of the states at the windows' begins, from parabolas through samples around them."""
@@ -374,7 +413,7 @@ class Windows:
             "velocity": parabola("velocity", 3)[0] if "velocity" in samples else speed,
             "rate": parabola("gyro", 3)[0],
             "joints": joints,
-            "joint_rates": joint_rates,
+            "joint_rates": parabola("joint_rates", 0)[0] if "joint_rates" in samples else joint_rates,
         }
 
     def _parabola(self, rows: Samples) -> tuple[Array, Array]:
