@@ -24,13 +24,12 @@ from skyarm.scenario.scenario_record import Delays, NamedSensor
 from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.sensor_kinds import Imu
 from skyarm.studies.identify import identify_files, identify_flights
-from skyarm.studies.identify.held_out import CURVE, HOLD, IDENTIFIED, HeldOut, OneStep
+from skyarm.studies.identify.held_out import CURVE, HOLD, HORIZONS, IDENTIFIED, HeldOut, HorizonErrors, OneStep
 from skyarm.studies.identify.identified_file import identified_file
 from skyarm.studies.identify.identified_numbers import Identified, IdentifiedNumber
 from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.identified_report import correlated_pairs, prediction_lines
 from skyarm.studies.identify.identify_flights import known_of_search
-from skyarm.studies.identify.open_loop import HORIZONS, HorizonErrors
 from skyarm.studies.identify.unknowns import second_moments
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
 from skyarm.vehicle.vehicle_files import list_vehicles
@@ -222,7 +221,8 @@ def test_python_weighs_the_vehicle_and_predicts_other_flights(monkeypatch):
     ((_, start), fitted), ((_, _, aside), predicted) = given
     assert float(start.mass) == pytest.approx(0.8)
     assert (fitted["drag_height"], fitted["known"]) == (True, {})
-    assert [flight.name for flight, _ in aside] == [both[1].name]
+    assert [flight.name for flight in aside] == [both[1].name]
+    assert [flight.name for flight in predicted["seen"]] == [both[0].name]
     assert predicted["gravity"] == 9.8
     with pytest.raises(ValueError, match=r"^known\.mass = -1\.0: must be above 0"):
         library.identify_flights(both[:1], START, known={"mass": -1.0})

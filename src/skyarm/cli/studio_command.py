@@ -105,7 +105,7 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     from skyarm.studies.identify.identified_file import read_surroundings
     from skyarm.studies.identify.identified_parts import Surroundings
     from skyarm.studies.identify.identified_report import NUMBERS
-    from skyarm.studies.identify.open_loop_motion import OpenLoopFlight
+    from skyarm.studies.identify.open_loop import OpenLoopFlight
     from skyarm.vehicle.vehicle_files import load_vehicle
     from skyarm.view.studio.replay import HORIZONS, Replay
 

@@ -15,7 +15,7 @@ from skyarm.flight_data.motion import distance_between
 from skyarm.flight_data.own_log import measured_flight
 from skyarm.studies.identify.identified_file import read_surroundings
 from skyarm.studies.identify.identified_parts import Surroundings
-from skyarm.studies.identify.open_loop_motion import OpenLoopFlight
+from skyarm.studies.identify.open_loop import OpenLoopFlight
 
 ABOUT = Surroundings(delay=DELAY)
 

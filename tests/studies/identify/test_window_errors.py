@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from functools import cache
 
@@ -362,3 +363,24 @@ def test_a_mean_force_that_begins_before_its_window_does_not_count():
     _, there = errors.errors_at(searched, errors.first_states())
     assert not there[0][:, rows].any()
     assert there[1:][:, :, rows].all()
+
+
+def test_searched_lags_are_those_of_a_vehicle_that_has_them():
+    """In the windows and before them, where the speeds of the rotors begin."""
+    errors, searched = errors_of("quadrotor")
+    errors, states, slower = copy.copy(errors), true_states(errors, QUAD), searched.copy()
+    slower[errors.names.index("rotors.time_constant_up")] += np.log(1.5)
+    longer = [dataclasses.replace(each, time_constant_up=1.5 * each.time_constant_up) for each in QUAD.rotors]
+    known = {name: value for name, value in errors.numbers(searched).items() if name not in QUAD_NUMBERS}
+    fixed = WindowErrors(errors.windows, dataclasses.replace(QUAD, rotors=tuple(longer)), [], known, [], [], GRAVITY)
+    errors.take_samples(slower)
+    fixed.take_samples(np.zeros(0))
+    found, wanted = errors.errors_at(slower, states)[0], fixed.errors_at(np.zeros(0), states)[0]
+    assert found == pytest.approx(wanted, abs=1e-9)
+    assert np.abs(found - errors.errors_at(searched, states)[0]).max() > 0.1
+
+
+QUAD_NUMBERS = [
+    each.name for each in unknowns_of(QUAD, curve=False, velocity=True, voltage=False, driven=[]) if each.in_vehicle
+]
+"""Names of what the vehicle itself has."""

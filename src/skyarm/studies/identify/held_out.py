@@ -4,38 +4,46 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from itertools import islice, product
 
 import numpy as np
 
-from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.series import attitude_at, middle, values_at
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.disturbances import SETTLED, fit_disturbances
 from skyarm.studies.identify.identified_numbers import Identified
-from skyarm.studies.identify.identified_parts import Surroundings, surroundings_with
+from skyarm.studies.identify.identified_parts import surroundings_with
 from skyarm.studies.identify.logged_commands import time_constants
-from skyarm.studies.identify.motion_model import Stretch, predict
 from skyarm.studies.identify.open_loop import (
-    FORGOTTEN,
-    HORIZONS,
-    HorizonErrors,
-    Poses,
-    fit_weights,
-    predict_flights,
+    FIELDS,
+    NONE,
+    SLOPE,
+    BaseStates,
+    OpenLoop,
+    no_poses,
+    places_of,
+    window_states,
 )
+from skyarm.studies.identify.unknowns import THRUST
+from skyarm.studies.identify.window_errors import Normal, WindowErrors, WindowStates
+from skyarm.studies.identify.window_fit import Reduced, first_noise, new_noise, new_spread, reduce, scipy_parts
+from skyarm.studies.identify.windows import Windows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
-SHORTEST = 0.01
-"""s, of a horizon: all others are its multiples, and whole periods of the stretches."""
+HORIZONS = (0.01, 0.1, 0.5, 1.0)
+"""s, of the reported errors."""
+
+SHORTEST = HORIZONS[0]
+"""s, of a horizon: all others are its multiples, and whole steps of the clock."""
 
 CURVE = (SHORTEST, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
 """s, horizons of a figure; those of a table are among them."""
 
-WINDOW, FEWEST = 0.1, 5
-"""s and samples at least, over which the slope of a measured position is taken where no velocity is measured."""
+APART = 0.1
+"""s from begin to begin."""
 
 IDENTIFIED, PAST, START, HOLD = "identified", "with past", "start vehicle", "hold"
 """Predictors; with the past, what the commands do not explain is estimated from the flight until then."""
@@ -43,8 +51,41 @@ IDENTIFIED, PAST, START, HOLD = "identified", "with past", "start vehicle", "hol
 ORDER = (IDENTIFIED, PAST, START, HOLD)
 """Of tables and figures."""
 
-LEARNT = 120.0
-"""s, of the flights of the fit at most, that show the noises of disturbances and how much of a prediction counts."""
+LEARNT, ONCE = 300, 2000
+"""Begins at most of predictions in the flights of the fit that show how a past counts, and of those of one step."""
+
+PASTS, MEMORIES = (0.1, 0.35), (0.0, 0.1, 1.0)
+"""s, of a past that shows what the commands do not explain, and in which of it what does not last fades, to choose
+from.
+"""
+
+FAR = 0.2
+"""s, of horizons by which is chosen, if there are any: over less, much of an error is the noise of what is measured."""
+
+LASTING = 3.0
+"""s, over which the mean of what the commands do not explain is taken to last. A fit leaves no mean in its own flights,
+so that they cannot show it: in others battery, wind and trim may be different.
+"""
+
+ROUNDS = 4
+"""Rounds in which the noises of the sensors and the spread of the wrench are found."""
+
+
+@immutable
+class HorizonErrors:
+    """Root mean square errors of a prediction over one horizon.
+
+    Attributes:
+        horizon: s. begins: number of predictions.
+        position: m. velocity: m/s. attitude: rad, angle of the rotation between both. rate: rad/s.
+    """
+
+    horizon: float
+    begins: int
+    position: float
+    velocity: float
+    attitude: float
+    rate: float
 
 
 @immutable
@@ -65,7 +106,7 @@ class HeldOut:
 
     Attributes:
         flights: names.
-        period: s, of the one step.
+        period: s, of the one step: that of the accelerometer's samples.
         horizons: s.
         errors: predictor -> errors over each horizon; position, velocity and attitude are NaN if ``has_poses`` is not.
         one_step: predictor -> errors of accelerations; of holding, the spread of what is measured about its mean.
@@ -85,190 +126,359 @@ class HeldOut:
 def predict_held_out(
     found: Identified,
     start: Vehicle,
-    flights: Sequence[tuple[FlightData, Sequence[Stretch]]],
+    flights: Sequence[FlightData],
     *,
-    seen: Sequence[tuple[FlightData, Sequence[Stretch]]] = (),
+    seen: Sequence[FlightData] = (),
     known: Mapping[str, float] | None = None,
     horizons: Sequence[float] = CURVE,
     gravity: float = GRAVITY,
+    full_voltage: float = 0.0,
+    sections: Sequence[tuple[float, float]] = (),
 ) -> HeldOut:
     """Predict flights from their commands by the identified vehicle, by the start vehicle and by holding.
 
-    Where flights of the fit with poses are given, the identified vehicle predicts once more, with the disturbances that
-    it estimates from a flight's past, and weighted beside holding as those flights show is best. The start vehicle
-    flies with the delays and offsets that were thought of before the fit.
+    Where flights of the fit with poses are given, the identified vehicle predicts once more, from what a window of a
+    flight's past tells of the state and of the wrench that the commands do not explain, and weighted beside holding as
+    those flights show is best. The start vehicle flies with the delays and offsets that were thought of before the fit.
 
     Args:
         found: identified vehicle and surroundings.
         start: vehicle before.
-        flights: with their stretches, of :func:`held_out_period`.
-        seen: flights of the fit, with stretches of the same period.
+        flights: that are predicted.
+        seen: flights of the fit.
         known: numbers that were given, by name.
         horizons: s.
         gravity: m/s^2.
+        full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.
+        sections: (begin, end), s, of each flight of the fit that count; by default all in which the vehicle flies.
 
     Raises:
-        ValueError: one line: no stretch is long enough for a prediction.
+        ValueError: one line: no flight is long enough for a prediction.
     """
+    step = clock_step([*flights, *seen], start)
+    step = SHORTEST / math.ceil(SHORTEST / step - 1e-9)
+    posed = [i for i, each in enumerate(flights) if not no_poses(each)]
+    learnt = [each for each in seen if posed and not no_poses(each)]
+    every, count = [*flights, *learnt], len(flights)
+    clocks = [
+        on_clock(each, start, step, full_voltage=full_voltage, sections=sections if i >= count else ())
+        for i, each in enumerate(every)
+    ]
+    thrusts = {name.removeprefix(THRUST): value for name, value in found.searched.items() if name.startswith(THRUST)}
     before = surroundings_with({**{each.name: each.start for each in found.numbers}, **(known or {})})
-    notes, placed, plain = list[str](), list[tuple[Stretch, Poses]](), list[tuple[Stretch, Poses]]()
-    for flight, stretches in flights:
-        note = no_poses(flight)
-        target = plain if note else placed
-        target += [(each, level_poses(each) if note else poses_of(flight, each)) for each in stretches]
-        notes += [f"{flight.name}: {each}" for each in ([note] if note else _notes_on_poses(flight))]
-    if start.n:
-        notes.append("The motion of the joints is given as measured; over a few periods its noise is most of an error.")
-    pairs = {IDENTIFIED: (found.vehicle, found.surroundings), START: (start, before)}
-    errors = dict[str, Sequence[HorizonErrors]]()
-    learnt = _learnt(seen) if placed else []
-    # all predictors from the same instants on, if there are any after the filter of the disturbances has settled
-    long = any(each.seconds > SETTLED + max(horizons) for each, _ in placed)
-    after = SETTLED if learnt and long else 0.0
-    for name, (vehicle, about) in pairs.items():
-        rows = predict_flights(vehicle, about, placed or plain, horizons, gravity, after=after)
-        errors[name] = [model for model, _ in rows]
-        if name == IDENTIFIED:
-            errors[HOLD] = [held for _, held in rows]
-    if learnt:
-        best = found.vehicle, found.surroundings
-        noises = fit_disturbances(*best, learnt, gravity)
-        weights = fit_weights(*best, learnt, horizons, gravity, noises)
-        rows = predict_flights(*best, placed, horizons, gravity, noises, weights)
-        errors[PAST] = [model for model, _ in rows]
-    names = tuple(flight.name for flight, _ in flights)
-    if not any(each.begins for each in errors[IDENTIFIED]):
+    identified = OpenLoop(found.vehicle, found.surroundings, every, clocks, gravity, thrusts)
+    at_start = OpenLoop(start, before, flights, clocks[:count], gravity)
+    slower = max((found.vehicle, start), key=lambda each: float(time_constants(each.rotors).max(initial=0.0)))
+
+    def begins(which: Collection[int], behind: float, apart: float) -> list[IntArray]:
+        """First steps of predictions in some flights, a time (s) apart and so far behind begins of what is usable."""
+        rows = [places_of(each, slower, max(1, round(apart / step)), behind) for each in clocks]
+        return [each if i in which else each[:0] for i, each in enumerate(rows)]
+
+    # all predictors from the same instants on, of those that have a past if there are any
+    ahead, past = posed or range(count), None
+    begun = begins(ahead, max(PASTS) if learnt else 0.0, APART)
+    of_fit = thinned(begins(range(count, len(every)), max(PASTS), APART), LEARNT)
+    windows = identified.windows(begun)
+    if learnt and any(map(len, of_fit)) and (identified.left(windows.windows) * step > max(horizons)).any():
+        past = learn_from_past(identified, identified.windows(of_fit), horizons)
+    else:
+        begun = begins(ahead, 0.0, APART)
+        windows = identified.windows(begun)
+    names = tuple(each.name for each in flights)
+    if identified.left(windows.windows).max(initial=0) * step < min(horizons) - 1e-9:
         raise ValueError(f"{', '.join(names)}: no stretch is long enough for a prediction")
-    every = [_without_run_in(each, start) for _, stretches in flights for each in stretches]
-    one_step = {name: one_step_errors(every, *pair) for name, pair in pairs.items()} | {HOLD: spread_of(every)}
+    ends = ends_of(identified, windows, horizons, identified.begins(windows.windows))
+    errors = {IDENTIFIED: [errors_of(each, WHOLE) for each in ends], HOLD: [errors_of(each, NOTHING) for each in ends]}
+    if past is not None:
+        ends = ends_of(identified, windows, horizons, *past.begins(identified, windows))
+        errors[PAST] = [errors_of(each, shares) for each, shares in zip(ends, past.shares, strict=True)]
+    windows = at_start.windows(begun[:count])
+    ends = ends_of(at_start, windows, horizons, at_start.begins(windows.windows))
+    errors[START] = [errors_of(each, WHOLE) for each in ends]
+    once = thinned(begins(range(count), 0.0, step), ONCE)
+    period, one_step, spread = one_step_errors(identified, once)
+    _, one_step_before, _ = one_step_errors(at_start, once[:count])
     return HeldOut(
         flights=names,
-        period=every[0].period,
+        period=period,
         horizons=tuple(horizons),
         errors={
-            name: errors[name] if placed else [_rate_only(each) for each in errors[name]]
+            name: errors[name] if posed else [_rate_only(each) for each in errors[name]]
             for name in ORDER
             if name in errors
         },
-        one_step=one_step,
-        has_poses=bool(placed),
-        notes=tuple(notes),
+        one_step={IDENTIFIED: one_step, START: one_step_before, HOLD: spread},
+        has_poses=bool(posed),
+        notes=_notes(flights, start),
     )
 
 
-def _learnt(seen: Sequence[tuple[FlightData, Sequence[Stretch]]]) -> list[tuple[Stretch, Poses]]:
-    """Stretches and poses of the fit, from all flights in turn, as long as noises and weights need."""
-    queues = [[(flight, each) for each in stretches] for flight, stretches in seen if not no_poses(flight)]
-    found, seconds = list[tuple[Stretch, Poses]](), 0.0
-    while any(queues) and seconds < LEARNT:
-        for queue in (each for each in queues if each):
-            flight, stretch = queue.pop(0)
-            if seconds < LEARNT:
-                found.append((stretch, poses_of(flight, stretch)))
-                seconds += stretch.seconds
+def thinned(places: Sequence[IntArray], most: int) -> list[IntArray]:
+    """At most so many of the first steps in several flights, evenly taken."""
+    every = -(-sum(map(len, places)) // most)
+    return [each[:: max(1, every)] for each in places]
+
+
+def _notes(flights: Sequence[FlightData], start: Vehicle) -> tuple[str, ...]:
+    """Notes on poses that are not measured whole, and on joints."""
+    found = []
+    for flight in flights:
+        if note := no_poses(flight):
+            found.append(f"{flight.name}: {note}")
+        elif "velocity" not in flight:
+            words = f"the velocity is the slope of the position over {SLOPE:g} s, of begins over the {SLOPE:g} s before"
+            found.append(f"{flight.name}: {words}")
+        elif "position" not in flight:
+            found.append(f"{flight.name}: the position is the sum of the velocity")
+    if start.n:
+        found.append("The motion of the joints is given as measured; over a few periods its noise is most of an error.")
+    return tuple(found)
+
+
+PARTS = ("position", "velocity", "attitude", "rate")
+"""Of a state, as far as an error is reported."""
+
+WHOLE, NOTHING = (np.array([[part], [0.0]]) * np.ones(3) for part in (1.0, 0.0))
+"""Shares of a prediction that is the model's, and of holding."""
+
+
+@immutable(kw_only=False, eq=False)
+class Ends:
+    """Predictions a horizon after K begins, and measured states there, less those of holding.
+
+    Attributes:
+        horizon: s.
+        off: (4, 2, K, 3) of position, velocity, attitude (rotation vector, base axes) and rate: by the model, and by
+            rest at the begin's pose.
+        measured: (4, K, 3).
+    """
+
+    horizon: float
+    off: Array
+    measured: Array
+
+
+def ends_of(
+    loop: OpenLoop,
+    errors: WindowErrors,
+    horizons: Sequence[float],
+    begins: BaseStates,
+    pushes: Callable[[float], Array] | None = None,
+) -> list[Ends]:
+    """Predictions over horizons (s) from the begins of windows on; the arguments are those of :meth:`OpenLoop.ahead`.
+
+    Predictions that leave what is usable before their end are none.
+    """
+    windows, step, left = errors.windows, errors.windows.step, loop.left(errors.windows)
+    ends = [round(each / step) for each in horizons]
+    last = max((k for k in ends if (left >= k).any()), default=0)
+    flown = {k: states for k, states in enumerate(islice(loop.ahead(errors, begins, pushes), last + 1)) if k in ends}
+    still = dataclasses.replace(begins, velocity=0.0 * begins.velocity, rate=0.0 * begins.rate)
+    found = []
+    for horizon, k in zip(horizons, ends, strict=True):
+        rows = np.flatnonzero(left >= k)
+        held = begins.at(rows).held(k * step)
+        measured = loop.measured_at(windows, np.minimum(k, left))
+        every = (flown.get(k, still), still, measured)
+        *off, there = (_difference(held, each.at(rows)) for each in every)
+        found.append(Ends(horizon, np.stack(off, axis=1), there))
     return found
 
 
-def _without_run_in(stretch: Stretch, start: Vehicle) -> Stretch:
-    """Stretch whose first periods, in which the rotors' speeds are unknown, do not count."""
-    lag = float(time_constants(start.rotors).max())
-    used = stretch.used & (np.arange(stretch.size) * stretch.period > FORGOTTEN * lag)
-    return dataclasses.replace(stretch, used=used)
+def _difference(first: BaseStates, second: BaseStates) -> Array:
+    """Differences (4, K, 3) from states to others."""
+    turned = rotations(first.quaternion, second.quaternion)
+    others = [getattr(second, name) - getattr(first, name) for name in PARTS if name != "attitude"]
+    return np.stack([*others[:2], turned, others[2]])
 
 
-def held_out_period(period: float) -> float:
-    """Period of stretches to predict, s: the shortest horizon, or the largest part of it below that of the fit."""
-    return SHORTEST / math.ceil(SHORTEST / period - 1e-9)
+def rotations(first: Array, second: Array) -> Array:
+    """Rotation vectors (K, 3), base axes, from attitudes to others, the shorter way."""
+    w, *axis = Quaternion(*(first * [1.0, -1.0, -1.0, -1.0]).T) * Quaternion(*second.T)
+    rows = np.stack(axis, axis=1) * np.where(w < 0.0, -1.0, 1.0)[:, None]
+    size = np.linalg.norm(rows, axis=1)
+    angle = 2.0 * np.arctan2(size, np.abs(w))
+    return np.asarray(rows * np.where(size > 1e-9, angle / np.maximum(size, 1e-300), 2.0)[:, None])
 
 
-def no_poses(flight: FlightData) -> str:
-    """Reason for which a flight has no poses; empty if it has."""
-    if "quaternion" in flight and ("position" in flight or "velocity" in flight):
-        return ""
-    missing = "quaternion" if "quaternion" not in flight else "position"
-    return f"no {missing} is measured: rate and specific force are predicted, and no pose"
+def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
+    """Root mean square errors by shares (2, 3), or (4, 2, 3) of each part, of the model and of rest beside holding."""
+    found = (ends.off * shares[..., None, :]).sum(axis=1)
+    left, turn = ends.measured - found, PARTS.index("attitude")
+    left[turn] = rotations(*(_attitudes(each[turn]) for each in (found, ends.measured)))
+    count = left.shape[1]
+    sizes = [math.sqrt((rows**2).sum() / count) if count else math.nan for rows in left]
+    return HorizonErrors(horizon=ends.horizon, begins=count, **dict(zip(PARTS, sizes, strict=True)))
 
 
-def _notes_on_poses(flight: FlightData) -> list[str]:
-    """Notes on poses that are not measured whole."""
-    if "velocity" not in flight:
-        return [f"the velocity is the slope of the position over {WINDOW:g} s, of begins over the {WINDOW:g} s before"]
-    return [] if "position" in flight else ["the position is the sum of the velocity"]
+def _attitudes(turns: Array) -> Array:
+    """Attitudes (K, 4) of rotation vectors (K, 3)."""
+    return np.stack(list(Quaternion.of_rotation_vector(Vec3(*turns.T))), axis=1)
 
 
-def poses_of(flight: FlightData, stretch: Stretch) -> Poses:
-    """Measured poses at the instants of a stretch.
+def shares_of(ends: Ends) -> Array:
+    """Shares (4, 2, 3) of the model and of rest beside holding with the least error (Bates and Granger 1969).
 
-    Between samples they are interpolated. Without a velocity, that is the slope of the position over :data:`WINDOW`
-    (local parabola: Savitzky and Golay 1964): around each sample, and for begins before it; without a position, that is
-    the sum of the velocity.
+    A controller keeps a vehicle where a model alone, from a state that is known a little wrong, departs from it; the
+    longer the horizon, the less of the model's prediction counts. Flights must be those of the fit, not the predicted.
+    All of the model counts over a horizon that no part is long enough for.
+    """
+    if not ends.measured.shape[1]:
+        return np.stack([WHOLE] * len(PARTS))
+    scipy_parts()
+    from scipy.optimize import lsq_linear
+
+    # over a few samples all parts are within the noise: beyond 0 to 1 they would only fit that
+    sizes = np.linalg.norm(ends.off, axis=2) + 1e-300
+    found = np.empty_like(sizes)
+    for i, j in np.ndindex(len(sizes), 3):
+        size = sizes[i, :, j]
+        found[i, :, j] = lsq_linear(ends.off[i, :, :, j].T / size, ends.measured[i, :, j], (0.0, size), "bvls").x / size
+    return np.asarray(found)
+
+
+@immutable(kw_only=False, eq=False)
+class Past:
+    """What a flight's past counts in its prediction.
+
+    Attributes:
+        seconds: s, of the window before each begin that tells the unexplained wrench.
+        noise: (flights, rows) of the sensors. spread: (6,) of the wrench, N and N m.
+        smoothed: whether predictions begin with the window's state, in place of the measured one.
+        memory: s, in which what is beside the wrench's mean over :data:`LASTING` fades; 0 leaves it out.
+        shares: over each horizon, of the model and of rest beside holding, as of :func:`shares_of`.
+    """
+
+    seconds: float
+    noise: Array
+    spread: Array
+    smoothed: bool
+    memory: float
+    shares: Sequence[Array]
+
+    def begins(self, loop: OpenLoop, errors: WindowErrors) -> tuple[BaseStates, Callable[[float], Array]]:
+        """States at the begins of windows, and the wrench some time (s) after."""
+        state, wrench = end_of_past(loop, errors, self.seconds, self.noise, self.spread)
+        begins = state if self.smoothed else loop.begins(errors.windows)
+        return begins, fading(wrench, errors.windows, self.memory)
+
+
+def learn_from_past(loop: OpenLoop, errors: WindowErrors, horizons: Sequence[float]) -> Past:
+    """Choose how the past counts, by the least mean logarithm of position and attitude errors in flights of the fit.
 
     Args:
-        flight: with quaternion, and position or velocity.
-        stretch: of this flight.
-
-    Raises:
-        ValueError: one line: the flight lacks a quantity.
+        loop: of all flights.
+        errors: of windows in the flights of the fit.
+        horizons: s.
     """
-    time: Array = stretch.start + stretch.period * np.arange(stretch.size + 1, dtype=float)
-    given = "velocity" in flight
-    velocity = values_at(flight["velocity"] if given else _slope(flight["position"]), time)
-    known = velocity if given else values_at(_slope(flight["position"], past=True), time)
-    if "position" in flight:
-        position = values_at(flight["position"], time)
-    else:
-        steps = middle(velocity) * stretch.period
-        position = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    return Poses(
-        position=position, quaternion=attitude_at(flight["quaternion"], time), velocity=velocity, known_velocity=known
-    )
+    chosen, least = list[Past](), math.inf
+    for seconds in PASTS:
+        before = past_windows(loop, errors.windows, seconds)
+        noise, spread = noises_of(before, loop.begins(before.windows))
+        state, wrench = end_of_past(loop, errors, seconds, noise, spread)
+        for smoothed, memory in product((False, True), MEMORIES):
+            begins = state if smoothed else loop.begins(errors.windows)
+            ends = ends_of(loop, errors, horizons, begins, fading(wrench, errors.windows, memory))
+            shares = [shares_of(each) for each in ends]
+            rows = [errors_of(each, share) for each, share in zip(ends, shares, strict=True)]
+            counted = [each for each in rows if each.begins]
+            far = [each for each in counted if each.horizon >= FAR] or counted
+            score = sum(math.log(max(each.position * each.attitude, 1e-300)) for each in far)
+            if score < least:
+                chosen, least = [Past(seconds, noise, spread, smoothed, memory, shares)], score
+    return chosen[0]
 
 
-def level_poses(stretch: Stretch) -> Poses:
-    """Poses of a vehicle that rests level, for predictions of which the rates alone count."""
-    zero = np.zeros((stretch.size + 1, 3))
-    level = np.concatenate([zero[:, :1] + 1.0, zero], axis=1)
-    return Poses(position=zero, quaternion=level, velocity=zero, known_velocity=zero)
+def past_windows(loop: OpenLoop, windows: Windows, seconds: float) -> WindowErrors:
+    """Windows of some seconds that end where others begin."""
+    places = windows.begins - windows.firsts[windows.owners] - round(seconds / windows.step)
+    return loop.windows([places[windows.owners == i] for i in range(len(windows.flights))], seconds)
 
 
-def _slope(position: Channel, *, past: bool = False) -> Channel:
-    """Velocity of a measured position: slopes of parabolas through the samples around each one, or until it."""
-    step = float(np.median(np.diff(position.time)))
-    time = np.arange(position.time[0], position.time[-1] + 0.5 * step, step)
-    rows = values_at(position, time)
-    half = max(FEWEST, math.ceil(WINDOW / step)) // 2
-    if len(rows) <= 2 * half:
-        raise ValueError(f"{position.source}: {len(rows)} samples: must be at least {2 * half + 1}")
-    before, after = (2 * half, 0) if past else (half, half)
-    places = np.arange(-before, after + 1, dtype=float)
-    weights = np.linalg.pinv(np.vander(places, 3))[1] / step
-    longer = np.pad(rows, ((before, after), (0, 0)), mode="reflect", reflect_type="odd")
-    slopes = np.stack([np.convolve(column, weights[::-1], "valid") for column in longer.T], axis=1)
-    return Channel(time=time, values=slopes, source=f"slope of {position.source}")
+def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
+    """Noise (flights, rows) of the sensors and spread (6,) of the unexplained wrench, of the largest likelihood.
+
+    A row that no window has keeps what differences of its samples tell; flights without windows take the noise of the
+    others.
+    """
+    states, spread, noise = window_states(begins), before.push, first_noise(before)
+    for turn in range(ROUNDS):
+        found, there, normal, reduced, states = _turn(before, states, noise, spread)
+        noise = new_noise(before, found, there, noise, normal, reduced.inverse)
+        if turn:
+            spread = new_spread(before, states, spread, reduced.inverse)
+    own = np.isin(np.arange(len(noise)), before.windows.owners)
+    known = there.any(axis=(0, 1))
+    noise[np.ix_(~own, known)] = noise[np.ix_(own, known)].min(axis=0)
+    return noise, spread
 
 
-def one_step_errors(stretches: Sequence[Stretch], vehicle: Vehicle, about: Surroundings) -> OneStep:
-    """Errors of the mean accelerations over each period that counts; the motion of the joints is given."""
-    pieces = [_accelerations(each) - predict(vehicle, about, each, (False,) * vehicle.n)[:, :6] for each in stretches]
-    return _root_mean_square([left[each.used] for left, each in zip(pieces, stretches, strict=True)])
+def _turn(
+    before: WindowErrors, states: WindowStates, noise: Array, spread: Array
+) -> tuple[Array, Mask, Normal, Reduced, WindowStates]:
+    """One Gauss-Newton step of the states and wrenches of windows whose vehicle is known."""
+    found, there, normal = before.normal(NONE, states, noise)
+    loose = before.loose.copy()
+    loose[before.wrench] = spread
+    reduced = reduce(normal, states.beside, loose, NONE)
+    return found, there, normal, reduced, states.moved_by(-reduced.shift)
 
 
-def spread_of(stretches: Sequence[Stretch]) -> OneStep:
-    """Standard deviations of the measured accelerations: errors of a prediction by their mean."""
-    pieces = [_accelerations(each)[each.used] for each in stretches]
-    mean = np.concatenate(pieces).mean(axis=0)
-    return _root_mean_square([each - mean for each in pieces])
+def end_of_past(
+    loop: OpenLoop, errors: WindowErrors, seconds: float, noise: Array, spread: Array
+) -> tuple[BaseStates, Array]:
+    """States at the begins of windows, and the wrench (W, 6) that nothing explains, from the seconds before."""
+    before = past_windows(loop, errors.windows, seconds)
+    states = window_states(loop.begins(before.windows))
+    for _ in range(2):
+        *_, states = _turn(before, states, noise, spread)
+    begins = BaseStates(*(states.parts[name] for name in FIELDS))
+    *_, last = islice(loop.ahead(before, begins, lambda _: states.beside), before.windows.length + 1)
+    return last, states.beside
 
 
-def _accelerations(stretch: Stretch) -> Array:
-    """Measured mean specific force and angular acceleration (N, 6) of each period."""
-    return np.concatenate([stretch.specific_force, np.diff(stretch.rate, axis=0) / stretch.period], axis=1)
+def fading(wrench: Array, windows: Windows, memory: float) -> Callable[[float], Array]:
+    """Function from s after the begins of windows to the wrench (W, 6) expected there: its mean stays, the rest fades.
+
+    Args:
+        wrench: (W, 6), estimated at the begins.
+        windows: that begin there; the mean is of those before, of the same flight.
+        memory: s.
+    """
+    lasting, counts = wrench.copy(), np.ones((len(wrench), 1))
+    for j in range(1, len(wrench)):
+        if windows.owners[j] == windows.owners[j - 1]:
+            left = math.exp(-(windows.begins[j] - windows.begins[j - 1]) * windows.step / LASTING)
+            lasting[j] += left * lasting[j - 1]
+            counts[j] += left * counts[j - 1]
+    lasting /= counts
+    return lambda t: lasting + (math.exp(-t / memory) if memory else 0.0) * (wrench - lasting)
 
 
-def _root_mean_square(pieces: Sequence[Array]) -> OneStep:
-    squares = (np.concatenate(pieces) ** 2).mean(axis=0)
-    force, turning = math.sqrt(float(squares[:3].sum())), math.sqrt(float(squares[3:].sum()))
-    return OneStep(specific_force=force, angular_acceleration=turning)
+def one_step_errors(loop: OpenLoop, places: Sequence[IntArray]) -> tuple[float, OneStep, OneStep]:
+    """Period of the accelerometer (s), errors of the mean accelerations over it, and spread of what is measured."""
+    count = loop.averaged
+    errors = loop.windows(places, 2 * count * loop.flights[0].step)
+    windows, begins = errors.windows, loop.begins(errors.windows)
+    found, there = errors.errors_at(NONE, window_states(begins))
+    column = errors.rows.index(("accelerometer", 0))
+    counted, left = there[:, :, column], found[:, :, column : column + 3]
+    at = windows.before(0) + np.arange(windows.length)[:, None]
+    force = errors.samples["accelerometer"].values[np.minimum(at, windows.firsts[-1] - 1)]
+    *_, last = islice(loop.ahead(errors, begins), count + 1)
+    inside = np.minimum(count, loop.left(windows))
+    period = count * windows.step
+    turned = (loop.measured_at(windows, inside).rate - loop.measured_at(windows, 0).rate) / period
+    off = turned - (last.rate - begins.rate) / period
+    model = OneStep(specific_force=_length(left[counted]), angular_acceleration=_length(off[inside == count]))
+    rows = [each - each.mean(axis=0) for each in (force[counted], turned[inside == count])]
+    return period, model, OneStep(specific_force=_length(rows[0]), angular_acceleration=_length(rows[1]))
+
+
+def _length(rows: Array) -> float:
+    """Root mean square length of rows."""
+    return math.sqrt(float((rows**2).sum(axis=1).mean()))
 
 
 def _rate_only(errors: HorizonErrors) -> HorizonErrors:

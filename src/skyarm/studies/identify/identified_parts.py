@@ -200,3 +200,14 @@ def surroundings_with(numbers: Mapping[str, float]) -> Surroundings:
         else:
             found[each.name] = numbers.get(each.name, each.default)
     return Surroundings(**found)
+
+
+def numbers_around(about: Surroundings) -> dict[str, float]:
+    """Numbers of surroundings by name, but for the thrust, which is that of one flight."""
+    found = dict[str, float]()
+    for each in fields(about):
+        value = getattr(about, each.name)
+        parts = zip("xyz", value, strict=True) if isinstance(value, tuple) else ()
+        found |= {f"{each.name}.{axis}": part for axis, part in parts} or {each.name: value}
+    del found["thrust"]
+    return found

@@ -12,11 +12,10 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import number
 from skyarm.studies.identify.channel_scales import WARNED
 from skyarm.studies.identify.data_faults import Fault, find_faults, require_no_refusal
-from skyarm.studies.identify.held_out import held_out_period, predict_held_out
+from skyarm.studies.identify.held_out import predict_held_out
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identify_windows import WHOLE, identify_by_windows
 from skyarm.studies.identify.plausibility import implausible_numbers, require_possible_numbers
-from skyarm.studies.identify.stretches import stretches_of_flights
 from skyarm.studies.identify.unknowns import second_moments_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -25,9 +24,6 @@ TOTAL = "mass"
 
 MOMENTS = ("base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
 """Known numbers that must be given together, as the search is for sums of them."""
-
-STEP = 0.005
-"""s, of the predictions of held-out flights at most."""
 
 FLAT = 1e-6
 """Of the sum of the moments, least second moment of mass: that of a flat plate, which is 0, has no logarithm."""
@@ -125,11 +121,16 @@ def identify_aligned(
     if not held_out:
         return found
     tell("predict the held-out flights")
-    period = held_out_period(STEP)
-    unseen = stretches_of_flights(held_out, start, period=period, full_voltage=full_voltage)
-    again = stretches_of_flights(flights, start, period=period, full_voltage=full_voltage, sections=sections)
-    aside, seen = list(zip(held_out, unseen, strict=True)), list(zip(flights, again, strict=True))
-    predicted = predict_held_out(found, start, aside, seen=seen, known=known, gravity=gravity)
+    predicted = predict_held_out(
+        found,
+        start,
+        held_out,
+        seen=flights,
+        known=known,
+        gravity=gravity,
+        full_voltage=full_voltage,
+        sections=sections,
+    )
     return dataclasses.replace(found, held_out=predicted)
 
 

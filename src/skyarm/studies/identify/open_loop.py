@@ -1,397 +1,376 @@
-"""Prediction of a flight from its commands alone, over horizons of parts of a second to seconds.
+"""Prediction of flights from their commands alone: the engine flies on from measured states.
 
-From a measured state on, the base moves as the vehicle's model says, by the commands that were flown; nothing that was
-measured later enters, but the motion of the joints, which is given, and the next sample where states lie between two.
-Many begins are followed side by side. The errors are shown beside those of *holding*: the velocity and the rate of the
-begin go on.
+From an instant on the base moves as the vehicle's model says, by the commands that were flown; nothing that was
+measured later enters, but the motion of the joints, which is given, and the next sample where an instant lies between
+two. Many begins are flown side by side.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import TypeAlias
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice
 
 import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.flight_data.motion import Motion, PredictedMotion, join_motions, measured_motion
 from skyarm.flight_data.quantities import GRAVITY
+from skyarm.flight_data.series import attitude_at, integral_of, measured_at, values_at
+from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, IntArray
+from skyarm.records.files import one_line
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.disturbances import SETTLED, DisturbanceModel, begin_at, unexplained_sums
-from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.identified_parts import Surroundings, numbers_around
 from skyarm.studies.identify.logged_commands import time_constants
-from skyarm.studies.identify.motion_model import Memo, Stretch, base_acceleration
-from skyarm.studies.identify.sampled_series import vectors_of
-from skyarm.studies.identify.window_fit import scipy_parts
+from skyarm.studies.identify.unknowns import THRUST
+from skyarm.studies.identify.window_errors import WindowErrors, WindowStates, with_heavy_joints
+from skyarm.studies.identify.windows import RUN_IN, Clocked, Windows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
-Errors: TypeAlias = tuple[Array, Array, Array, Array]
-"""Distances (K,) of positions, velocities, attitudes and rates."""
+SLOPE, FEWEST = 0.1, 5
+"""s and samples at least, over which the slope of a measured position is taken where no velocity is measured."""
 
-HORIZONS = (0.01, 0.1, 0.5, 1.0)
-"""s, of the reported errors."""
+TURN, AVERAGED = 0.1, 0.005
+"""s, over which parabolas through a gyroscope's samples give the rates of begins; s, of means that ends have."""
 
-APART = 0.1
-"""s from begin to begin."""
+SWING = 0.1
+"""s, over which polynomials of the fourth degree through measured joints give their rates and accelerations."""
 
+FITS = 1.1
+"""Of the white noise, what a polynomial leaves that fits."""
 
-@immutable(eq=False)
-class Poses:
-    """Measured pose and velocity at the instants of a stretch.
+FIELDS = ("position", "quaternion", "velocity", "rate")
+"""Of a state of the base."""
 
-    Attributes:
-        position: (N + 1, 3) m, world axes. quaternion: (N + 1, 4) w x y z, base to world.
-        velocity: (N + 1, 3) m/s, world axes.
-        known_velocity: (N + 1, 3) m/s, from what is measured until each instant, which predictions begin with.
-    """
+NONE = np.zeros(0)
+"""Numbers that a prediction searches."""
 
-    position: Array
-    quaternion: Array
-    velocity: Array
-    known_velocity: Array
+NEEDED = ("position", "quaternion", "gyro")
+"""Channels without which a model has no state to begin from."""
 
-
-@immutable
-class HorizonErrors:
-    """Root mean square errors of a prediction over one horizon.
-
-    Attributes:
-        horizon: s. begins: number of predictions.
-        position: m. velocity: m/s. attitude: rad, angle of the rotation between both. rate: rad/s.
-    """
-
-    horizon: float
-    begins: int
-    position: float
-    velocity: float
-    attitude: float
-    rate: float
+COMMANDS = ("rotor_commands", "rotor_speed_commands")
 
 
 @immutable(kw_only=False, eq=False)
 class BaseStates:
-    """States of the base in several predictions at one instant, each (K, ...): as of :class:`Poses`, base rates."""
+    """States of the base, each (K, ...).
+
+    Attributes:
+        position: m, world axes. quaternion: w x y z, base to world. velocity: m/s, world axes. rate: rad/s, base axes.
+    """
 
     position: Array
     quaternion: Array
     velocity: Array
     rate: Array
 
+    def at(self, rows: IntArray) -> BaseStates:
+        """Some of the states."""
+        return BaseStates(self.position[rows], self.quaternion[rows], self.velocity[rows], self.rate[rows])
 
-def predict_ahead(
-    vehicle: Vehicle,
-    about: Surroundings,
-    stretch: Stretch,
-    poses: Poses,
-    begins: Sequence[int],
-    periods: int,
-    gravity: float = GRAVITY,
-    disturbances: DisturbanceModel | None = None,
-) -> list[BaseStates]:
-    """BaseStates of the base from measured states on, for a number of periods.
+    def held(self, seconds: float) -> BaseStates:
+        """States after some time in which velocity and rate stay as they are."""
+        turn = Quaternion.of_rotation_vector(Vec3(*(self.rate.T * seconds)))
+        turned = Quaternion(*self.quaternion.T) * turn
+        place = self.position + self.velocity * seconds
+        return BaseStates(place, np.stack(list(turned.normalized()), axis=1), self.velocity, self.rate)
+
+
+def measured_states(
+    flight: FlightData, clocked: Clocked, about: Surroundings, joints: int
+) -> tuple[BaseStates, BaseStates, Array]:
+    """Measured states of a flight at the edges of its clock; level and at rest where no pose is measured.
+
+    Between samples they are interpolated. Without a velocity, that is the slope of the position over :data:`SLOPE`
+    (local parabola: Savitzky and Golay 1964): around each sample, and for begins before it; without a position, that is
+    the sum of the velocity.
 
     Args:
-        vehicle: rigid bodies and rotors.
-        about: delays and offsets.
-        stretch: commands, joints and rates.
-        poses: measured, at the stretch's instants.
-        begins: (K,) numbers of the instants that predictions begin at.
-        periods: of the horizon; each begin must have as many after it.
-        gravity: m/s^2.
-        disturbances: model of what the commands do not explain, estimated from the stretch until each begin.
+        flight: measured.
+        clocked: its clock.
+        about: delay of the pose and bias of the gyroscope.
+        joints: number of the vehicle's joints.
 
     Returns:
-        States after 0, 1, ... periods.
+        States (N + 1, ...); the same with velocities and rates from what is measured until each instant; and (3, N, n)
+        positions and rates of the joints at the begins of the steps, and accelerations in them.
+
+    Raises:
+        ValueError: one line: the flight has too few samples.
     """
-    now, pushed = _begin(vehicle, about, stretch, poses, np.asarray(begins, dtype=int), gravity, disturbances)
-    memo, found = Memo(), [now]
-    for k in range(periods):
-        beside = np.zeros((len(begins), 6)) if disturbances is None else disturbances.ahead(pushed, stretch.period, k)
-        found.append(_next(vehicle, about, stretch, np.asarray(begins) + k, found[-1], beside, memo, gravity))
-    return found
+    time, count = clocked.edges, clocked.size + 1
+    late = time + about.pose_delay
+    position, velocity, before = (np.zeros((count, 3)) for _ in range(3))
+    quaternion = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+    if not no_poses(flight):
+        quaternion = attitude_at(flight["quaternion"], late)
+        if "velocity" in flight:
+            velocity = before = values_at(flight["velocity"], late)
+        else:
+            place = flight["position"]
+            half = max(FEWEST, math.ceil(SLOPE * place.rate)) // 2
+            around = ((half, half), (2 * half, 0))
+            velocity, before = (values_at(slopes_of(place, *each, 2)[1], late) for each in around)
+        known = "position" in flight
+        position = values_at(flight["position"], late) if known else integral_of(time, velocity)
+    gyro, bias = flight["gyro"], np.array(about.gyro_bias)
+    rate = measured_at(gyro, time, max(clocked.step, AVERAGED)) - bias
+    rate_before = values_at(smooth_motion(gyro, TURN, 2, past=True)[0], time) - bias
+    motion = np.zeros((3, clocked.size, 0))
+    if joints:
+        q, qd = (values_at(each, time) for each in smooth_motion(flight["joint_positions"], SWING, 4))
+        motion = np.stack([q[:-1], qd[:-1], np.diff(qd, axis=0) / clocked.step])
+    states = BaseStates(position, quaternion, velocity, rate)
+    return states, BaseStates(position, quaternion, before, rate_before), motion
 
 
-def _begin(
-    vehicle: Vehicle,
-    about: Surroundings,
-    stretch: Stretch,
-    poses: Poses,
-    rows: IntArray,
-    gravity: float,
-    disturbances: DisturbanceModel | None,
-) -> tuple[BaseStates, Array]:
-    """States and disturbances (K, 6, 2) at some instants, from what is measured until then."""
-    now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.known_velocity[rows], stretch.rate[rows])
-    if disturbances is None or not len(rows):
-        return now, np.zeros((len(rows), 6, 2))
-    sums = unexplained_sums(vehicle, about, stretch, poses, gravity)
-    velocity, rate, pushed = begin_at(disturbances, sums, stretch, poses, rows)
-    return replace(now, velocity=velocity, rate=rate), pushed
+def no_poses(flight: FlightData) -> str:
+    """Reason for which a flight has no poses; empty if it has."""
+    if "quaternion" in flight and ("position" in flight or "velocity" in flight):
+        return ""
+    missing = "quaternion" if "quaternion" not in flight else "position"
+    return f"no {missing} is measured: rate and specific force are predicted, and no pose"
 
 
-def _next(
-    vehicle: Vehicle,
-    about: Surroundings,
-    stretch: Stretch,
-    place: IntArray,
-    now: BaseStates,
-    beside: Array,
-    memo: Memo,
-    gravity: float,
-) -> BaseStates:
-    """States at the ends of periods from those at their begins, by the midpoint rule.
+def slopes_of(measured: Channel, before: int, after: int, degree: int) -> tuple[Channel, Channel]:
+    """Value and slope of polynomials through the samples around each one.
 
     Args:
-        vehicle: rigid bodies and rotors.
-        about: delays and offsets.
-        stretch: commands and joints.
-        place: (K,) numbers of the periods.
-        now: at their begins.
-        beside: (K, 6) accelerations that the commands do not explain, linear and angular, base axes.
-        memo: of this stretch.
-        gravity: m/s^2.
+        measured: channel.
+        before: number of samples before each one.
+        after: number of samples after it.
+        degree: of the polynomials.
+
+    Raises:
+        ValueError: one line: too few samples.
     """
-
-    def slopes(at: BaseStates) -> tuple[Array, Array]:
-        R = Quaternion(*at.quaternion.T).rotation()
-        speed = R.apply_T(Vec3(*at.velocity.T))
-        linear, angular = base_acceleration(vehicle, about, stretch, place, Vec3(*at.rate.T), speed, memo)
-        force = R.apply(linear + Vec3(*beside[:, :3].T))
-        world = vectors_of(force, len(place))
-        world[:, 2] -= gravity
-        return world, vectors_of(angular, len(place)) + beside[:, 3:]
-
-    middle = _advance(now, *slopes(now), 0.5 * stretch.period)
-    return _advance(now, *slopes(middle), stretch.period, middle)
-
-
-def _advance(
-    now: BaseStates, acceleration: Array, turning: Array, seconds: float, middle: BaseStates | None = None
-) -> BaseStates:
-    """State after some time, at the velocities of the middle if they are known."""
-    velocity, rate = (now.velocity, now.rate) if middle is None else (middle.velocity, middle.rate)
-    turn = Quaternion.of_rotation_vector(Vec3(*(rate.T * seconds)))
-    turned = Quaternion(*now.quaternion.T) * turn
-    return BaseStates(
-        now.position + velocity * seconds,
-        vectors_of(turned.normalized(), len(rate)),
-        now.velocity + acceleration * seconds,
-        now.rate + turning * seconds,
+    step = float(np.median(np.diff(measured.time)))
+    time = np.arange(measured.time[0], measured.time[-1] + 0.5 * step, step)
+    rows = values_at(measured, time)
+    if len(rows) <= before + after:
+        raise ValueError(f"{measured.source}: {len(rows)} samples: must be at least {before + after + 1}")
+    powers = np.vander(np.arange(-before, after + 1, dtype=float), degree + 1, increasing=True)
+    longer = np.pad(rows, ((before, after), (0, 0)), mode="reflect", reflect_type="odd")
+    value, slope = (
+        np.stack([np.convolve(column, each[::-1], "valid") for column in longer.T], axis=1)
+        for each in np.linalg.pinv(powers)[:2]
+    )
+    return dataclasses.replace(measured, time=time, values=value), dataclasses.replace(
+        measured, time=time, values=slope / step
     )
 
 
-def hold(stretch: Stretch, poses: Poses, begins: Sequence[int] | IntArray, seconds: float) -> BaseStates:
-    """BaseStates of the base whose velocity and rate stay as they are."""
-    rows = np.asarray(begins, dtype=int)
-    now = BaseStates(poses.position[rows], poses.quaternion[rows], poses.known_velocity[rows], stretch.rate[rows])
-    return _advance(now, np.zeros((len(rows), 3)), np.zeros((len(rows), 3)), seconds)
+def smooth_motion(measured: Channel, seconds: float, degree: int, *, past: bool = False) -> tuple[Channel, Channel]:
+    """Value and slope of polynomials over some seconds around each sample, or over half of them if they would not fit.
 
-
-def errors_of(motion: BaseStates, stretch: Stretch, poses: Poses, rows: Sequence[int] | IntArray) -> Errors:
-    """Distances (K,) of states from those measured at some instants: position, velocity, attitude (rad), rate."""
-    place = np.asarray(rows, dtype=int)
-    position, velocity, rate = (
-        np.linalg.norm(a - b[place], axis=1)
-        for a, b in (
-            (motion.position, poses.position),
-            (motion.velocity, poses.velocity),
-            (motion.rate, stretch.rate),
-        )
-    )
-    same = np.abs((motion.quaternion * poses.quaternion[place]).sum(axis=1))
-    return position, velocity, 2.0 * np.arccos(np.minimum(same, 1.0)), rate
-
-
-FORGOTTEN = 8.0
-"""Time constants after a stretch's begin until its rotors' speeds follow from the commands in it."""
-
-
-def begins_of(stretch: Stretch, periods: int, vehicle: Vehicle, about: Surroundings, after: float = 0.0) -> list[int]:
-    """Instants that predictions over some periods begin at: rotor speeds are known there, and every period counts."""
-    lag = float(time_constants(vehicle.rotors).max(initial=0.0))
-    first = math.ceil(max(after, about.delay + FORGOTTEN * lag) / stretch.period)
-    step = max(1, round(APART / stretch.period))
-    return [k for k in range(first, stretch.size - periods + 1, step) if stretch.used[k : k + periods].all()]
-
-
-def mean_errors(pieces: Sequence[Errors], horizon: float) -> HorizonErrors:
-    """Root mean squares over the predictions of several stretches."""
-    columns = [np.concatenate(each) for each in zip(*pieces, strict=True)] if pieces else [np.zeros(0)] * 4
-    squares = [math.sqrt(float((each**2).mean())) if each.size else math.nan for each in columns]
-    return HorizonErrors(
-        horizon=horizon,
-        begins=len(columns[0]),
-        position=squares[0],
-        velocity=squares[1],
-        attitude=squares[2],
-        rate=squares[3],
-    )
-
-
-def predict_flights(
-    vehicle: Vehicle,
-    about: Surroundings,
-    flights: Sequence[tuple[Stretch, Poses]],
-    horizons: Sequence[float] = HORIZONS,
-    gravity: float = GRAVITY,
-    disturbances: DisturbanceModel | None = None,
-    weights: Sequence[Weights] | None = None,
-    after: float = 0.0,
-) -> list[tuple[HorizonErrors, HorizonErrors]]:
-    """Errors of a vehicle's model and of holding over several horizons (s), on flights that no fit has seen.
+    What they leave must be no more than the samples' white noise, as it shows in differences that leave none of them.
 
     Args:
-        vehicle: rigid bodies and rotors.
-        about: delays and offsets.
-        flights: stretches with the poses measured at their instants.
-        horizons: s.
-        gravity: m/s^2.
-        disturbances: model of what the commands do not explain.
-        weights: of the model's prediction over each horizon; the whole of it by default.
-        after: s, of each stretch before the first prediction.
-
-    Returns:
-        For each horizon the errors of the model, and those of holding; of a horizon below a period those of one.
+        measured: channel.
+        seconds: at most.
+        degree: of the polynomials.
+        past: whether they are through the samples until each one.
     """
-    model: list[list[Errors]] = [[] for _ in horizons]
-    held: list[list[Errors]] = [[] for _ in horizons]
-    for stretch, poses in flights:
-        for i, each in _ends_of(vehicle, about, stretch, poses, horizons, gravity, disturbances, after).items():
-            last = each.model if weights is None else weights[i].mix(each.model, each.held, each.rest)
-            model[i].append(errors_of(last, stretch, poses, each.rows))
-            held[i].append(errors_of(each.held, stretch, poses, each.rows))
-    return [(mean_errors(model[i], horizon), mean_errors(held[i], horizon)) for i, horizon in enumerate(horizons)]
+    least = degree if past else degree // 2
+    size = max(least, round(seconds * measured.rate / (1 if past else 2)))
+    bends = np.median(np.abs(np.diff(measured.values, degree + 1, axis=0)), axis=0)
+    noise = 1.4826 * bends / math.sqrt(math.comb(2 * degree + 2, degree + 1))
+    while True:
+        value, slope = slopes_of(measured, size, 0 if past else size, degree)
+        left = np.sqrt(((value.values - values_at(measured, value.time)) ** 2).mean(axis=0))
+        if size == least or (left <= FITS * noise).all():
+            return value, slope
+        size = max(least, size // 2)
 
 
-def rotations(first: Array, second: Array) -> Array:
-    """Rotation vectors (K, 3), base axes, from attitudes to others, the shorter way."""
-    turn = Quaternion(*(first * [1.0, -1.0, -1.0, -1.0]).T) * Quaternion(*second.T)
-    rows = vectors_of(turn, len(first))
-    rows = rows * np.where(rows[:, :1] < 0.0, -1.0, 1.0)
-    size = np.linalg.norm(rows[:, 1:], axis=1, keepdims=True)
-    return rows[:, 1:] * np.where(size > 1e-9, 2.0 * np.arctan2(size, rows[:, :1]) / np.maximum(size, 1e-300), 2.0)
+class OpenLoop:
+    """Model of a vehicle that flies on from instants of measured flights of one clock, under their commands.
 
-
-@immutable(kw_only=False, eq=False)
-class Weights:
-    """Shares of a prediction over one horizon, of each axis, in place of which holding stands.
+    Args:
+        vehicle: whose model flies.
+        about: delays and offsets.
+        flights: measured.
+        clocked: the same on their clock.
+        gravity: m/s^2.
+        thrusts: name of a flight -> its thrust over that of the rotors' data; by default that of ``about``.
 
     Attributes:
-        position, velocity: (3,) world axes, of what the model's prediction is off holding.
-        attitude, rate: (2, 3) base axes, of that, and of what an attitude that stays, without a rate, is off holding.
+        flights: on the clock.
+        measured: states at the edges of the clocks, one flight after the other; ``known`` are those to begin with.
+        averaged: steps over which the accelerometer's samples are means.
     """
 
-    position: Array
-    velocity: Array
-    attitude: Array
-    rate: Array
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        about: Surroundings,
+        flights: Sequence[FlightData],
+        clocked: Sequence[Clocked],
+        gravity: float,
+        thrusts: Mapping[str, float] | None = None,
+    ) -> None:
+        self._vehicle, self.flights = vehicle, list(clocked)
+        every = [measured_states(*each, about, vehicle.n) for each in zip(flights, clocked, strict=True)]
+        self.measured, self.known = (
+            BaseStates(*(np.concatenate([getattr(each[i], name) for each in every]) for name in FIELDS)) for i in (0, 1)
+        )
+        thrust = {f"{THRUST}{each.name}": (thrusts or {}).get(each.name, about.thrust) for each in self.flights}
+        still, anywhere = [False] * vehicle.n, [np.zeros(0, int)] * len(flights)
+        self._errors = WindowErrors(
+            Windows(self.flights, vehicle, 0.0, places=anywhere),
+            with_heavy_joints(vehicle),
+            [],
+            numbers_around(about) | thrust,
+            still,
+            still,
+            gravity,
+            given=np.concatenate([each[2] for each in every], axis=1),
+        )
+        self._errors.take_samples(NONE)
+        self.averaged = self._errors.averaged
 
-    def mix(self, model: BaseStates, held: BaseStates, rest: BaseStates) -> BaseStates:
-        """Weighted prediction of the base's states."""
-        off_model, off_rest = (rotations(held.quaternion, each.quaternion) for each in (model, rest))
-        turn = Quaternion.of_rotation_vector(Vec3(*(self.attitude[0] * off_model + self.attitude[1] * off_rest).T))
-        turned = Quaternion(*held.quaternion.T) * turn
-        return BaseStates(
-            held.position + self.position * (model.position - held.position),
-            vectors_of(turned.normalized(), len(held.rate)),
-            held.velocity + self.velocity * (model.velocity - held.velocity),
-            held.rate + self.rate[0] * (model.rate - held.rate) - self.rate[1] * held.rate,
+    def windows(self, places: Sequence[IntArray], seconds: float = 0.0) -> WindowErrors:
+        """Windows of some seconds with their first steps in each flight, and what is measured less flown in them."""
+        return self._errors.over(Windows(self.flights, self._vehicle, seconds, places=places))
+
+    def left(self, windows: Windows) -> IntArray:
+        """Numbers (W,) of usable steps in a row from the windows' begins on."""
+        bad = np.concatenate([~each.usable for each in self.flights])
+        ends = np.union1d(np.flatnonzero(bad), windows.firsts[1:])
+        return np.asarray(ends[np.searchsorted(ends, windows.begins)] - windows.begins)
+
+    def measured_at(self, windows: Windows, steps: int | IntArray) -> BaseStates:
+        """Measured states some steps after the windows' begins."""
+        return self.measured.at(windows.begins + windows.owners + steps)
+
+    def begins(self, windows: Windows) -> BaseStates:
+        """States at the windows' begins from what is measured until then."""
+        return self.known.at(windows.begins + windows.owners)
+
+    def ahead(
+        self, errors: WindowErrors, begins: BaseStates, pushes: Callable[[float], Array] | None = None
+    ) -> Iterator[BaseStates]:
+        """States 0, 1, ... steps after the begins of windows.
+
+        Args:
+            errors: of the windows.
+            begins: states.
+            pushes: s, after the begins -> (W, 6) force (N) and torque (N m) that the commands do not explain, base
+                axes; none by default.
+        """
+        lanes, step = errors.lanes(NONE, window_states(begins)), errors.windows.step
+        inputs, known, k = lanes.flights.inputs, lanes.flights.inputs["torque"].copy(), 0
+        try:
+            while True:
+                yield BaseStates(*(lanes.flights.state[name].T.copy() for name in FIELDS))
+                if pushes is not None:
+                    force, torque = np.split(pushes((k + 0.5) * step).T, 2)
+                    inputs["force"][:], inputs["torque"][:] = force, known + torque
+                lanes.advance(k)
+                k += 1
+        finally:
+            lanes.close()
+
+
+def window_states(begins: BaseStates) -> WindowStates:
+    """First states of windows, without an unexplained wrench."""
+    return WindowStates({name: getattr(begins, name) for name in FIELDS}, np.zeros((len(begins.rate), 6)))
+
+
+def places_of(flight: Clocked, vehicle: Vehicle, every: int, behind: float = 0.0) -> IntArray:
+    """First steps of predictions, where rotors' speeds follow from the commands and the flight is usable.
+
+    Args:
+        flight: on its clock.
+        vehicle: whose rotors' lags count.
+        every: steps from one to the next within each usable part.
+        behind: s, of the usable part before the first one.
+    """
+    run_in = RUN_IN * float(time_constants(vehicle.rotors).max(initial=0.0))
+    before, first = round(behind / flight.step), math.ceil(run_in / flight.step)
+    rows = [np.arange(max(a + before, first), b, every) for a, b in runs_of(flight.usable)]
+    return np.concatenate([np.zeros(0, int), *rows])
+
+
+class OpenLoopFlight:
+    """Measured flight whose motion a vehicle's model predicts over horizons of any length.
+
+    Args:
+        flight: with position, quaternion, gyro and commands of the rotors; joint positions for a vehicle with joints.
+        vehicle: whose model is used.
+        about: delays and offsets.
+        gravity: m/s^2.
+        full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.
+
+    Raises:
+        ValueError: one line: a channel is missing or does not fit the vehicle, or the vehicle is nowhere in the air.
+    """
+
+    def __init__(
+        self,
+        flight: FlightData,
+        vehicle: Vehicle,
+        about: Surroundings | None = None,
+        *,
+        gravity: float = GRAVITY,
+        full_voltage: float = 0.0,
+    ) -> None:
+        _require_channels(flight, vehicle)
+        self.measured = measured_motion(flight, vehicle)
+        if "accelerometer" not in flight:  # clocks have it, and no prediction uses it
+            rate = flight["gyro"]
+            flight = flight.with_channels({"accelerometer": dataclasses.replace(rate, values=0.0 * rate.values)})
+        posed = flight.section(float(self.measured.time[0]), float(self.measured.time[-1]))
+        if empty := [
+            name for name, each in posed.channels.items() if name in (*NEEDED, *COMMANDS) and not each.time.size
+        ]:
+            raise ValueError(f"{flight.name}: {empty[0]}: must be measured at the same time as position and quaternion")
+        self._clocked = on_clock(posed, vehicle, clock_step([posed], vehicle), full_voltage=full_voltage)
+        self._vehicle = vehicle
+        if not places_of(self._clocked, vehicle, 1).size:
+            raise ValueError(f"{flight.name}: no part in the air without a gap is long enough for a prediction")
+        self._joints = np.zeros((self._clocked.size + 1, 0))
+        if vehicle.n:
+            self._joints = values_at(flight["joint_positions"], self._clocked.edges)
+        self._loop = OpenLoop(vehicle, about or Surroundings(), [flight], [self._clocked], gravity)
+
+    def over(self, horizon: float) -> PredictedMotion:
+        """Motion of the model, and of held velocity and rate, set back to the measured state after each horizon, s."""
+        loop, step = self._loop, self._clocked.step
+        steps = max(1, round(horizon / step))
+        errors = loop.windows([places_of(self._clocked, self._vehicle, steps)])
+        windows, begins = errors.windows, loop.begins(errors.windows)
+        flown = list(islice(loop.ahead(errors, begins), steps + 1))
+        still = [begins.held(k * step) for k in range(steps + 1)]
+        # the last one ends with its part
+        counts = np.minimum(loop.left(windows), steps) + 1
+        model, held = (
+            join_motions([self._motion(states, i, first, first + counts[i]) for i, first in enumerate(windows.begins)])
+            for states in (flown, still)
+        )
+        return PredictedMotion(model=model, held=held, begins=self._clocked.edges[windows.begins])
+
+    def _motion(self, states: Sequence[BaseStates], i: int, first: int, end: int) -> Motion:
+        """Motion of one of several predictions, between two instants of the clock."""
+        position, quaternion = (
+            np.stack([getattr(each, name)[i] for each in states[: end - first]]) for name in FIELDS[:2]
+        )
+        return Motion(
+            time=self._clocked.edges[first:end],
+            position=position,
+            quaternion=quaternion,
+            joints=self._joints[first:end],
         )
 
 
-def fit_weights(
-    vehicle: Vehicle,
-    about: Surroundings,
-    flights: Sequence[tuple[Stretch, Poses]],
-    horizons: Sequence[float] = HORIZONS,
-    gravity: float = GRAVITY,
-    disturbances: DisturbanceModel | None = None,
-) -> list[Weights]:
-    """Shares of the model, of holding and of rest with the least error (Bates and Granger 1969), for each horizon.
-
-    A controller keeps a vehicle where a model alone, from a state that is known a little wrong, departs from it; the
-    longer the horizon, the less of the model's prediction counts. Flights must be those of the fit, not the predicted.
-    All of the model counts over a horizon that no stretch is long enough for.
-    """
-    parts: list[list[list[tuple[Array, Array]]]] = [[[], [], [], []] for _ in horizons]
-    for stretch, poses in flights:
-        for i, each in _ends_of(vehicle, about, stretch, poses, horizons, gravity, disturbances).items():
-            model, held, rest, rows = each.model, each.held, each.rest, parts[i]
-            goals = (model.quaternion, rest.quaternion, poses.quaternion[each.rows])
-            turns = [rotations(held.quaternion, goal) for goal in goals]
-            rows[0].append((np.stack([model.position - held.position]), poses.position[each.rows] - held.position))
-            rows[1].append((np.stack([model.velocity - held.velocity]), poses.velocity[each.rows] - held.velocity))
-            rows[2].append((np.stack(turns[:2]), turns[2]))
-            rows[3].append((np.stack([model.rate - held.rate, -held.rate]), stretch.rate[each.rows] - held.rate))
-    found = []
-    for rows in parts:
-        if not rows[0]:
-            whole = np.stack([np.ones(3), np.zeros(3)])
-            found.append(Weights(whole[0], whole[0], whole, whole))
-            continue
-        position, velocity, attitude, rate = (_shares(each) for each in rows)
-        found.append(Weights(position[0], velocity[0], attitude, rate))
-    return found
-
-
-def _shares(rows: Sequence[tuple[Array, Array]]) -> Array:
-    """Shares (parts, 3), 0 to 1, of parts (parts, K, 3) whose sum is nearest to the measured (K, 3), of each axis."""
-    parts = np.concatenate([each for each, _ in rows], axis=1)
-    wanted = np.concatenate([each for _, each in rows])
-    scipy_parts()
-    from scipy.optimize import lsq_linear
-
-    # over a few samples all parts are within the noise: beyond 0 to 1 they would only fit that
-    sizes = np.linalg.norm(parts, axis=1) + 1e-300
-    solved = [lsq_linear(parts[:, :, i].T / sizes[:, i], wanted[:, i], (0.0, sizes[:, i])) for i in range(3)]
-    return np.stack([each.x / sizes[:, i] for i, each in enumerate(solved)], axis=1)
-
-
-@immutable(kw_only=False, eq=False)
-class Ends:
-    """Predictions a horizon after their begins.
-
-    Attributes:
-        rows: (K,) numbers of the instants there.
-        model, held, rest: states by the model, by holding, and by holding without turning.
-    """
-
-    rows: IntArray
-    model: BaseStates
-    held: BaseStates
-    rest: BaseStates
-
-
-def _ends_of(
-    vehicle: Vehicle,
-    about: Surroundings,
-    stretch: Stretch,
-    poses: Poses,
-    horizons: Sequence[float],
-    gravity: float,
-    disturbances: DisturbanceModel | None,
-    after: float = 0.0,
-) -> dict[int, Ends]:
-    """Predictions of a stretch over horizons (s), by their number, in one pass; none for those that nothing begins at.
-
-    A prediction that ends, as a period does not count, is left out of the pass.
-    """
-    after, h = after if disturbances is None else max(after, SETTLED), stretch.period
-    ends = [max(1, round(horizon / h)) for horizon in horizons]
-    last = max((end for end in ends if begins_of(stretch, end, vehicle, about, after)), default=0)
-    rows = np.asarray(begins_of(stretch, 1, vehicle, about, after), dtype=int)
-    now, pushed = _begin(vehicle, about, stretch, poses, rows, gravity, disturbances)
-    memo, found = Memo(), dict[int, Ends]()
-    for k in range(last):
-        inside = (rows + k < stretch.size) & stretch.used[np.minimum(rows + k, stretch.size - 1)]
-        rows, pushed = rows[inside], pushed[inside]
-        now = BaseStates(now.position[inside], now.quaternion[inside], now.velocity[inside], now.rate[inside])
-        beside = np.zeros((len(rows), 6)) if disturbances is None else disturbances.ahead(pushed, h, k)
-        now = _next(vehicle, about, stretch, rows + k, now, beside, memo, gravity)
-        for i in (i for i, end in enumerate(ends) if end == k + 1):
-            held = hold(stretch, poses, rows, (k + 1) * h)
-            rest = replace(held, quaternion=poses.quaternion[rows], rate=0.0 * held.rate)
-            found[i] = Ends(rows + k + 1, now, held, rest)
-    return found
+def _require_channels(flight: FlightData, vehicle: Vehicle) -> None:
+    """Raise an error that lists all that a flight lacks for a prediction."""
+    lacking = [name for name in (*NEEDED, *(["joint_positions"] if vehicle.n else [])) if name not in flight]
+    if not any(name in flight for name in COMMANDS):
+        lacking.append(" or ".join(COMMANDS))
+    if lacking:
+        there = ", ".join(flight) or "no channel"
+        raise ValueError(one_line(f"{flight.name}: must hold {' and '.join(lacking)}; there is {there}"))

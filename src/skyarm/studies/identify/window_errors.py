@@ -7,6 +7,7 @@ number and free number, of every window, all flown side by side.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -68,8 +69,18 @@ DELAY = {
 TRIM = "torque."
 """Begin of the names of the constant torque, beside which each window has one of its own."""
 
+HEAVY = 1e6
+"""kg m^2 or kg, inertia of drives beside which nothing moves a joint, and which do not act on the base."""
+
 READ = {"gyro": "rate", "joint_positions": "joints"}
 """Sensor -> field of a state, where names differ."""
+
+
+def with_heavy_joints(vehicle: Vehicle) -> Vehicle:
+    """Vehicle whose joints move as an acceleration tells that is given to their drives, whatever acts on them."""
+    free = {"armature": HEAVY, "effort_limit": math.inf, "damping": 0, "coulomb": 0, "stop_stiffness": 0}
+    links = [with_changes(each, False, joint=with_changes(each.joint, False, **free)) for each in vehicle.links]
+    return vehicle.with_checked(links=tuple(links), drives=())
 
 
 @immutable(kw_only=False, eq=False)
@@ -135,11 +146,13 @@ class WindowErrors:
         gravity: m/s^2.
         replay: plant of other windows of the same step, unknowns and vehicle, in place of a new one.
         finer: least number of integration steps within a step of a new one.
+        given: (3, steps, n) positions of the joints at the begin of each step, rates there, and accelerations in it,
+            where joints move as they are told; of a vehicle of :func:`with_heavy_joints`.
 
     Attributes:
         replay: simulated plant. names: of the numbers. rows: (sensor, column) of each row of the errors.
         free: (name, column) of each free number of a window. loose: their standard deviations before.
-        wrench: which of them are force and torque.
+        wrench: which of them are force and torque. averaged: steps over which the accelerometer's samples are means.
     """
 
     def __init__(
@@ -153,7 +166,9 @@ class WindowErrors:
         gravity: float,
         replay: Replay | None = None,
         finer: int = 1,
+        given: Array | None = None,
     ) -> None:
+        self.given = given
         self.windows, self.start, self.unknowns, self.known = windows, start, list(unknowns), dict(known)
         self.driven, self.servoed = list(driven), list(servoed)
         self.names = [each.name for each in unknowns]
@@ -162,8 +177,8 @@ class WindowErrors:
         inside = [not name.startswith(beside) and name not in IN_INPUTS for name in self.names]
         self._inside = np.flatnonzero(inside)
         self.replay = self._make_replay(gravity, finer) if replay is None else replay
-        self.samples, self._taken = windows.samples(), dict[str, float]()
-        n, servos = start.n, [servo_of(start, i) for i in range(start.n) if servoed[i]]
+        self.samples, self._taken = self._samples({}), dict[str, float]()
+        n, servos = start.n if given is None else 0, [servo_of(start, i) for i in range(start.n) if servoed[i]]
         self.rows = [(name, i) for name in self.samples for i in range(n if name.startswith("joint") else 3)]
         self._first = {name: i for i, (name, column) in enumerate(self.rows) if not column}
         self.integrals = [j for j, each in enumerate(servos) if each is not None and float(each.integral) > 0.0]
@@ -175,7 +190,7 @@ class WindowErrors:
         self.loose = np.array([FREE.get(name, LOOSE) for name, _ in self.free])
         self.wrench = np.array([i for i, (name, _) in enumerate(self.free) if name == "wrench"])
         felt = [each.channels["accelerometer"].rate for each in windows.flights if "accelerometer" in each.channels]
-        self._averaged = max(1, round(1.0 / (min(felt) * windows.step))) if felt else 1
+        self.averaged = max(1, round(1.0 / (min(felt) * windows.step))) if felt else 1
         weight = gravity * float(start.mass)
         arm = max(math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors)
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
@@ -231,8 +246,25 @@ class WindowErrors:
             return
         self._taken = delays
         # what is flown is the mean of a sample's period, what is read that in its middle
-        middle = {"accelerometer": 0.5 * self._averaged * self.windows.step}
-        self.samples = self.windows.samples({name: s - middle.get(name, 0.0) for name, s in self._taken.items()})
+        middle = {"accelerometer": 0.5 * self.averaged * self.windows.step}
+        self.samples = self._samples({name: s - middle.get(name, 0.0) for name, s in self._taken.items()})
+
+    def _samples(self, late: Mapping[str, float]) -> dict[str, Samples]:
+        """Samples of the sensors that are compared, by their delays, s."""
+        found = self.windows.samples(late)
+        if self.given is not None:
+            found = {name: rows for name, rows in found.items() if not name.startswith("joint")}
+        return found
+
+    def lanes(self, searched: Array, states: WindowStates, directions: Sequence[Direction] = ()) -> WindowLanes:
+        """Simulated lanes at the begins of the windows: at the estimate, and as many that differ in one direction."""
+        return WindowLanes(self, self.replay, searched, states, directions)
+
+    def over(self, windows: Windows) -> WindowErrors:
+        """Errors of other windows of the same flights, by the same simulated plant."""
+        found = copy.copy(self)
+        found.windows = windows
+        return found
 
     def errors_at(self, searched: Array, states: WindowStates) -> tuple[Array, Mask]:
         """Errors (steps, W, rows) at numbers (P,) on the scale of the search, and which of them count."""
@@ -320,7 +352,7 @@ class WindowErrors:
 
         Errors are (columns, 1 + directions, W), slopes (columns, W) per second.
         """
-        lanes, step = WindowLanes(self, self.replay, searched, states, directions), self.windows.step
+        lanes, step = self.lanes(searched, states, directions), self.windows.step
         numbers = self.numbers(searched)
         late = {name: numbers.get(DELAY.get(name, ""), 0.0) - self._taken.get(name, 0.0) for name in self.samples}
         before, forces = lanes.read(self.samples), list[Array]()
@@ -328,14 +360,14 @@ class WindowErrors:
             at = self.windows.begins + k
             lanes.advance(k)
             now = lanes.read(self.samples)
-            forces = [*forces[-self._averaged + 1 :], lanes.force()] if self._averaged > 1 else [lanes.force()]
+            forces = [*forces[-self.averaged + 1 :], lanes.force()] if self.averaged > 1 else [lanes.force()]
             now["accelerometer"] = np.mean(forces, axis=0)
             if not k:
                 before["accelerometer"] = now["accelerometer"]
             for name, samples in self.samples.items():
                 has = samples.there[at]
                 if name == "accelerometer":  # a mean over a sample's period that begins before the window is not flown
-                    has = has & (k + samples.share[at] > self._averaged - 1e-9)
+                    has = has & (k + samples.share[at] > self.averaged - 1e-9)
                 if not has.any():
                     continue
                 error, slope = _error(name, before[name], now[name], now["gyro"][:, 0], samples, at, step)
@@ -409,7 +441,7 @@ class WindowLanes:
         inside = [errors.names.index(name) for name in replay.names]
         self.flights.inputs["numbers"][:] = np.repeat(self._numbers[:, inside], count, axis=0).T
         for name, rows in moved.parts.items():
-            if name != "integrals":
+            if name != "integrals" and rows.size:
                 self.flights.state[name][:] = rows.T
             elif errors.integrals:
                 self.flights.memories[[3 * j + 1 for j in errors.integrals]] = rows.T
@@ -431,10 +463,11 @@ class WindowLanes:
         keys, which = _distinct(delays)
         self._speeds = _stack_commands([windows.commands("speeds", *key) for key in keys]), which
         ways = ("rotors.time_constant_up", "rotors.time_constant_down")
-        keys, which = _distinct(delays, *(self._number(way, math.nan) for way in ways))
+        # below 0 where it is the start's: rows with NaN would all be distinct
+        keys, which = _distinct(delays, *(self._number(way, -1.0) for way in ways))
         begun = []
         for delay, *lags in keys:
-            lag = {way: value for way, value in zip(ways, lags, strict=True) if not math.isnan(value)}
+            lag = {way: value for way, value in zip(ways, lags, strict=True) if value >= 0.0}
             begun.append(windows.rotor_speeds(vehicle_with(start, lag).rotors, windows.commands("speeds", delay)))
         self.flights.state["rotor_speeds"][:] = np.stack(begun)[which].reshape(-1, len(start.rotors)).T
         shares = [self._number(f"{THRUST}{each.name}", 1.0) for each in windows.flights]
@@ -473,7 +506,7 @@ class WindowLanes:
 
     def advance(self, k: int) -> None:
         """Simulate step k of all windows under its commands."""
-        at, inputs = self._windows.begins + k, self.flights.inputs
+        at, inputs = self._windows.before(k), self.flights.inputs
 
         def lanes(table: Array, which: IntArray) -> Array:
             """Values (k, lanes) of a table (keys, steps, k) at the present step of each window."""
@@ -487,6 +520,10 @@ class WindowLanes:
             inputs["setpoints_before"][i] = held.before[:, at, i][which].ravel()
             inputs["setpoints_after"][i] = held.after[:, at, i][which].ravel()
             inputs["late"][1] = held.late[:, at][which].ravel()
+        if self._errors.given is not None:
+            joints, rates, accelerations = np.tile(np.moveaxis(self._errors.given[:, at], -1, 1), self._shape[1])
+            self.flights.state["joints"][:], self.flights.state["joint_rates"][:] = joints, rates
+            inputs["setpoints_before"][:] = inputs["setpoints_after"][:] = HEAVY * accelerations
         if self._errors.unlogged:
             hats = self._errors.hats
             place = (k + 0.5) / self._windows.length * (hats - 1)

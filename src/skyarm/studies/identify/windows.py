@@ -212,6 +212,13 @@ def samples_on(channel: Channel, edges: Array) -> Samples:
     return Samples(values, np.clip(share, 0.0, 1.0), count > 0)
 
 
+def _no_samples(size: int, width: int) -> Samples:
+    """Samples of a sensor that is missing; attitudes are such as may be divided by their length."""
+    values = np.zeros((size, width))
+    values[:, :1] = width == 4
+    return Samples(values, np.zeros(size), np.zeros(size, dtype=bool))
+
+
 @immutable(kw_only=False, eq=False)
 class Held:
     """Commands that are held from sample to sample, over each of N steps with at most one switch.
@@ -296,6 +303,8 @@ class Windows:
         start: vehicle before.
         seconds: of a window.
         most: windows at most, evenly taken; 0 for all.
+        places: first steps of the windows in each flight; by default one window behind the other where steps are
+            usable.
 
     Attributes:
         length: steps of a window. count: windows, W of them. run_in: steps before one from which rotors' speeds follow.
@@ -303,16 +312,23 @@ class Windows:
         owners: (W,) number of its flight. firsts: (flights + 1,) number of each flight's first step.
     """
 
-    def __init__(self, flights: Sequence[Clocked], start: Vehicle, seconds: float, most: int = 0) -> None:
+    def __init__(
+        self,
+        flights: Sequence[Clocked],
+        start: Vehicle,
+        seconds: float,
+        most: int = 0,
+        places: Sequence[IntArray] | None = None,
+    ) -> None:
         self.flights, self.step = list(flights), flights[0].step
-        self.length = max(2, round(seconds / self.step))
+        self.length = max(1, round(seconds / self.step))
         past = RUN_IN * float(time_constants(start.rotors).max(initial=0.0)) / self.step
         # in a short flight rather from a part of the past than no window
         self.run_in = min(math.ceil(past), max(each.size for each in flights) // 2)
         self.firsts: IntArray = np.cumsum([0, *(each.size for each in flights)])
-        places = [self._places(each) for each in flights]
-        begins = np.concatenate([first + np.array(part, int) for first, part in zip(self.firsts, places, strict=False)])
-        owners = np.repeat(np.arange(len(flights)), [len(part) for part in places])
+        rows = [np.array(self._places(each), int) for each in flights] if places is None else places
+        begins = np.concatenate([first + part for first, part in zip(self.firsts, rows, strict=False)])
+        owners = np.repeat(np.arange(len(flights)), [len(part) for part in rows])
         if most and len(begins) > most:
             kept = np.linspace(0, len(begins) - 1, most).astype(int)
             begins, owners = begins[kept], owners[kept]
@@ -333,8 +349,9 @@ class Windows:
         return found
 
     def before(self, k: int) -> IntArray:
-        """Indices (W,) of the steps k behind the windows' begins, not beyond their flights' first ones."""
-        return np.asarray(np.maximum(self.begins + k, self.firsts[self.owners]), dtype=np.int64)
+        """Indices (W,) of the steps k behind the windows' begins, not beyond their flights' first and last ones."""
+        first, last = self.firsts[self.owners], self.firsts[self.owners + 1] - 1
+        return np.asarray(np.clip(self.begins + k, first, last), dtype=np.int64)
 
     def samples(self, late: Mapping[str, float] | None = None) -> dict[str, Samples]:
         """Samples of each sensor on the clock, all flights one after the other; marked absent where it is missing.
@@ -350,7 +367,7 @@ class Windows:
             parts = [
                 samples_on(each.channels[name], each.edges + (late or {}).get(name, 0.0))
                 if name in each.channels
-                else Samples(np.zeros((each.size, widths[0])), np.zeros(each.size), np.zeros(each.size, dtype=bool))
+                else _no_samples(each.size, widths[0])
                 for each in self.flights
             ]
             rows = zip(*((each.values, each.share, each.there) for each in parts), strict=True)
