@@ -195,7 +195,7 @@ def test_motion_capture_of_another_clock_gives_the_numbers_of_the_aligned_log(id
 def test_flights_are_identified_in_python_as_well(monkeypatch):
     given = []
     monkeypatch.setattr(identify_flights, "identify_by_windows", lambda *a, **k: given.append((a, k)) or found_with())
-    monkeypatch.setattr(identify_flights, "implausible_numbers", lambda *_: ())
+    monkeypatch.setattr(identify_flights, "doubtful_numbers", lambda *_: ())
     flight = library.load_flight("swings.npz")
     library.identify_flights([flight], START, known={"delay": 0.004}, sections=((0.5, 2.9),))
     ((flights, start), options), *_ = given
@@ -213,7 +213,7 @@ def test_python_weighs_the_vehicle_and_predicts_other_flights(monkeypatch):
     """As the command does: the mass is the whole vehicle's, and drag may act at a height of its own."""
     given = []
     monkeypatch.setattr(identify_flights, "identify_by_windows", lambda *a, **k: given.append((a, k)) or found_with())
-    monkeypatch.setattr(identify_flights, "implausible_numbers", lambda *_: ())
+    monkeypatch.setattr(identify_flights, "doubtful_numbers", lambda *_: ())
     monkeypatch.setattr(identify_flights, "predict_held_out", lambda *a, **k: given.append((a, k)))
     both = [library.load_flight(name) for name in ("swings.npz", "aside.npz")]
     words = {"known": {"mass": 0.8}, "drag_height": True, "held_out": both[1:], "gravity": 9.8}

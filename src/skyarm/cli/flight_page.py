@@ -14,8 +14,9 @@ from skyarm.flight_data.motion import joints_in_order
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.records.files import printable
 from skyarm.records.text_tables import shown_number
-from skyarm.studies.identify.data_faults import channel_gaps, find_faults
 from skyarm.studies.identify.excitation_report import excitation_facts, excitation_lines, excited_numbers, fault_line
+from skyarm.studies.identify.isolate_fault import find_faults
+from skyarm.studies.identify.log_checks import channel_gaps
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 

@@ -101,10 +101,10 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     """Read a flight and a vehicle, with what was identified together with it, and predict the flight."""
     from skyarm.flight_data.flight_data import load_flight
     from skyarm.flight_data.motion import joints_in_order
-    from skyarm.studies.identify.data_faults import find_faults
     from skyarm.studies.identify.identified_file import read_surroundings
     from skyarm.studies.identify.identified_parts import Surroundings
     from skyarm.studies.identify.identified_report import NUMBERS
+    from skyarm.studies.identify.isolate_fault import find_faults
     from skyarm.studies.identify.open_loop import OpenLoopFlight
     from skyarm.vehicle.vehicle_files import load_vehicle
     from skyarm.view.studio.replay import HORIZONS, Replay

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Annotated
 
@@ -42,10 +43,10 @@ STEP = 0.06
 """Shortest interval, s, over which the slower stream is differenced."""
 
 WITHIN, WIDEST = 2.0, math.inf
-"""Offsets that are searched, s to both sides: within one file, and of two files."""
+"""Offsets that are searched, s to both sides: within one file first, and else."""
 
-LEAST_CORRELATION = 0.5
-"""Correlation from which an offset counts as found."""
+LEAST_CORRELATION, FIRM_CORRELATION = 0.5, 0.9
+"""Correlation from which an offset counts as found; and one beyond the usual offsets within a file."""
 
 RIVAL = 0.97
 """Share of the best correlation that no other offset may reach."""
@@ -127,7 +128,16 @@ def clock_offset(flight: FlightData, stream: str = "", *, other: FlightData | No
         needed = {name, "quaternion"}  # positions and velocities need an attitude
         if first in flight and needed <= set(second) and name == (stream or name):
             pair, time = _Pair(flight, first, second, name), second[name].time
-            return _offset(pair, first, name, 0.5 * float(time[0] + time[-1]), WITHIN if other is None else WIDEST)
+            search = partial(_offset, pair, first, name, 0.5 * float(time[0] + time[-1]))
+            if other is not None:
+                return search(WIDEST, LEAST_CORRELATION)
+            try:
+                return search(WITHIN, LEAST_CORRELATION)
+            except ValueError as none:
+                try:
+                    return search(WIDEST, FIRM_CORRELATION)
+                except ValueError:
+                    raise none from None
     wanted = " or ".join(f"{first} and {name}" for first, name in PAIRS if name == (stream or name))
     there = ", ".join({**flight.channels, **second.channels})
     raise ValueError(f"{flight.name}: clocks: must hold {wanted}; there is {there}")
@@ -348,16 +358,16 @@ def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2)
     return found, errors
 
 
-def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float) -> ClockOffset:
+def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float, least: float) -> ClockOffset:
     """Offset and drift of a stream by least squares, from the best offset of the cross-correlation on."""
     found, errors = _refine(pair, pair.time > -np.inf, np.array([_best_offset(pair, widest), 0.0]), middle)
     when = pair.time + found[0] + found[1] * (pair.time - middle)
     inside = pair.is_inside(when)
     a, b = _clip(pair.means(when[inside])[0]), _clip(pair.values[inside])
     correlation = float(np.sum(a * b) / max(np.sqrt(np.sum(a * a) * np.sum(b * b)), 1e-300))
-    if correlation < LEAST_CORRELATION:
+    if correlation < least:
         raise ValueError(
-            f"clock of {name}: correlation with {first} = {correlation:.2f}: must be at least {LEAST_CORRELATION}, "
+            f"clock of {name}: correlation with {first} = {correlation:.2f}: must be at least {least:g}, "
             "else the motion does not show its offset"
         )
     wander = 0.0

@@ -174,7 +174,7 @@ def test_nothing_that_is_measured_after_a_begin_enters_its_prediction():
 def test_holding_goes_on_straight_and_turns_evenly():
     rate = np.array([[0.3, -0.4, 1.2], [0.0, 0.0, 0.0]])
     now = BaseStates(np.zeros((2, 3)), np.array([[0.6, 0.0, 0.8, 0.0]] * 2), np.array([[1.0, 2.0, 3.0]] * 2), rate)
-    held = now.held(0.5)
+    held = now.at_even_rates(0.5)
     assert held.position == pytest.approx(0.5 * now.velocity)
     turned = np.abs((held.quaternion * now.quaternion).sum(axis=1))
     assert 2.0 * np.arccos(np.minimum(turned, 1.0)) == pytest.approx([0.65, 0.0], abs=1e-7)

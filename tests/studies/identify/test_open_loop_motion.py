@@ -8,16 +8,43 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_motion_model import DELAY, log_of, vehicle
 
+import skyarm
 from skyarm.flight_data.flight_data import Channel
 from skyarm.flight_data.motion import distance_between
 from skyarm.flight_data.own_log import measured_flight
+from skyarm.scenario.scenario_record import Delays, Rates
 from skyarm.studies.identify.identified_file import read_surroundings
 from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.open_loop import OpenLoopFlight
+from skyarm.studies.tune.excitation import of_vehicle, unseen_motion
 
+DELAY = 0.006
 ABOUT = Surroundings(delay=DELAY)
+
+
+def vehicle():
+    found = skyarm.load_vehicle("hummingbird_arm2_rotors")
+    rotors = tuple(dataclasses.replace(each, inertia=2e-5) for each in found.rotors)
+    drag = dataclasses.replace(found.drag, area=skyarm.algebra.Vec3(0.02, 0.03, 0.04))
+    return dataclasses.replace(found, rotors=rotors, drag=drag)
+
+
+def log_of(duration, **changes):
+    """Flight of the vehicle on a path that begins away from the reference, so that everything swings."""
+    plant = vehicle()
+    base = of_vehicle(skyarm.load_vehicle("hummingbird_arm2_rotors"))
+    return skyarm.run(
+        dataclasses.replace(
+            base,
+            plant=dataclasses.replace(base.plant, vehicle=plant),
+            rates=Rates(physics=1000, control=500, reference=50),
+            reference=unseen_motion(plant),
+            duration=duration,
+            delays=Delays(command=DELAY),
+            **changes,
+        )
+    )
 
 
 @pytest.fixture(scope="module")

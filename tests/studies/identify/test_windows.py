@@ -348,7 +348,7 @@ def test_rotors_speeds_at_a_begin_are_those_of_a_long_simulation():
     speeds = channel(time, draw.uniform(300.0, 700.0, size=(500, 4)))
     windows = Windows([clocked(size, speeds=speeds)], QUAD, 0.1)
     rotors = tuple(dataclasses.replace(each, max_speed=620.0) for each in QUAD.rotors)
-    found = windows.rotor_speeds(rotors, windows.commands("speeds", delay))
+    found = windows.rotor_speeds([rotors], [windows.commands("speeds", delay)])[0]
     up, down = float(QUAD.rotors[0].time_constant_up), float(QUAD.rotors[0].time_constant_down)
     begins = STEP * windows.begins
     speed, exact = np.minimum(speeds.values[0], 620.0), []

@@ -8,9 +8,8 @@ from typing import Any
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.files import printable
-from skyarm.studies.identify.channel_scales import REFUSED
-from skyarm.studies.identify.data_faults import Fault
 from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
+from skyarm.studies.identify.log_checks import REFUSED, Fault
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

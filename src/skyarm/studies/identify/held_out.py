@@ -178,7 +178,7 @@ def predict_held_out(
     # all predictors from the same instants on, of those that have a past if there are any
     ahead, past = posed or range(count), None
     begun = begins(ahead, max(PASTS) if learnt else 0.0, APART)
-    of_fit = thinned(begins(range(count, len(every)), max(PASTS), APART), LEARNT)
+    of_fit = thin_places(begins(range(count, len(every)), max(PASTS), APART), LEARNT)
     windows = identified.windows(begun)
     if learnt and any(map(len, of_fit)) and (identified.left(windows.windows) * step > max(horizons)).any():
         past = learn_from_past(identified, identified.windows(of_fit), horizons)
@@ -196,7 +196,7 @@ def predict_held_out(
     windows = at_start.windows(begun[:count])
     ends = ends_of(at_start, windows, horizons, at_start.begins(windows.windows))
     errors[START] = [errors_of(each, WHOLE) for each in ends]
-    once = thinned(begins(range(count), 0.0, step), ONCE)
+    once = thin_places(begins(range(count), 0.0, step), ONCE)
     period, one_step, spread = one_step_errors(identified, once)
     _, one_step_before, _ = one_step_errors(at_start, once[:count])
     return HeldOut(
@@ -214,7 +214,7 @@ def predict_held_out(
     )
 
 
-def thinned(places: Sequence[IntArray], most: int) -> list[IntArray]:
+def thin_places(places: Sequence[IntArray], most: int) -> list[IntArray]:
     """At most so many of the first steps in several flights, evenly taken."""
     every = -(-sum(map(len, places)) // most)
     return [each[:: max(1, every)] for each in places]
@@ -278,7 +278,7 @@ def ends_of(
     found = []
     for horizon, k in zip(horizons, ends, strict=True):
         rows = np.flatnonzero(left >= k)
-        held = begins.at(rows).held(k * step)
+        held = begins.at(rows).at_even_rates(k * step)
         measured = loop.measured_at(windows, np.minimum(k, left))
         every = (flown.get(k, still), still, measured)
         *off, there = (_difference(held, each.at(rows)) for each in every)
@@ -340,7 +340,7 @@ def shares_of(ends: Ends) -> Array:
 
 @immutable(kw_only=False, eq=False)
 class Past:
-    """What a flight's past counts in its prediction.
+    """Weight of a flight's past in its prediction.
 
     Attributes:
         seconds: s, of the window before each begin that tells the unexplained wrench.

@@ -16,12 +16,11 @@ from skyarm.flight_data.series import rates_note
 from skyarm.records.files import printable
 from skyarm.records.immutable import immutable
 from skyarm.records.text_tables import Row, aligned_lines, shown_number
-from skyarm.studies.identify.data_faults import Fault
 from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, PAST, START, HeldOut, table_horizons
 from skyarm.studies.identify.identified_file import VOLTAGE, identified_file
 from skyarm.studies.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, Identified, IdentifiedNumber
+from skyarm.studies.identify.log_checks import Fault
 from skyarm.studies.identify.logged_commands import period_note
-from skyarm.studies.identify.stretches import joint_rates_note
 from skyarm.vehicle.vehicle_records import Vehicle
 
 VEHICLE, NUMBERS, TABLE, FIGURE = "vehicle.toml", "identified.json", "prediction.csv", "prediction.png"
@@ -83,7 +82,7 @@ class IdentifiedReport:
         lines += [f"{each.name}: {note}" for each in flights for note in each.notes]
         for each in flights:
             clock = 1.0 / max(each["gyro"].rate, 1e-9)
-            lines += filter(None, (period_note(each, self.start), joint_rates_note(each), rates_note(each, clock)))
+            lines += filter(None, (period_note(each, self.start), rates_note(each, clock)))
         if VOLTAGE not in self.known and any("voltage" in each for each in flights):
             lines.append(f"voltage: is measured and not used: state that of the rotors' data, --known {VOLTAGE}=VALUE")
         return [printable(line) for line in lines]

@@ -10,10 +10,10 @@ from skyarm.flight_data.flight_data import FlightData, load_flight
 from skyarm.flight_data.motion import joints_in_order
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import shown
-from skyarm.studies.identify.data_faults import Fault, require_no_refusal
 from skyarm.studies.identify.identified_file import VOLTAGE
 from skyarm.studies.identify.identified_report import IdentifiedReport
 from skyarm.studies.identify.identify_flights import identify_aligned
+from skyarm.studies.identify.log_checks import Fault, require_no_refusal
 from skyarm.vehicle.vehicle_records import Vehicle
 
 

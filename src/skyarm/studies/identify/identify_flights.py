@@ -1,4 +1,4 @@
-"""Vehicle parameters from measured flights as they were read: faults, stretches, search, plausibility."""
+"""Vehicle parameters from measured flights as they were read: faults, search, doubts of numbers, predictions."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from skyarm.flight_data.clocks import align_poses
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import number
-from skyarm.studies.identify.channel_scales import WARNED
-from skyarm.studies.identify.data_faults import Fault, find_faults, require_no_refusal
 from skyarm.studies.identify.held_out import predict_held_out
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identify_windows import WHOLE, identify_by_windows
-from skyarm.studies.identify.plausibility import implausible_numbers, require_possible_numbers
+from skyarm.studies.identify.isolate_fault import find_faults
+from skyarm.studies.identify.log_checks import WARNED, Fault, require_no_refusal
+from skyarm.studies.identify.possible_numbers import doubtful_numbers, require_possible_numbers
 from skyarm.studies.identify.unknowns import second_moments_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -117,7 +117,7 @@ def identify_aligned(
         progress=progress,
     )
     report([_without_part(each) for each, counts in zip(flights, found.counted, strict=False) if not counts])
-    report(implausible_numbers(found, start, flights[0].file, flights))
+    report(doubtful_numbers(found, start, flights[0].file, flights))
     if not held_out:
         return found
     tell("predict the held-out flights")

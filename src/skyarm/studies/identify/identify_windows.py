@@ -132,10 +132,10 @@ def search_of(
     gravity: float = GRAVITY,
 ) -> WindowSearch:
     """Search of a vehicle's parameters in flights; the arguments are those of :func:`identify_by_windows`."""
-    flights = _distinct_flights(flights)
+    flights = distinct_flights(flights)
     step = clock_step(flights, start)
     clocked = [on_clock(each, start, step, full_voltage=full_voltage, sections=sections) for each in flights]
-    driven, servoed = _moved_joints(flights, start)
+    driven, servoed = moved_joints(flights, start)
     start = with_servos(start, servoed)
     every = unknowns_of(
         start,
@@ -150,7 +150,7 @@ def search_of(
     if not any(name in each for each in flights for name in ("position", "velocity")):
         # the drag of rotors shows in forces; that of the body, by the square of the speed, would be that of any speed
         every = [each for each in every if not each.name.startswith("drag.area.")]
-    every += _of_sensors(flights)
+    every += unknowns_of_sensors(flights)
     fixed = dict(known or {})
     require_searched(fixed, every)
     unknowns = [each for each in every if each.name not in fixed]
@@ -252,7 +252,7 @@ def identify_by_windows(
     )
 
 
-def _distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
+def distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
     """Flights with different names, without position and velocity where no attitude is measured."""
     if not flights:
         raise ValueError("flights: must be one or more")
@@ -265,7 +265,7 @@ def _distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
     return found
 
 
-def _moved_joints(flights: Sequence[FlightData], start: Vehicle) -> tuple[list[bool], list[bool]]:
+def moved_joints(flights: Sequence[FlightData], start: Vehicle) -> tuple[list[bool], list[bool]]:
     """Flags of each joint: its efforts are logged; setpoints of its position servo are, and no efforts."""
 
     def logged(quantity: str, joint: int) -> bool:
@@ -275,7 +275,7 @@ def _moved_joints(flights: Sequence[FlightData], start: Vehicle) -> tuple[list[b
     return driven, [not torque and logged("joint_commands", i) for i, torque in enumerate(driven)]
 
 
-def _of_sensors(flights: Sequence[FlightData]) -> list[Unknown]:
+def unknowns_of_sensors(flights: Sequence[FlightData]) -> list[Unknown]:
     """Unknowns of the sensors: bias of the gyroscope, and delay of a measured pose."""
     names = [f"gyro_bias.{axis}" for axis in "xyz"]
     found = [Unknown(name=each, unit="rad/s", start=0.0, spread=TURNING, in_vehicle=False) for each in names]

@@ -13,7 +13,6 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import values_at
 from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array
-from skyarm.studies.identify.sampled_series import moving_mean
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 SLOWEST = 0.025
@@ -95,7 +94,7 @@ def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]
     time = np.arange(commands.time[0], commands.time[-1], step)
     speeds = commands.values[np.searchsorted(commands.time, time, side="right") - 1]
     thrust = sum(float(r.thrust_coefficient) * push(r, w) for r, w in zip(start.rotors, speeds.T, strict=True))
-    flies = moving_mean(np.asarray(thrust), round(SETTLING / step) | 1) > AIRBORNE * GRAVITY * float(start.mass)
+    flies = _moving_mean(np.asarray(thrust), round(SETTLING / step) | 1) > AIRBORNE * GRAVITY * float(start.mass)
     spans = [(float(time[a]) + SETTLING, float(time[b - 1]) - SETTLING) for a, b in runs_of(flies)]
     return [(a, b) for a, b in spans if b > a]
 
@@ -109,3 +108,16 @@ def time_constants(rotors: Sequence[Rotor]) -> Array:
 def highest_speeds(rotors: Sequence[Rotor]) -> Array:
     """Highest speeds (rotors,), rad/s."""
     return np.array([float(each.max_speed) for each in rotors])
+
+
+def _moving_mean(rows: Array, width: int) -> Array:
+    """Moving mean (N, ...) over an odd number of rows, of what there is at both ends."""
+    if width <= 1:
+        return rows
+    half = width // 2
+    total = np.cumsum(np.concatenate([np.zeros((1, *rows.shape[1:])), rows]), axis=0)
+    low = np.maximum(np.arange(len(rows)) - half, 0)
+    high = np.minimum(np.arange(len(rows)) + half + 1, len(rows))
+    count = (high - low).reshape(-1, *[1] * (rows.ndim - 1))
+    mean: Array = (total[high] - total[low]) / count
+    return mean

@@ -71,7 +71,7 @@ class BaseStates:
         """Some of the states."""
         return BaseStates(self.position[rows], self.quaternion[rows], self.velocity[rows], self.rate[rows])
 
-    def held(self, seconds: float) -> BaseStates:
+    def at_even_rates(self, seconds: float) -> BaseStates:
         """States after some time in which velocity and rate stay as they are."""
         turn = Quaternion.of_rotation_vector(Vec3(*(self.rate.T * seconds)))
         turned = Quaternion(*self.quaternion.T) * turn
@@ -344,7 +344,7 @@ class OpenLoopFlight:
         errors = loop.windows([places_of(self._clocked, self._vehicle, steps)])
         windows, begins = errors.windows, loop.begins(errors.windows)
         flown = list(islice(loop.ahead(errors, begins), steps + 1))
-        still = [begins.held(k * step) for k in range(steps + 1)]
+        still = [begins.at_even_rates(k * step) for k in range(steps + 1)]
         # the last one ends with its part
         counts = np.minimum(loop.left(windows), steps) + 1
         model, held = (

@@ -9,7 +9,8 @@ and torques the rotors' speeds. Air drag is left out.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,6 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.multisines import BASE_AXES
-from skyarm.studies.identify.sampled_series import vectors_of
 from skyarm.studies.identify.unknowns import USUAL_DELAY
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
@@ -121,7 +121,7 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
         joints=q,
         joint_rates=tuple(zero for _ in range(n)),
     )
-    com = vectors_of(center_of_mass(vehicle, still), size)
+    com = _vectors_of(center_of_mass(vehicle, still), size)
     linear = second[:3].T + np.array([0.0, 0.0, GRAVITY])
     needed = linear
     for _ in range(TURNS):
@@ -133,7 +133,7 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
     felt = np.einsum("kji,kj->ki", turned, linear)
     base = Motion(Vec3(*np.gradient(rate, period, axis=0).T), Vec3(*felt.T))
     force, torques = inverse_dynamics(vehicle, q, Vec3(*rate.T), qd, base, qdd)
-    wrench = vectors_of((force.force.z, *force.torque), size)
+    wrench = _vectors_of((force.force.z, *force.torque), size)
     allocation = np.linalg.pinv(wrench_of_pushes(vehicle.rotors)[2:])
     shares = wrench.T[:, :, None] * allocation.T[:, None, :]
     friction = [
@@ -201,7 +201,7 @@ def arm_clearance(vehicle: Vehicle, joints: Array) -> tuple[Array, Array]:
     axes = np.array([[float(c) for c in each.axis] for each in vehicle.rotors])
     radius = _radius(hubs)
     for each in points:
-        at = vectors_of(each, size)
+        at = _vectors_of(each, size)
         distance, height = np.minimum(distance, np.linalg.norm(at, axis=1)), np.minimum(height, at[:, 2])
         for hub, axis in zip(hubs, axes, strict=True):
             off = at - hub
@@ -217,3 +217,8 @@ def _radius(hubs: Array) -> float:
         float(np.linalg.norm(a - b)) for i, a in enumerate(hubs) for b in hubs[:i] if np.hypot(*(a - b)[:2]) > 1e-3
     ]
     return 0.5 * min(apart, default=0.0)
+
+
+def _vectors_of(parts: Iterable[Any], count: int) -> Array:
+    """Vectors (count, k) of k components, each a number or an array (count,)."""
+    return np.stack([each + np.zeros(count) for each in parts], axis=1)

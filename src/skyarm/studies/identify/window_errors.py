@@ -77,7 +77,7 @@ READ = {"gyro": "rate", "joint_positions": "joints"}
 
 
 def with_heavy_joints(vehicle: Vehicle) -> Vehicle:
-    """Vehicle whose joints move as an acceleration tells that is given to their drives, whatever acts on them."""
+    """Vehicle whose joints follow the acceleration that their drives are given, whatever acts on them."""
     free = {"armature": HEAVY, "effort_limit": math.inf, "damping": 0, "coulomb": 0, "stop_stiffness": 0}
     links = [with_changes(each, False, joint=with_changes(each.joint, False, **free)) for each in vehicle.links]
     return vehicle.with_checked(links=tuple(links), drives=())
@@ -461,15 +461,16 @@ class WindowLanes:
         """Tables of the commands of all candidates, and rotors and servos at the begins of the windows."""
         windows, errors, start, delays = self._windows, self._errors, self._errors.start, self._number("delay")
         keys, which = _distinct(delays)
-        self._speeds = _stack_commands([windows.commands("speeds", *key) for key in keys]), which
+        speeds = [windows.commands("speeds", *key) for key in keys]
+        self._speeds = _stack_commands(speeds), which
         ways = ("rotors.time_constant_up", "rotors.time_constant_down")
+        indices = np.arange(len(keys), dtype=float)[which]
         # below 0 where it is the start's: rows with NaN would all be distinct
-        keys, which = _distinct(delays, *(self._number(way, -1.0) for way in ways))
-        begun = []
-        for delay, *lags in keys:
-            lag = {way: value for way, value in zip(ways, lags, strict=True) if value >= 0.0}
-            begun.append(windows.rotor_speeds(vehicle_with(start, lag).rotors, windows.commands("speeds", delay)))
-        self.flights.state["rotor_speeds"][:] = np.stack(begun)[which].reshape(-1, len(start.rotors)).T
+        keys, which = _distinct(indices, *(self._number(way, -1.0) for way in ways))
+        lags = [{way: value for way, value in zip(ways, key[1:], strict=True) if value >= 0.0} for key in keys]
+        rotors = [vehicle_with(start, lag).rotors for lag in lags]
+        begun = windows.rotor_speeds(rotors, [speeds[int(key[0])] for key in keys])
+        self.flights.state["rotor_speeds"][:] = begun[which].reshape(-1, len(start.rotors)).T
         shares = [self._number(f"{THRUST}{each.name}", 1.0) for each in windows.flights]
         keys, which = _distinct(self._number("sag"), self._number("drift"), *shares)
         self._thrust = np.stack([windows.thrusts(*key) for key in keys]), which

@@ -152,6 +152,7 @@ def fit_windows(
     noise: Array | None = None,
     spread: Array | None = None,
     block: float = BLOCK,
+    turns: int = TURNS,
     progress: Callable[[str], None] | None = None,
 ) -> WindowFit:
     """Fit vehicle parameters to windows, with a normal prior around those of the start vehicle.
@@ -162,11 +163,12 @@ def fit_windows(
         noise: (flights, rows) to begin with; by default from differences of the samples.
         spread: (6,) of the wrench, to begin with.
         block: s, of a block of the jackknife.
+        turns: of the search at most.
         progress: called with one line a turn of the search.
     """
     scipy_parts()  # whose absence is no news for after the search
     with _one_thread():
-        return _search(errors, begin, noise, spread, block, progress)
+        return _search(errors, begin, noise, spread, block, turns, progress)
 
 
 def _one_thread() -> Any:
@@ -184,6 +186,7 @@ def _search(
     noise: Array | None,
     spread: Array | None,
     block: float,
+    turns: int,
     progress: Callable[[str], None] | None,
 ) -> WindowFit:
     """Gauss-Newton search for parameters and noise; the arguments are those of :func:`fit_windows`."""
@@ -192,7 +195,7 @@ def _search(
     spread = errors.push if spread is None else spread
     errors.take_samples(values)
     states, settled = errors.first_states(), False
-    for turn in range(TURNS):
+    for turn in range(turns):
         errors.take_samples(values)
         found, there, normal = errors.normal(values, states, noise)
         loose = errors.loose.copy()
@@ -215,7 +218,7 @@ def _search(
         values, states = moved, free
         sizes = np.abs(change) / np.sqrt(np.diag(np.linalg.inv(reduced.total)))
         if progress is not None:
-            progress(f"turn {turn + 1} of at most {TURNS}: by at most {sizes.max():.2g} standard deviations")
+            progress(f"turn {turn + 1} of at most {turns}: by at most {sizes.max():.2g} standard deviations")
         noise = new_noise(errors, left, there, noise, normal, reduced.inverse)
         if turn:
             spread = new_spread(errors, states, spread, reduced.inverse)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -29,8 +28,11 @@ from skyarm.studies.identify.logged_commands import (
 )
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
-SENSORS = ("gyro", "accelerometer", "position", "quaternion", "velocity", "joint_positions")
-"""Measured quantities that a window compares, if the log holds them."""
+SENSORS = ("gyro", "accelerometer", "position", "quaternion", "velocity", "joint_positions", "joint_rates")
+"""Measured quantities that a window can compare, if the log holds them."""
+
+DERIVED = ("velocity", "joint_rates")
+"""Those of them that are made of others, smoothed: a fit would believe them beyond what they tell."""
 
 NEEDED = ("gyro", "accelerometer", "joint_positions")
 """Sensors without a gap in a window."""
@@ -118,7 +120,7 @@ def on_clock(
     full_voltage: float = 0.0,
     sections: Sequence[tuple[float, float]] = (),
     coasting: float | None = None,
-    sensors: Sequence[str] = SENSORS,
+    sensors: Sequence[str] = (),
 ) -> Clocked:
     """Place a measured flight on a clock of even steps.
 
@@ -130,13 +132,14 @@ def on_clock(
         sections: (begin, end), s, that count; by default all in which the vehicle flies.
         coasting: share of the full signal below which a motor does not obey its lag; by default 0.1 of motors that are
             commanded by a share of it, and none of those whose speed is commanded.
-        sensors: that are compared where the flight holds them; of these an accelerometer must be there.
+        sensors: that are compared where the flight holds them, of which an accelerometer must be there; by default
+            those that are not made of others.
 
     Raises:
         ValueError: one line: a quantity is missing or does not fit the vehicle.
     """
     gyro, speeds = flight["gyro"], commanded_speeds(flight, start)
-    _require_columns(flight, start, speeds, sensors)
+    _require_columns(flight, start, speeds, sensors or SENSORS)
     begin, size = float(gyro.time[0]), int((gyro.time[-1] - gyro.time[0]) / step + 1e-6)
     edges = begin + step * np.arange(size + 1, dtype=float)
     if sampling_period(speeds):
@@ -155,9 +158,9 @@ def on_clock(
         after = np.ones(max(1, round(RECOVERED * float(time_constants(start.rotors).max()) / step)))
         usable &= np.convolve(idle, after, "full")[:size] == 0.0
     # joints of a vehicle without any are no joints of it
-    channels = {name: flight[name] for name in sensors if name in flight and (start.n or not name.startswith("joint"))}
-    if "position" in channels:  # of which a velocity is made, smoothed: it would be believed beyond what it tells
-        channels.pop("velocity", None)
+    others = [name for name in SENSORS if name not in DERIVED or (name == "velocity" and "position" not in flight)]
+    names = sensors or others
+    channels = {name: flight[name] for name in names if name in flight and (start.n or not name.startswith("joint"))}
     for name in NEEDED:
         if name in channels:
             usable &= _without_gaps(flight[name], edges)
@@ -399,19 +402,25 @@ class Windows:
         rows = [a * each.voltage**sag * (1.0 + drift * each.since) for a, each in zip(own, self.flights, strict=True)]
         return np.concatenate(rows)
 
-    def rotor_speeds(self, rotors: Sequence[Rotor], held: Held) -> Array:
-        """Speeds (W, rotors) of rotors at the begins of the windows, rad/s."""
-        ups, downs = time_constants(rotors).T
-        # one rotor with the lags of all: arrays are its numbers
-        all_of = {"time_constant_up": ups, "time_constant_down": downs, "max_speed": highest_speeds(rotors)}
-        rotor = with_changes(rotors[0], False, **all_of)
-        speeds: Any = held.before[self.before(-self.run_in)]
+    def rotor_speeds(self, rotors: Sequence[Sequence[Rotor]], held: Sequence[Held]) -> Array:
+        """Speeds (keys, W, rotors) of rotors at the begins of the windows, rad/s.
+
+        Args:
+            rotors: of each key.
+            held: their commands.
+        """
+        names = ("time_constant_up", "time_constant_down", "max_speed")
+        # all rotors of all keys at once: one whose numbers are arrays
+        columns = {name: np.array([[[float(getattr(r, name)) for r in key]] for key in rotors]) for name in names}
+        every = with_changes(rotors[0][0], False, **columns)
+        before, after, late = (np.stack([getattr(each, name) for each in held]) for name in ("before", "after", "late"))
+        speeds = before[:, self.before(-self.run_in)]
         for k in range(-self.run_in, 0):
             at = self.before(k)
-            late = held.late[at, None]
-            for commands, seconds in ((held.before[at], late), (held.after[at], self.step - late)):
-                speeds = speed_after(rotor, speeds, commands, seconds)
-        return np.asarray(speeds)
+            begun = late[:, at, None]
+            speeds = np.asarray(speed_after(every, speeds, before[:, at], begun))
+            speeds = np.asarray(speed_after(every, speeds, after[:, at], self.step - begun))
+        return speeds
 
     def first_states(self, samples: Mapping[str, Samples]) -> dict[str, Array]:
         """First estimates (W, k) of the states at the windows' begins, from parabolas through samples around them."""

@@ -1,0 +1,166 @@
+"""Numbers that a vehicle of some mass and size may have: of known ones a condition, of identified ones a doubt."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from skyarm.flight_data.flight_data import FlightData
+from skyarm.studies.identify.identified_numbers import Identified
+from skyarm.studies.identify.log_checks import BRIEF, REFUSED, WARNED, Fault, Found
+from skyarm.studies.identify.logged_commands import commanded_speeds, time_constants
+from skyarm.vehicle.vehicle_records import Vehicle
+
+FAR, IMPOSSIBLE = 4.0, 8.0
+"""Times by which a number that a flight shows may be off the start before it is doubted; and a firm one is refused.
+
+Units that are mixed up are off by 9.55 (rpm), 9.81 (g) and more.
+"""
+
+FIRM = ("rotors.thrust_coefficient", "base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
+"""Numbers that drawing and scale tell better than by a factor of 8, and that a wrong mass puts off all alike."""
+
+DOUBTED = (*FIRM, "rotors.moment_coefficient", "rotors.time_constant_up", "rotors.time_constant_down")
+"""Numbers above 0 that are compared with those of the start."""
+
+ALIKE = 1.45
+"""Times by which the firm numbers are off the start's on the mean, all to one side, before the mass is doubted."""
+
+LONGEST_DELAY, SHORT = 0.06, 5.0
+"""s, dead time of commands and delay of an accelerometer beyond which a clock is wrong rather than a loop slow; and of
+a flight that may be too short for its commands to explain it.
+"""
+
+DEAD_TIMES = ("delay", "joint_delay")
+"""Numbers that no clock lets be negative."""
+
+BLIND = 0.02
+"""Share of the rotation's variance below which the commands explain nothing."""
+
+ASIDE, TURNED = 0.5, 0.2
+"""Of the rotors' distance from the base, and rad about a joint: what a centre of mass may be off the drawing's."""
+
+FULL, HIGHEST = "rotors.thrust_at_100_percent", 0.95
+"""Thrust at full signal, and share of the full speed that some commands must reach for it to be more than a guess."""
+
+LENGTHS = ("base.com.", "place.", "rotors.drag_height")
+"""Begins of the names of lengths from the base or from a hub."""
+
+TIMES = (*DEAD_TIMES, "accelerometer_delay", "rotors.time_constant_up", "rotors.time_constant_down")
+"""Numbers that a flight must be longer than, beside the latencies of servos."""
+
+
+def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix: str) -> None:
+    """Check that known numbers are ones that a vehicle of this mass and size may have.
+
+    The size is the largest of the rotors' distance, the radius of gyration and the distance of the centre of mass, so
+    that a start's own numbers are always possible.
+
+    Args:
+        start: vehicle with its total mass.
+        known: by name.
+        prefix: of a number's name in the error.
+
+    Raises:
+        ValueError: one line: the number, its value and what is allowed.
+    """
+    base, mass = start.base, float(start.mass)
+    moments = [float(getattr(base.inertia, axis)) for axis in ("xx", "yy", "zz")]
+    places = [base.com, *(each.position for each in start.rotors)]
+    size = max(math.sqrt(max(moments) / mass), *(math.hypot(*map(float, each)) for each in places))
+    longest = float(time_constants(start.rotors).max(initial=BRIEF))
+    for name, value in known.items():
+        if name.startswith("base.inertia."):
+            most, unit, why = FAR * mass * size**2, "kg m^2", f"{FAR:g} times the mass times the square of {size:.3g} m"
+        elif name.startswith(LENGTHS):
+            most, unit, why = FAR * size, "m", f"{FAR:g} times the vehicle's size, {size:.3g} m"
+        elif name in TIMES or name.endswith(".latency"):
+            most, unit, why = longest, "s", "the shortest flight that counts"
+        elif name.startswith("links.") and name.endswith(".mass"):
+            most, unit, why = mass, "kg", "the total mass"
+        else:
+            continue
+        if abs(value) > most:
+            raise ValueError(f"{prefix}{name} = {value:g}: must be at most {most:.3g} {unit} in size, {why}")
+
+
+def doubtful_numbers(
+    found: Identified, start: Vehicle, file: str, flights: Sequence[FlightData] = ()
+) -> tuple[Fault, ...]:
+    """Faults that show in the numbers only: far from the start vehicle, or of a model that explains nothing.
+
+    Args:
+        found: identified vehicle.
+        start: vehicle before.
+        file: of the flight, for the messages.
+        flights: of the fit, whose commands a thrust curve is compared with.
+    """
+    rows = [*_far_numbers(found), *_by_geometry(found, start), *_beyond_commands(found, start, flights)]
+    return tuple(Fault(severity=a, file=file, channel=b, finding=c, remedy=d) for a, b, c, d in dict.fromkeys(rows))
+
+
+def _far_numbers(found: Identified) -> Iterator[Found]:
+    """Yield numbers that are far from the start's, and commands that explain nothing."""
+    shares = [share for row, share in found.explained.items() if row.startswith("rate.")]
+    if shares and max(shares) < BLIND:
+        finding = f"explain {100.0 * max(*shares, 0.0):.1g} % of the rotation in {found.seconds:.3g} s of flight"
+        remedy = "check their order, clock and units, and the vehicle"
+        yield REFUSED, "rotor commands", finding, remedy if found.seconds > SHORT else f"fly for longer, or {remedy}"
+    ratios = dict[str, float]()
+    for each in (each for each in found.numbers if each.is_known):
+        if (each.name in DEAD_TIMES or each.name.endswith(".latency")) and each.high < 0.0:
+            finding = f"is {1e3 * each.value:.3g} ms: motion before its command"
+            yield WARNED, each.name, finding, "commands and sensors are not on one clock"
+        if each.name in (*DEAD_TIMES, "accelerometer_delay") and abs(each.value) > LONGEST_DELAY:
+            finding = f"is {each.value:.3g} s, longer than any loop's"
+            yield REFUSED, each.name, finding, "check the clocks of commands and sensors"
+        elif each.name in DOUBTED and each.start > 0.0:
+            ratios[each.name] = max(each.value, 1e-300) / each.start
+            times = max(ratios[each.name], 1.0 / ratios[each.name])
+            if times > FAR:
+                finding = f"is {each.value:.4g} {each.unit}, {each.value / each.start:.3g} times the start vehicle's"
+                severity = REFUSED if times > IMPOSSIBLE and each.name in FIRM else WARNED
+                yield severity, each.name, finding, "check the channels' units, and mass and numbers of the vehicle"
+    logs = np.log([ratios[name] for name in FIRM if name in ratios])
+    if len(logs) == len(FIRM) and abs(logs.mean()) > math.log(ALIKE) and np.ptp(np.sign(logs)) == 0.0:
+        finding = f"thrust and inertia are {math.exp(logs.mean()):.3g} times the start vehicle's alike, as by its mass"
+        yield WARNED, "mass", finding, "weigh the vehicle: a flight shows forces per mass only"
+
+
+def _by_geometry(found: Identified, start: Vehicle) -> Iterator[Found]:
+    """Yield centres of mass that lie outside of what a drawing can be wrong by, or look turned about a joint."""
+    arm = max(math.hypot(*map(float, each.position)) for each in start.rotors)
+    known = {each.name: each for each in found.numbers if each.is_known}
+    for name in (name for name in known if name.startswith("base.com.")):
+        each, off = known[name], abs(known[name].value - known[name].start)
+        if off > ASIDE * arm and not each.low <= each.start <= each.high:
+            finding = f"is {1e3 * each.value:.3g} mm, {off / arm:.2g} of the rotors' distance off the start vehicle's"
+            yield WARNED, each.name, finding, "try --drag-height, check the accelerometer's place and the clocks"
+    for link in start.links:
+        centre = [known.get(f"links.{link.name}.com.{axis}") for axis in "xyz"]
+        if not link.joint.turns or not all(centre):
+            continue
+        at, was, about = (
+            np.array(each, dtype=float)
+            for each in ([c.value for c in centre if c], [c.start for c in centre if c], [*link.joint.axis])
+        )
+        turn = math.atan2(float(about @ np.cross(was, at)), float(was @ at - (about @ was) * (about @ at)))
+        half = max(0.5 * (c.high - c.low) for c in centre if c) / max(float(np.linalg.norm(np.cross(about, was))), 1e-9)
+        if abs(turn) > TURNED + half:
+            finding = f"zero of {link.joint.name} looks {abs(turn):.2g} rad off, or the drawing: the centre of mass of "
+            finding += f"{link.name} is turned by that about the joint"
+            yield WARNED, "joint_positions", finding, "check the encoder's zero against the drawing"
+
+
+def _beyond_commands(found: Identified, start: Vehicle, flights: Sequence[FlightData]) -> Iterator[Found]:
+    """Yield the thrust at full signal where no command comes near it."""
+    full = float(start.rotors[0].max_speed)
+    if not any(each.name == FULL and each.is_known for each in found.numbers):
+        return
+    every = [commanded_speeds(each, start).values for each in flights]
+    most = max((float(np.quantile(each, 0.999)) for each in every), default=full) / full
+    if most < HIGHEST:
+        finding = f"is extrapolated: commands reach {100.0 * most:.2g} % of the full speed"
+        yield WARNED, FULL, finding, "fly with more thrust, or do not rely on it"

@@ -1,0 +1,82 @@
+"""Logged rotor commands: their own samples among rows that repeat them, the speeds they mean, spans in the air."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.studies.identify.logged_commands import (
+    commanded_speeds,
+    flying_spans,
+    period_note,
+    sampling_period,
+    straight_lines,
+)
+
+VEHICLE = skyarm.load_vehicle("hummingbird")
+HOVER = (9.81 * VEHICLE.mass / 4.0 / VEHICLE.rotors[0].thrust_coefficient) ** 0.5
+TIME = 3.0 + np.arange(3001) / 500.0
+
+
+def commands(values):
+    return Channel(time=TIME, values=np.asarray(values, dtype=float), source="made")
+
+
+def flight(channel, kind="rotor_speed_commands"):
+    return FlightData(name="made", file="made.csv", channels={kind: channel})
+
+
+def swinging(time):
+    """Commands whose sines are no whole parts of each other."""
+    return HOVER + np.stack([20.0 * np.sin(w * time) for w in (2.0, 3.1, 4.3, 5.7)], axis=1)
+
+
+def sampled_up(every, straight):
+    """Samples of the swinging commands, one in ``every`` rows, held or joined by straight lines."""
+    seldom = TIME[::every]
+    if straight:
+        return np.stack([np.interp(TIME, seldom, each) for each in swinging(seldom).T], axis=1)
+    return np.repeat(swinging(seldom), every, axis=0)[: len(TIME)]
+
+
+@pytest.mark.parametrize("straight", [True, False], ids=["straight", "held"])
+@pytest.mark.parametrize(("every", "period"), [(50, 0.1), (25, 0.05), (10, 0.0), (1, 0.0)])
+def test_samples_are_found_among_rows_that_repeat_them(every, period, straight):
+    """At 20 Hz and less; commands at 50 Hz may be those of an autopilot, which are held."""
+    given = commands(sampled_up(every, straight))
+    assert sampling_period(given) == pytest.approx(period)
+    assert bool(period_note(flight(given), VEHICLE)) == (period > 0.0)
+    if period:
+        assert f"period = {period:g} s" in period_note(flight(given), VEHICLE)
+        seldom, middles = TIME[::every], TIME[100:-100] + 0.001
+        for told, each in zip(straight_lines(given, middles).T, swinging(seldom).T, strict=True):
+            np.testing.assert_allclose(told, np.interp(middles, seldom, each), atol=1e-2)
+
+
+def test_single_steps_are_no_slow_samples():
+    steps = np.where((TIME % 1.7 < 0.5)[:, None], HOVER, 1.1 * HOVER) * np.ones(4)
+    assert sampling_period(commands(steps)) == 0.0
+    time = 3.0 + 0.1 * np.arange(61)
+    assert sampling_period(Channel(time=time, values=swinging(time), source="made")) == pytest.approx(0.1)
+
+
+def test_signals_are_shares_of_the_full_speed():
+    share = commands(np.full((len(TIME), 4), 0.4))
+    speeds = commanded_speeds(flight(share, "rotor_commands"), VEHICLE)
+    assert speeds.values == pytest.approx(0.4 * VEHICLE.rotors[0].max_speed)
+    endless = dataclasses.replace(
+        VEHICLE, rotors=tuple(dataclasses.replace(each, max_speed=np.inf) for each in VEHICLE.rotors)
+    )
+    with pytest.raises(ValueError, match=r"^rotors\.max_speed = inf: must be finite, the speed of the full signal"):
+        commanded_speeds(flight(share, "rotor_commands"), endless)
+
+
+def test_a_vehicle_flies_where_its_rotors_lift_it():
+    """Half a second inside of hover from 4 to 7 s, and of nothing at a third of the thrust."""
+    share = np.where((TIME > 4.0) & (TIME < 7.0), 1.0, np.sqrt(1.0 / 3.0))
+    (span,) = flying_spans(commands(HOVER * share[:, None] * np.ones(4)), VEHICLE)
+    assert span == pytest.approx((4.0 + 0.5 - 0.125, 7.0 - 0.5 + 0.125), abs=0.03)
