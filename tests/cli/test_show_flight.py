@@ -44,7 +44,8 @@ def test_a_page_of_a_table_as_json():
 def test_a_vehicle_s_numbers_are_excited_or_not_in_this_flight():
     words = ("show", str(TREFOIL_LOG), "--vehicle", "crazyflie.toml")
     text = skyarm(*words, columns=200).out
-    assert re.search(r"^roll inertia: +excited \(± \d+ %\) +base\.inertia\.xx$", text, re.MULTILINE)
+    assert re.search(r"^thrust coefficient: +excited \(± \d\.\d %\) +rotors\.thrust_coefficient$", text, re.MULTILINE)
+    assert re.search(r"^roll inertia: +not in this flight +base\.inertia\.xx$", text, re.MULTILINE)
     assert re.search(r"^body drag along x: +not in this flight +drag\.area\.x$", text, re.MULTILINE)
 
 
@@ -58,7 +59,7 @@ def test_of_a_flight_with_a_fault_no_excitation_is_shown():
 def test_of_a_log_that_is_too_short_the_channels_are_shown_and_what_is_needed():
     Path("iris.toml").write_text(vehicle_text(iris()))
     shown = skyarm("show", str(IRIS_LOG), "--vehicle", "iris.toml", columns=200)
-    refused(shown, "quadrotor_model_from_20_to_23_s", "1.9 s of 2.99 s count", "16 s are needed: fly longer")
+    refused(shown, "quadrotor_model_from_20_to_23_s", "1 of the 4 parts of 1 s that are needed lie in the air")
     assert re.search(r"^gyro +rad/s +ang_vel_x, ang_vel_y, ang_vel_z +100 +0 to 2\.99 +none$", shown.out, re.MULTILINE)
 
 

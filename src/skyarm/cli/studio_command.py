@@ -125,7 +125,7 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
         require_within("--delay", delay, 0.0, 1.0)
         about = dataclasses.replace(about, delay=delay)
     predicted = OpenLoopFlight(flown, model, about, gravity=flown.gravity, full_voltage=full)
-    faults = [f"{each.channel}: {each.finding}" for each in find_faults(flown, model)]
+    faults = [f"{each.channel}: {each.finding}" for each in find_faults(flown, model, isolate=False)]
     count = f"{len(faults)} fault{'s' if len(faults) > 1 else ''}"
     warning = one_line(f"{flown.name}: {count}: {'; '.join(faults)}") if faults else ""
     if warning:

@@ -107,7 +107,7 @@ def short(**more):
         ),
         (lambda: [short()], {"known": {"delay": float("nan")}}, r"^known\.delay"),
         (lambda: [short()], {"known": {"rotors.thrust_coefficient": -1.0}}, r"^known\.rotors\.thrust_coefficient"),
-        (lambda: [short()], {"sections": [(1.0, 1.05)]}, "^flight: fewer than 4 parts of "),
+        (lambda: [short()], {"sections": [(1.0, 1.05)]}, "^flight: 0 of the 4 parts of "),
         (lambda: [short(without=("accelerometer",))], {}, "^flight: accelerometer: is not in this flight"),
     ],
     ids=["no flight", "no such number", "no number", "not positive", "too short", "no accelerometer"],

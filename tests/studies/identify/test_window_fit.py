@@ -17,6 +17,7 @@ from skyarm.studies.identify.window_fit import (
     Cost,
     WindowFit,
     blocks_of,
+    bounded_step,
     first_noise,
     fit_windows,
     new_noise,
@@ -300,6 +301,22 @@ def test_a_fit_to_expect_of_more_windows_is_sharper_by_the_root_of_their_number(
     assert more.quantiles(np.ones((1, 1))) == pytest.approx(found.quantiles(np.ones((1, 1))))
     known = dataclasses.replace(found, prior_information=np.array([[11.0]])).of_more(1.0)
     assert known.curvature[0, 0] == pytest.approx(1.0 / 22.0)
+
+
+@pytest.mark.parametrize("bounds", [1, 3])
+def test_no_step_passes_a_bound_and_the_others_are_fitted_to_it(bounds):
+    """With one bound as SciPy's bounded solver; with several none is passed, and the free slopes vanish."""
+    lsq_linear = pytest.importorskip("scipy.optimize").lsq_linear
+    draw = np.random.default_rng(4)
+    for _ in range(20):
+        slope, error = draw.normal(size=(12, 5)), draw.normal(size=12)
+        least = np.where(np.arange(5) < bounds, -0.05, -np.inf)
+        found = bounded_step(slope.T @ slope, slope.T @ error, least)
+        assert (found >= least).all()
+        uphill = slope.T @ (slope @ found + error)
+        assert uphill[found > least] == pytest.approx(np.zeros((found > least).sum()), abs=1e-9)
+        if bounds == 1:
+            assert found == pytest.approx(lsq_linear(slope, -error, (least, np.inf), tol=1e-14).x, abs=1e-5)
 
 
 def test_cost_is_by_huber_and_by_what_is_known_before():

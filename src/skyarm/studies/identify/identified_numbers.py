@@ -38,6 +38,9 @@ SHOWN = 0.5
 LAGS = ("delay", "rotors.time_constant_up", "rotors.time_constant_down")
 """Numbers of the rotors' commands that samples below 40 Hz do not show."""
 
+NORMAL = 1.959964
+"""Standard deviations of half an interval of 95 % where the spread is known (normal distribution)."""
+
 SHARE, INSTANT, SPREAD = 2e-3, 0.02, 1e-2
 """Of a positive number, of a period (for times) and of what is known before (for others): what sampling leaves.
 
@@ -187,9 +190,11 @@ def identified_numbers(
     after = np.maximum(np.diag(covariance), np.diag(scale.rows @ found.curvature @ scale.rows.T))
     wider = disagreement(found, scale, after, flights)
     after = np.minimum(after * wider**2, before)  # what the data blur is known as before
-    shares = 1.0 - after / before
+    quantiles = found.quantiles(scale.rows)
+    # a number that few blocks tell is known as well as its interval is narrow
+    shares = 1.0 - np.minimum(after * np.maximum(quantiles / NORMAL, 1.0) ** 2, before) / before
     sampling = _sampling(scale, np.sqrt(before), period, sample)
-    halves = np.hypot(found.quantiles(scale.rows) * np.sqrt(after), sampling)
+    halves = np.hypot(quantiles * np.sqrt(after), sampling)
     numbers = []
     for k, each in enumerate(scale.reported):
         value, half = float(scale.values[k]), float(halves[k])

@@ -105,7 +105,8 @@ class WindowSearch:
         if windows.count < FEWEST:
             names = ", ".join(each.name for each in self.flights)
             raise ValueError(
-                f"{names}: fewer than {FEWEST} parts of {seconds:.3g} s in the air without a gap: fly longer"
+                f"{names}: {windows.count} of the {FEWEST} parts of {seconds:.3g} s that are needed lie in the air "
+                "without a gap: fly longer"
             )
         plant = None if before is None else before.replay
         parts = self.unknowns, self.known, self.driven, self.servoed

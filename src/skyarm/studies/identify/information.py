@@ -44,6 +44,8 @@ TITLES: Mapping[str, str] = {
     "accelerometer_delay": "delay of the accelerometer behind the gyro",
     "sag": "exponent of the thrust over the voltage",
     "drift": "drift of the thrust",
+    "pose_delay": "delay of the pose behind the gyro",
+    **{f"gyro_bias.{axis}": f"bias of the gyro about {axis}" for axis in "xyz"},
     **{f"place.{axis}": f"place of the IMU along {axis}" for axis in "xyz"},
     **{f"offset.{axis}": f"offset of the accelerometer along {axis}" for axis in "xyz"},
     **{f"torque.{axis}": f"constant torque about {axis}" for axis in "xyz"},

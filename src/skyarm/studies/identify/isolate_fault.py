@@ -355,20 +355,21 @@ def _less(unit: Array, rows: Array, amount: float) -> Array:
     return rows - amount * unit
 
 
-def find_faults(flight: FlightData, start: Vehicle) -> tuple[Fault, ...]:
+def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> tuple[Fault, ...]:
     """Faults of a measured flight, the refused first.
 
     Args:
         flight: measured.
         start: vehicle that its numbers will be identified for: rotors, joints and data sheet.
+        isolate: look for the change of a channel that mends what the model does not explain: some ten seconds.
     """
     found = check_log(flight, start)
     if not any(each.severity == REFUSED for each in found):
-        found += _isolate(flight, start, [each.channel for each in found])
+        found += _isolate(flight, start, [each.channel for each in found], isolate)
     return tuple(sorted(found, key=lambda each: each.severity != REFUSED))
 
 
-def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str]) -> list[Fault]:
+def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str], search: bool) -> list[Fault]:
     """Fault of one channel that explains what the model leaves of a flight, else that the model does not explain it."""
     try:
         scipy_parts()
@@ -394,12 +395,13 @@ def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str]) -> list[Fa
     bad = sorted((name for name in sizes if sizes[name] >= ALARM and name not in told), key=lambda name: -sizes[name])
     if not bad:
         return late
-    best = _best_changes(left, flight, start, rows)
+    best = _best_changes(left, flight, start, rows) if search else []
     if not best and sizes[bad[0]] < UNSETTLED:
         return late
     if not best:
         finding = f"does not explain {', '.join(f'{name} ({sizes[name]:.2g} times its noise)' for name in bad)}"
         remedy = "no change of a channel mends it: check the vehicle file, and expect no more of its numbers"
+        remedy = remedy if search else "skyarm show FLIGHT --vehicle FILE looks for the cause"
         return [*late, fault(severity=WARNED, channel="model", finding=finding, remedy=remedy)]
     words = [change.words.format(change.shown(amount)) for _, change, amount, _ in best]
     others = "".join(f", or {each[1].channel}: {said}" for each, said in zip(best[1:], words[1:], strict=True))

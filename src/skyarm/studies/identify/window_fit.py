@@ -191,6 +191,7 @@ def _search(
 ) -> WindowFit:
     """Gauss-Newton search for parameters and noise; the arguments are those of :func:`fit_windows`."""
     start, prior = (np.array([getattr(each, name) for each in errors.unknowns]) for name in ("begin", "spread"))
+    least = np.array([-math.inf if each.positive else each.least for each in errors.unknowns])
     noise = first_noise(errors) if noise is None else noise
     spread = errors.push if spread is None else spread
     errors.take_samples(values)
@@ -201,7 +202,8 @@ def _search(
         loose = errors.loose.copy()
         loose[errors.wrench] = spread
         reduced = reduce(normal, states.beside, loose, prior)
-        step = -np.linalg.solve(reduced.total, reduced.scores.sum(axis=0) + (values - start) / prior**2)
+        uphill = reduced.scores.sum(axis=0) + (values - start) / prior**2
+        step = bounded_step(reduced.total, uphill, least - values)
         cost = Cost(there, noise[errors.windows.owners], start, prior, loose)
         # no number goes by more than what is known of it before
         length, before = min(1.0, 1.0 / max(1e-9, float(np.abs(step / prior).max()))), cost.at(found, values, states)
@@ -253,6 +255,23 @@ class Cost:
             huber = np.where(z > OUTLIER, OUTLIER * (2.0 * z - OUTLIER), z**2).sum()
         beside = states.beside / self.loose[len(self.loose) - states.beside.shape[1] :]
         return float(huber + (((values - self.start) / self.prior) ** 2).sum() + (beside**2).sum())
+
+
+def bounded_step(information: Array, uphill: Array, least: Array) -> Array:
+    """Step (P,) to the minimum of a parabola, by its information and slope, none of it below the least one.
+
+    What would pass its bound stays there, and the others are fitted to that: a body drag that pushes would leave its
+    trace in them.
+    """
+    free, step = np.ones(len(uphill), dtype=bool), np.zeros(len(uphill))
+    for _ in range(len(uphill)):
+        pull = uphill[free] + information[np.ix_(free, ~free)] @ step[~free]
+        step[free] = -np.linalg.solve(information[np.ix_(free, free)], pull)
+        beyond = free & (step < least)
+        if not beyond.any():
+            break
+        step[beyond], free = least[beyond], free & ~beyond
+    return step
 
 
 def reduce(normal: Normal, beside: Array, loose: Array, prior: Array) -> Reduced:
