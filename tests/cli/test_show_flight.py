@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from commanded import refused, skyarm
 from logged_vehicles import CRAZYFLIE_LOG, IRIS_LOG, TREFOIL_LOG, crazyflie, iris
+from skyarm.cli import flight_page
 from skyarm.vehicle.vehicle_text import vehicle_text
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
@@ -41,6 +43,13 @@ def test_a_page_of_a_table_as_json():
     assert "excitation" not in page
 
 
+@pytest.fixture
+def unsearched(monkeypatch):
+    """Without the search for a change of a channel, which is tested elsewhere."""
+    monkeypatch.setattr(flight_page, "find_faults", partial(flight_page.find_faults, isolate=False))
+
+
+@pytest.mark.usefixtures("unsearched")
 def test_a_vehicle_s_numbers_are_excited_or_not_in_this_flight():
     words = ("show", str(TREFOIL_LOG), "--vehicle", "crazyflie.toml")
     text = skyarm(*words, columns=200).out
@@ -56,6 +65,7 @@ def test_of_a_flight_with_a_fault_no_excitation_is_shown():
     assert page["excitation"] == []
 
 
+@pytest.mark.usefixtures("unsearched")
 def test_of_a_log_that_is_too_short_the_channels_are_shown_and_what_is_needed():
     Path("iris.toml").write_text(vehicle_text(iris()))
     shown = skyarm("show", str(IRIS_LOG), "--vehicle", "iris.toml", columns=200)
