@@ -115,7 +115,7 @@ def short(**more):
 def test_what_cannot_be_identified_is_refused_in_one_line(flights, options, message):
     with pytest.raises(ValueError, match=message) as error:
         identify_by_windows(flights(), QUAD, **options)
-    assert "\\n" not in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def test_a_line_is_taken_out_of_the_samples_of_each_window():

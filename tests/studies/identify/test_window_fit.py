@@ -256,8 +256,7 @@ def test_what_was_known_before_is_no_spread_of_blocks():
 
 def test_scores_of_flights_are_those_after_the_last_step(monkeypatch):
     """Of one turn of a linear problem: at its minimum they add up to the pull of what was known before."""
-    monkeypatch.setattr("skyarm.studies.identify.window_fit.TURNS", 1)
-    found = fit(Toy(windows=16, steps=8, flights=2, prior=2.0))
+    found = fit(Toy(windows=16, steps=8, flights=2, prior=2.0), turns=1)
     assert np.abs(found.values).max() > 0.5
     sizes = np.sqrt(np.diag(found.stretch_information.sum(axis=0)))
     assert (found.stretch_scores.sum(axis=0) + found.values / 2.0**2) / sizes == pytest.approx(
@@ -335,10 +334,7 @@ def arctangent(at):
 def test_a_search_that_would_overshoot_takes_shorter_steps():
     """Gauss-Newton's whole steps from afar run away where an arctangent is flat."""
     toy = Toy(windows=40, steps=6, bend=arctangent, noise=0.01)
-    toy.data = (
-        -toy.errors_at(np.zeros(COUNT), toy.first_states())[0] * 0.0
-        + arctangent(toy.slopes[..., OWN + WRENCH :] @ np.full(COUNT, 0.1))[0]
-    )
+    toy.data = arctangent(toy.slopes[..., OWN + WRENCH :] @ np.full(COUNT, 0.1))[0]
     found = fit_windows(toy, np.full(COUNT, 3.0), noise=np.full((1, 3), 0.01))
     assert found.settled
     assert found.values == pytest.approx(np.full(COUNT, 0.1), abs=1e-3)
@@ -358,7 +354,7 @@ def test_progress_is_one_line_a_turn():
     fit(Toy(windows=20, steps=12), progress=lines.append)
     assert len(lines) >= 3
     assert lines[0].startswith(f"turn 1 of at most {TURNS}: by at most ")
-    assert all("\\n" not in each for each in lines)
+    assert all("\n" not in each for each in lines)
 
 
 def slopes_at_start(vehicle, driven, noise, seconds, most):
@@ -426,6 +422,15 @@ def test_a_missing_library_is_named_before_the_search(monkeypatch):
     def missing():
         raise ValueError("scipy: is missing")
 
-    monkeypatch.setattr("skyarm.studies.identify.window_fit.scipy_parts", missing)
+    monkeypatch.setattr("skyarm.studies.identify.window_fit.student_quantile", missing)
     with pytest.raises(ValueError, match=r"^scipy: is missing$"):
         fit_windows(None, np.zeros(1))
+
+
+def test_a_step_that_does_not_lower_the_cost_is_not_taken():
+    """Slopes of the wrong sign: the search stays where it began, and says that it did not come to rest."""
+    toy = Toy(windows=40, steps=6, bend=lambda at: (at, -np.ones_like(at)))
+    toy.truth = np.zeros(COUNT)
+    found = fit_windows(toy, np.full(COUNT, 2.0), noise=np.full((1, 3), 0.1), turns=4)
+    assert not found.settled
+    assert found.values == pytest.approx(np.full(COUNT, 2.0))

@@ -1,4 +1,1 @@
-"""System identification: scenario parameters from measurements, delays and lags from a log.
-
-Parameters by path, cells by metric, a loss, a search, profiles; inverse dynamics, lagged commands, a whitened fit.
-"""
+"""System identification: vehicles from logs of flights, by windows of them that the engine flies under the commands."""

@@ -16,6 +16,7 @@ from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identified_parts import surroundings_with
+from skyarm.studies.identify.identify_windows import distinct_flights
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.open_loop import (
     FIELDS,
@@ -29,7 +30,7 @@ from skyarm.studies.identify.open_loop import (
 )
 from skyarm.studies.identify.unknowns import THRUST
 from skyarm.studies.identify.window_errors import Normal, WindowErrors, WindowStates
-from skyarm.studies.identify.window_fit import Reduced, first_noise, new_noise, new_spread, reduce, scipy_parts
+from skyarm.studies.identify.window_fit import Reduced, first_noise, new_noise, new_spread, reduce, student_quantile
 from skyarm.studies.identify.windows import Windows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -155,6 +156,7 @@ def predict_held_out(
     Raises:
         ValueError: one line: no flight is long enough for a prediction.
     """
+    flights, seen = distinct_flights(flights), distinct_flights(seen) if seen else []
     step = clock_step([*flights, *seen], start)
     step = SHORTEST / math.ceil(SHORTEST / step - 1e-9)
     posed = [i for i, each in enumerate(flights) if not no_poses(each)]
@@ -164,7 +166,8 @@ def predict_held_out(
         on_clock(each, start, step, full_voltage=full_voltage, sections=sections if i >= count else ())
         for i, each in enumerate(every)
     ]
-    thrusts = {name.removeprefix(THRUST): value for name, value in found.searched.items() if name.startswith(THRUST)}
+    thrusts = [found.surroundings.thrust] * count
+    thrusts += [found.searched.get(f"{THRUST}{each.name}", found.surroundings.thrust) for each in learnt]
     before = surroundings_with({**{each.name: each.start for each in found.numbers}, **(known or {})})
     identified = OpenLoop(found.vehicle, found.surroundings, every, clocks, gravity, thrusts)
     at_start = OpenLoop(start, before, flights, clocks[:count], gravity)
@@ -326,7 +329,7 @@ def shares_of(ends: Ends) -> Array:
     """
     if not ends.measured.shape[1]:
         return np.stack([WHOLE] * len(PARTS))
-    scipy_parts()
+    student_quantile()
     from scipy.optimize import lsq_linear
 
     # over a few samples all parts are within the noise: beyond 0 to 1 they would only fit that
@@ -459,20 +462,22 @@ def fading(wrench: Array, windows: Windows, memory: float) -> Callable[[float], 
 def one_step_errors(loop: OpenLoop, places: Sequence[IntArray]) -> tuple[float, OneStep, OneStep]:
     """Period of the accelerometer (s), errors of the mean accelerations over it, and spread of what is measured."""
     count = loop.averaged
+    whole = loop.left(loop.windows(places).windows) >= 2 * count
+    each_of = np.split(whole, np.cumsum([len(each) for each in places])[:-1])
+    places = [each[long] for each, long in zip(places, each_of, strict=True)]
     errors = loop.windows(places, 2 * count * loop.flights[0].step)
     windows, begins = errors.windows, loop.begins(errors.windows)
     found, there = errors.errors_at(NONE, window_states(begins))
     column = errors.rows.index(("accelerometer", 0))
     counted, left = there[:, :, column], found[:, :, column : column + 3]
-    at = windows.before(0) + np.arange(windows.length)[:, None]
-    force = errors.samples["accelerometer"].values[np.minimum(at, windows.firsts[-1] - 1)]
+    at = windows.begins + np.arange(windows.length)[:, None]
+    force = errors.samples["accelerometer"].values[at]
     *_, last = islice(loop.ahead(errors, begins), count + 1)
-    inside = np.minimum(count, loop.left(windows))
     period = count * windows.step
-    turned = (loop.measured_at(windows, inside).rate - loop.measured_at(windows, 0).rate) / period
+    turned = (loop.measured_at(windows, count).rate - loop.measured_at(windows, 0).rate) / period
     off = turned - (last.rate - begins.rate) / period
-    model = OneStep(specific_force=_length(left[counted]), angular_acceleration=_length(off[inside == count]))
-    rows = [each - each.mean(axis=0) for each in (force[counted], turned[inside == count])]
+    model = OneStep(specific_force=_length(left[counted]), angular_acceleration=_length(off))
+    rows = [each - each.mean(axis=0) for each in (force[counted], turned)]
     return period, model, OneStep(specific_force=_length(rows[0]), angular_acceleration=_length(rows[1]))
 
 

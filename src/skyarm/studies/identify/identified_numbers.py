@@ -41,12 +41,6 @@ LAGS = ("delay", "rotors.time_constant_up", "rotors.time_constant_down")
 NORMAL = 1.959964
 """Standard deviations of half an interval of 95 % where the spread is known (normal distribution)."""
 
-SHARE, INSTANT, SPREAD = 2e-3, 0.02, 1e-2
-"""Of a positive number, of a period (for times) and of what is known before (for others): what sampling leaves.
-
-No half of an interval is smaller, whatever the noise: planted vehicles with little noise are found to half of it.
-"""
-
 
 @immutable
 class IdentifiedNumber:
@@ -174,15 +168,14 @@ def scale_of(
 
 
 def identified_numbers(
-    found: WindowFit, scale: Scale, period: float, sample: float, flights: Sequence[str] = ()
+    found: WindowFit, scale: Scale, sample: float, flights: Sequence[str] = ()
 ) -> tuple[tuple[IdentifiedNumber, ...], Array]:
     """Numbers with intervals, and the correlations of their errors.
 
     Args:
         found: fit.
         scale: reported numbers.
-        period: s, of the flights.
-        sample: s, between their samples.
+        sample: s, between samples of the flights, of which half is the least that an accelerometer's delay is off.
         flights: name of the flight of each stretch; numbers on which flights disagree get wider intervals.
     """
     covariance = scale.rows @ found.covariance @ scale.rows.T
@@ -193,7 +186,7 @@ def identified_numbers(
     quantiles = found.quantiles(scale.rows)
     # a number that few blocks tell is known as well as its interval is narrow
     shares = 1.0 - np.minimum(after * np.maximum(quantiles / NORMAL, 1.0) ** 2, before) / before
-    sampling = _sampling(scale, np.sqrt(before), period, sample)
+    sampling = np.array([0.5 * sample * (each.name == ACCELEROMETER) for each in scale.reported])
     halves = np.hypot(quantiles * np.sqrt(after), sampling)
     numbers = []
     for k, each in enumerate(scale.reported):
@@ -257,15 +250,6 @@ def bound_number(found: IdentifiedNumber, least: float) -> IdentifiedNumber:
     if found.high <= least:
         return dataclasses.replace(found, reason=NOT_SHOWN)
     return dataclasses.replace(found, low=least, value=max(found.value, least))
-
-
-def _sampling(scale: Scale, spread: Array, period: float, sample: float) -> Array:
-    """Least halves of the intervals."""
-    times = np.array([each.unit == "s" for each in scale.reported])
-    least = np.where(scale.positive, SHARE, np.where(times, INSTANT * period, SPREAD * spread)) * (period > 0.0)
-    least[[each.name == ACCELEROMETER for each in scale.reported]] = 0.5 * sample
-    late = INSTANT * period / np.where(times & scale.positive, scale.values, np.inf)
-    return np.asarray(np.hypot(least, late))
 
 
 @immutable(kw_only=False, eq=False)

@@ -56,7 +56,7 @@ def identify_flights(
         full_voltage: V, at which the start's thrust holds; 0 leaves the battery's voltage out.
         sections: (begin, end), s, of each flight that count; by default all in which the vehicle flies.
         known: numbers that are not searched, by name; ``mass`` is that of the whole vehicle, kg.
-        gravity: m/s^2, of the predictions.
+        gravity: m/s^2.
         despite_faults: warn of faults for which a flight is refused.
         progress: called with one line a step of the search.
 

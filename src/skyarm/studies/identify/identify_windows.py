@@ -26,7 +26,14 @@ from skyarm.studies.identify.identified_numbers import (
 )
 from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
 from skyarm.studies.identify.logged_commands import commanded_speeds, sampling_period
-from skyarm.studies.identify.unknowns import Unknown, reported_of, require_searched, unknowns_of, with_servos
+from skyarm.studies.identify.unknowns import (
+    Unknown,
+    reported_of,
+    require_searched,
+    unknowns_of,
+    with_servos,
+    without_tilts,
+)
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import WindowFit, first_noise, fit_windows
 from skyarm.studies.identify.windows import Clocked, Windows, clock_step, on_clock
@@ -40,6 +47,9 @@ FEW, SOME = 200, 60
 
 FEWEST = 4
 """Windows."""
+
+BRIEF, ALIKE = 4, ("joint_efforts", "joint_commands")
+"""Samples of a channel at least; quantities that all flights hold or none."""
 
 SAMPLES = 12
 """Samples of the gyroscope in a window at least."""
@@ -133,7 +143,7 @@ def search_of(
     gravity: float = GRAVITY,
 ) -> WindowSearch:
     """Search of a vehicle's parameters in flights; the arguments are those of :func:`identify_by_windows`."""
-    flights = distinct_flights(flights)
+    flights, start = distinct_flights(flights), without_tilts(start)
     step = clock_step(flights, start)
     clocked = [on_clock(each, start, step, full_voltage=full_voltage, sections=sections) for each in flights]
     driven, servoed = moved_joints(flights, start)
@@ -222,9 +232,9 @@ def identify_by_windows(
     some, near = first_fits(search, progress)
     errors = search.errors(search.whole, before=some)
     fit = fit_windows(errors, near.values, noise=near.noise, progress=progress)
-    start, unknowns, windows = search.start, search.unknowns, errors.windows
+    start, unknowns, windows = with_servos(start, search.servoed), search.unknowns, errors.windows
     scale, unseen = search.scale(fit), search.hidden_lags()
-    free, correlation = identified_numbers(fit, scale, 0.0, search.sample, [each.name for each in search.flights])
+    free, correlation = identified_numbers(fit, scale, search.sample, [each.name for each in search.flights])
     numbers = [bound_number(each, of.least) for each, of in zip(free, scale.reported, strict=True)]
     # what commands below 40 Hz cannot show goes back to the start; the dead time then stands for all that is late
     numbers = [dataclasses.replace(each, reason=NOT_SHOWN) if each.name in unseen else each for each in numbers]
@@ -254,15 +264,26 @@ def identify_by_windows(
 
 
 def distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
-    """Flights with different names, without position and velocity where no attitude is measured."""
+    """Flights with different names, without channels of a few samples, and without a position but no attitude.
+
+    Raises:
+        ValueError: one line: there is no flight, or one lacks a quantity that decides how another is flown.
+    """
     if not flights:
         raise ValueError("flights: must be one or more")
     names, found = [each.name for each in flights], list[FlightData]()
     for i, flight in enumerate(flights):
         name = flight.name if names.count(flight.name) == 1 else f"{flight.name} ({i + 1})"
         out = () if "quaternion" in flight else ("position", "velocity")
-        kept = {each: channel for each, channel in flight.channels.items() if each not in out}
+        kept = {each: flight[each] for each in flight if each not in out and flight[each].time.size >= BRIEF}
         found.append(dataclasses.replace(flight, name=name, channels=kept))
+    for quantity in ALIKE:
+        there = [each.name for each in found if quantity in each]
+        lacking = [each.name for each in found if quantity not in each]
+        if there and lacking:
+            raise ValueError(
+                f"{lacking[0]}: {quantity}: is not in this flight, and is in {there[0]}: identify them apart"
+            )
     return found
 
 
@@ -301,7 +322,8 @@ def explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, fl
         there = fit.counted[:, :, i].astype(float)
         noise, left = float((there * white[:, i]).sum()), float((there * fit.errors[:, :, i] ** 2).sum())
         bends = float((_without_lines(errors.samples[sensor].values[at, column], there) ** 2).sum())
-        explained[name] = 1.0 - max(left - noise, 0.0) / max(bends - noise, left - noise, 1e-300)
+        if max(bends, left) > noise:  # else the row does not move
+            explained[name] = 1.0 - max(left - noise, 0.0) / max(bends - noise, left - noise)
         deviation[name] = math.sqrt(left / max(there.sum(), 1.0))
     return explained, deviation
 

@@ -1,8 +1,8 @@
 """Information of a measured flight: how accurately an identification could find each number of a vehicle.
 
-The prediction's errors are linearised at the start vehicle, and again at the estimate from that. The linear fit's
-noise, scores and information, with what is known before, give the interval that the whole search would give (Fisher
-information; Ljung, System Identification, 1999, 13.3). A number whose interval a flight hardly narrows is not excited.
+Some of its windows are fitted. Their information, times the number of all windows over theirs, gives with what is known
+before the interval that the whole search would give (Fisher information; Ljung, System Identification, 1999, 13.3). A
+number whose interval a flight hardly narrows is not excited.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def expected_numbers(flights: Sequence[FlightData], start: Vehicle) -> tuple[Exp
     scale = search.scale(fit)
     positive = {each.name for each in scale.reported if logarithmic.intersection(each.parts)}
     found, unseen = [], search.hidden_lags()
-    for each in identified_numbers(fit, scale, 0.0, search.sample)[0]:
+    for each in identified_numbers(fit, scale, search.sample)[0]:
         share = 0.5 * math.log(each.high / each.low) if each.name in positive else 0.0
         found.append(
             ExpectedNumber(

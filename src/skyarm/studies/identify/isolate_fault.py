@@ -28,9 +28,9 @@ from skyarm.simulate.replay import Replay
 from skyarm.studies.identify.identify_windows import distinct_flights, moved_joints, unknowns_of_sensors
 from skyarm.studies.identify.log_checks import REFUSED, WARNED, Fault, check_log
 from skyarm.studies.identify.logged_commands import commanded_speeds, flying_spans, highest_speeds
-from skyarm.studies.identify.unknowns import unknowns_of, with_servos
+from skyarm.studies.identify.unknowns import unknowns_of, with_servos, without_tilts
 from skyarm.studies.identify.window_errors import WindowErrors
-from skyarm.studies.identify.window_fit import TURNS, first_noise, fit_windows, scipy_parts
+from skyarm.studies.identify.window_fit import LEAST, TURNS, first_noise, fit_windows, student_quantile
 from skyarm.studies.identify.windows import SENSORS, Windows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
@@ -63,8 +63,7 @@ SECONDS, LENGTH, SAMPLES = 30.0, 0.06, 12
 """s of a flight that are looked at; s of a window, and samples of the gyroscope in it, at least."""
 
 FEWEST, RATES, COARSE = 4, (20.0, 1e4), 4e-3
-"""Windows; Hz, of a gyroscope whose windows are flown; s, of a step of theirs at most, over which samples are averaged.
-"""
+"""Windows; Hz, of a gyroscope whose windows are flown; s, of a step at most in a first search."""
 
 LEFT_OUT, CHANGED = 0.35, 0.003
 """Prices in the mean logarithm of the rows' sizes, of a channel left out, and of each column that a change moves."""
@@ -372,7 +371,7 @@ def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> 
 def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str], search: bool) -> list[Fault]:
     """Fault of one channel that explains what the model leaves of a flight, else that the model does not explain it."""
     try:
-        scipy_parts()
+        student_quantile()
     except ValueError:  # of a page or a studio, which do not need it
         return []
     flight, clock = align_poses(flight)
@@ -486,7 +485,7 @@ class Leavings:
     """
 
     def __init__(self, start: Vehicle) -> None:
-        self._start, self._plants = start, dict[tuple[object, ...], Replay]()
+        self._start, self._plants = without_tilts(start), dict[tuple[object, ...], Replay]()
 
     def rows(self, flight: FlightData, most: int, turns: int) -> Rows | None:
         """Sizes of the rows after a search of some turns over some windows; None of a flight that cannot be flown."""
@@ -496,7 +495,7 @@ class Leavings:
             return None
         try:
             usual = clock_step([flight], self._start)
-            step = usual * max(1, math.floor(COARSE / usual + 1e-6))
+            step = usual * (1 if most >= LAST[0] else max(1, math.floor(COARSE / usual + 1e-6)))
             driven, servoed = moved_joints([flight], self._start)
             start = with_servos(self._start, servoed)
             windows = Windows(
@@ -520,7 +519,8 @@ class Leavings:
                 white[j] = math.sqrt(white[j] ** 2 + max(0.0, change**2 - 2.0 * white[j] ** 2) / 12.0)
         # a mean of several samples is quieter than one
         means = np.array([math.sqrt(max(1.0, step * flight[name].rate)) for name, _ in errors.rows])
-        sizes = means * fit.noise[0] / white
+        least = np.array([LEAST[name] for name, _ in errors.rows])
+        sizes = fit.noise[0] / np.maximum(white / means, least)
         keys = [*errors.rows, *((name, axis) for name in PUSHES for axis in range(3))]
         sizes = np.concatenate([sizes, fit.spread / errors.push])
         return dict(zip(keys, sizes.tolist(), strict=True)) if np.isfinite(sizes).all() else None

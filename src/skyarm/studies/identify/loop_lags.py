@@ -29,7 +29,7 @@ from skyarm.studies.identify.identified_numbers import LAGS
 from skyarm.studies.identify.identified_parts import vehicle_with
 from skyarm.studies.identify.identify_windows import FIRST, TURNING, WHOLE, explained_shares
 from skyarm.studies.identify.logged_commands import time_constants
-from skyarm.studies.identify.unknowns import USUAL_DELAY, Unknown, servo_of, unknowns_of
+from skyarm.studies.identify.unknowns import USUAL_DELAY, Unknown, servo_of, unknowns_of, without_tilts
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import BLOCK, WindowFit, fit_windows
 from skyarm.studies.identify.windows import Windows, clock_step, on_clock
@@ -47,7 +47,7 @@ class Estimated:
     @classmethod
     def of(cls, value: float, half: float, *, least: float = 0.0) -> Estimated:
         """Create an estimate with a symmetric confidence interval, cut at the least possible value."""
-        return cls(value=max(least, value), low=max(least, value - half), high=value + half)
+        return cls(value=max(least, value), low=max(least, value - half), high=max(least, value + half))
 
 
 @immutable
@@ -159,8 +159,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     servos = [name for name in flown if setpoints.get(name) == PositionServo.takes]
     drives = {name: MountedDrive(name=name, drive=flown[name]) for name in servos}
     drives |= {each.name: each for each in vehicle.drives}
-    rotors = tuple(dataclasses.replace(each, tilt=None) for each in vehicle.rotors)
-    start = dataclasses.replace(vehicle, rotors=rotors, drives=tuple(drives.values()))
+    start = dataclasses.replace(without_tilts(vehicle), drives=tuple(drives.values()))
     names = [link.joint.name for link in vehicle.links]
     searched = {
         name: _delay_and_lags(f"drives.{name}.latency", **{f"drives.{name}.time_constant": USUAL})
@@ -274,12 +273,13 @@ def _lag(name: str, searched: list[Unknown], errors: WindowErrors, fit: WindowFi
     rows[0, place] = [1.0, *(swing**2 / (len(taus) * tau) for tau in taus)]
     rows[range(1, len(rows)), place] = [1.0, *taus]
     halves = fit.quantiles(rows) * np.sqrt(np.einsum("kp,pq,kq->k", rows, fit.covariance, rows))
-    halves = np.hypot(halves, INSTANT * period + SHARE * (delay + swing))
+    halves = np.hypot(halves, INSTANT * period + SHARE * (abs(delay) + swing))
     numbers = zip((delay + swing, delay, *taus), halves.tolist(), strict=True)
     together, alone, up, *more = (Estimated.of(value, half) for value, half in numbers)
     shares, _ = explained_shares(errors, fit)
     rates = [f"rate.{axis}" for axis in "xyz"] if name == ROTORS else [f"{name}.position"]
-    explained, reason = sum(shares[each] for each in rates) / len(rates), ""
+    told = [shares[each] for each in rates if each in shares]
+    explained, reason = sum(told) / max(len(told), 1), ""
     if not np.isfinite(halves).all():
         reason = "the commands do not show in the motion"
     elif delay > LONGEST or max(taus) > SLOWEST:

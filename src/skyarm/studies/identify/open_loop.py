@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 
 import numpy as np
@@ -25,7 +25,7 @@ from skyarm.records.files import one_line
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_parts import Surroundings, numbers_around
 from skyarm.studies.identify.logged_commands import time_constants
-from skyarm.studies.identify.unknowns import THRUST
+from skyarm.studies.identify.unknowns import THRUST, without_tilts
 from skyarm.studies.identify.window_errors import WindowErrors, WindowStates, with_heavy_joints
 from skyarm.studies.identify.windows import RUN_IN, Clocked, Windows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -195,7 +195,7 @@ class OpenLoop:
         flights: measured.
         clocked: the same on their clock.
         gravity: m/s^2.
-        thrusts: name of a flight -> its thrust over that of the rotors' data; by default that of ``about``.
+        thrusts: of each flight, over that of the rotors' data; by default that of ``about``.
 
     Attributes:
         flights: on the clock.
@@ -210,14 +210,17 @@ class OpenLoop:
         flights: Sequence[FlightData],
         clocked: Sequence[Clocked],
         gravity: float,
-        thrusts: Mapping[str, float] | None = None,
+        thrusts: Sequence[float] = (),
     ) -> None:
-        self._vehicle, self.flights = vehicle, list(clocked)
+        self._vehicle = vehicle = without_tilts(vehicle)
+        # numbers of flights are told by names, which two may share
+        self.flights = [dataclasses.replace(each, name=f"{i}: {each.name}") for i, each in enumerate(clocked)]
         every = [measured_states(*each, about, vehicle.n) for each in zip(flights, clocked, strict=True)]
         self.measured, self.known = (
             BaseStates(*(np.concatenate([getattr(each[i], name) for each in every]) for name in FIELDS)) for i in (0, 1)
         )
-        thrust = {f"{THRUST}{each.name}": (thrusts or {}).get(each.name, about.thrust) for each in self.flights}
+        shares = thrusts or [about.thrust] * len(clocked)
+        thrust = {f"{THRUST}{each.name}": share for each, share in zip(self.flights, shares, strict=True)}
         still, anywhere = [False] * vehicle.n, [np.zeros(0, int)] * len(flights)
         self._errors = WindowErrors(
             Windows(self.flights, vehicle, 0.0, places=anywhere),

@@ -8,6 +8,7 @@ and torques the rotors' speeds. Air drag is left out.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 
 from skyarm.algebra import ZERO3, Motion, Quaternion, Vec3
 from skyarm.dynamics import center_of_mass, inverse_dynamics
-from skyarm.dynamics.actuators.rotor import rotor_forces
+from skyarm.dynamics.actuators.rotor import rotor_forces, speed_of_push
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.dynamics.state import State
 from skyarm.flight_data.flight_data import Channel, FlightData
@@ -141,13 +142,14 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
         for link, x in zip(vehicle.links, qd, strict=True)
     ]
     efforts = [zero + a + b for a, b in zip(torques, friction, strict=True)]
+    pushes = np.maximum(shares.sum(axis=0), 0.0)
     return RequiredFlight(
         period=period,
         position=value[:3].T,
         velocity=first[:3].T,
         turned=turned,
         rate=rate,
-        speeds=np.sqrt(np.maximum(shares.sum(axis=0), 0.0)),
+        speeds=_vectors_of((speed_of_push(*each) for each in zip(vehicle.rotors, pushes.T, strict=True)), size),
         shares=shares,
         joints=value[BASE_AXES:].T,
         joint_rates=first[BASE_AXES:].T,
@@ -156,8 +158,11 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
 
 
 def wrench_of_pushes(rotors: Sequence[Rotor]) -> Array:
-    """Allocation matrix (6, rotors): force and torque at the base origin, base axes, per (rad/s)^2 of each rotor."""
-    found = []
+    """Allocation matrix (6, rotors): force and torque at the base origin, base axes, per (rad/s)^2 of each rotor.
+
+    Of rotors with a thrust table it is per (rad/s)^2 of their push.
+    """
+    found, rotors = [], [dataclasses.replace(each, table=None) for each in rotors]
     for i in range(len(rotors)):
         force = rotor_forces(rotors, [float(k == i) for k in range(len(rotors))], ZERO3, ZERO3)
         found.append([float(each) for each in (*force.force, *force.torque)])

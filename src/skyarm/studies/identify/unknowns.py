@@ -85,11 +85,6 @@ class Unknown:
         """Start on the scale of the search."""
         return math.log(self.start) if self.positive else self.start
 
-    @property
-    def step(self) -> float:
-        """Difference for slopes, on the scale of the search."""
-        return 1e-3 if self.positive else 1e-3 * self.spread
-
     def value(self, searched: float) -> float:
         """Number from the scale of the search."""
         return math.exp(searched) if self.positive else searched
@@ -325,6 +320,11 @@ def _thrust_rises(rotor: Rotor) -> list[float]:
     pushes = [speed**2 if rotor.table is None else float(rotor.table.push(speed)) for speed in speeds]
     thrusts = [float(rotor.thrust_coefficient) * each for each in pushes]
     return [thrusts[0], *(b - a for a, b in pairwise(thrusts))]
+
+
+def without_tilts(vehicle: Vehicle) -> Vehicle:
+    """Vehicle whose rotors do not tilt, as flights are flown again: no log that is read holds the angles."""
+    return dataclasses.replace(vehicle, rotors=tuple(dataclasses.replace(each, tilt=None) for each in vehicle.rotors))
 
 
 def servo_of(vehicle: Vehicle, joint: int) -> PositionServo | None:

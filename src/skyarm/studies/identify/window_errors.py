@@ -29,8 +29,10 @@ from skyarm.vehicle.vehicle_records import Vehicle
 FREE = {"position": 1e3, "quaternion": 1.0, "velocity": 3.0, "rate": 10.0, "joints": 1.0, "joint_rates": 30.0}
 """What is known of a window's first state before, standard deviations in SI units: next to nothing."""
 
-LOOSE = 0.3
-"""The same of servos' integrals, rad s, and of efforts that are not logged, N m or N."""
+LOOSE, CARRIED = 0.3, 0.25
+"""The same of servos' integrals, rad s; and of efforts that are not logged, of the weight, at the rotors' distance for
+joints that turn.
+"""
 
 HAT = 0.02
 """s, from hat to hat of an effort that is not logged."""
@@ -194,6 +196,10 @@ class WindowErrors:
         weight = gravity * float(start.mass)
         arm = max(math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors)
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
+        carried = [CARRIED * weight * (arm if link.joint.turns else 1.0) for link in start.links]
+        self.loose[[name == "hats" for name, _ in self.free]] = np.repeat(
+            [carried[i] for i in self.unlogged], self.hats
+        )
 
     def _make_replay(self, gravity: float, finer: int) -> Replay:
         """Simulated plant whose vehicle follows from the searched parameters."""
@@ -517,10 +523,19 @@ class WindowLanes:
         inputs["speeds_before"][:], inputs["speeds_after"][:] = lanes(held.before, which), lanes(held.after, which)
         inputs["late"][0] = held.late[:, at][which].ravel()
         inputs["thrust"][0] = self._thrust[0][:, at][self._thrust[1]].ravel()
-        for i, held, which in self._joints:
-            inputs["setpoints_before"][i] = held.before[:, at, i][which].ravel()
-            inputs["setpoints_after"][i] = held.after[:, at, i][which].ravel()
-            inputs["late"][1] = held.late[:, at][which].ravel()
+        joints = {
+            i: (
+                held.before[:, at, i][which].ravel(),
+                held.after[:, at, i][which].ravel(),
+                held.late[:, at][which].ravel(),
+            )
+            for i, held, which in self._joints
+        }
+        first = next((late for *_, late in joints.values()), None)
+        if any((late != first).any() for *_, late in joints.values()):  # the plant has one switch for all joints
+            joints = {i: in_halves(*rows, self._windows.step) for i, rows in joints.items()}
+        for i, (before, after, late) in joints.items():
+            inputs["setpoints_before"][i], inputs["setpoints_after"][i], inputs["late"][1] = before, after, late
         if self._errors.given is not None:
             joints, rates, accelerations = np.tile(np.moveaxis(self._errors.given[:, at], -1, 1), self._shape[1])
             self.flights.state["joints"][:], self.flights.state["joint_rates"][:] = joints, rates
@@ -545,6 +560,21 @@ class WindowLanes:
     def close(self) -> None:
         """Shut down the threads of the lanes."""
         self.flights.close()
+
+
+def in_halves(before: Array, after: Array, late: Array, step: float) -> tuple[Array, Array, Array]:
+    """Commands that switch amid a step (s), with the mean and the first moment of those that switch at other times.
+
+    Args:
+        before: until the switch.
+        after: from it on.
+        late: s, within the step.
+        step: s.
+    """
+    share = late / step
+    mean = share * before + (1.0 - share) * after
+    half = 2.0 * share * (1.0 - share) * (after - before)
+    return mean - half, mean + half, np.full_like(late, 0.5 * step)
 
 
 def _distinct(*columns: Array) -> tuple[list[list[float]], IntArray]:

@@ -52,18 +52,17 @@ LEAST = {
 """Least noise of a sensor, SI units: after a noiseless one the search would creep."""
 
 
-def scipy_parts() -> tuple[Any, Any]:
-    """Import SciPy's ``least_squares`` and the quantile function of Student's t distribution.
+def student_quantile() -> Any:
+    """Import the quantile function of Student's t distribution from SciPy.
 
     Raises:
         ValueError: it is not installed.
     """
     try:
-        from scipy.optimize import least_squares
         from scipy.special import stdtrit
     except ImportError:
         raise ValueError(f"scipy: is missing; 'skyarm identify' {needs_extra('identify')}") from None
-    return least_squares, stdtrit
+    return stdtrit
 
 
 def student_quantiles(influence: Array, information: Array) -> Array:
@@ -76,7 +75,7 @@ def student_quantiles(influence: Array, information: Array) -> Array:
         influence: (K, P) of a score on the numbers.
         information: (blocks, P, P) of the data of each block.
     """
-    _, student = scipy_parts()
+    student = student_quantile()
     sizes = np.einsum("kp,bpq,kq->kb", influence, information, influence)
     freedom = sizes.sum(axis=1) ** 2 / np.maximum((sizes**2).sum(axis=1), 1e-300)
     blocks = len(information)
@@ -166,7 +165,7 @@ def fit_windows(
         turns: of the search at most.
         progress: called with one line a turn of the search.
     """
-    scipy_parts()  # whose absence is no news for after the search
+    student_quantile()  # whose absence is no news for after the search
     with _one_thread():
         return _search(errors, begin, noise, spread, block, turns, progress)
 
@@ -215,10 +214,13 @@ def _search(
             if math.isfinite(after) and after < before * (1.0 + 1e-9):
                 break
             length *= SHORTER
-        if not math.isfinite(after):
-            raise ValueError("the vehicle does not fly as the log says from any parameters that the search tries")
+        else:  # no step lowers the cost
+            change, moved, free, left = 0.0 * change, values, states, found
+        if not math.isfinite(before):
+            raise ValueError("the start vehicle does not fly: its motion under the logged commands is no number")
         values, states = moved, free
-        sizes = np.abs(change) / np.sqrt(np.diag(np.linalg.inv(reduced.total)))
+        # judged by the whole step, however much of it is taken
+        sizes = np.abs(step) / np.sqrt(np.diag(np.linalg.inv(reduced.total)))
         if progress is not None:
             progress(f"turn {turn + 1} of at most {turns}: by at most {sizes.max():.2g} standard deviations")
         noise = new_noise(errors, left, there, noise, normal, reduced.inverse)

@@ -432,10 +432,10 @@ class Windows:
         position, speed = parabola("position", 3)
         attitude, _ = parabola("quaternion", 4)
         joints, joint_rates = parabola("joint_positions", 0)
-        level = np.array([1.0, 0.0, 0.0, 0.0])
+        attitude[~attitude.any(axis=1)] = [1.0, 0.0, 0.0, 0.0]
         return {
             "position": position,
-            "quaternion": unit_rows(attitude if "quaternion" in samples else attitude + level),
+            "quaternion": unit_rows(attitude),
             "velocity": parabola("velocity", 3)[0] if "velocity" in samples else speed,
             "rate": parabola("gyro", 3)[0],
             "joints": joints,
