@@ -182,7 +182,7 @@ def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = No
     fit = fit_windows(some, near.values, noise=near.noise, spread=near.spread, progress=progress)
     while any(each.name.endswith(".coulomb") for each in search.unknowns) and some.replay.substeps < FINEST:
         finer = search.errors(search.whole, SOME, finer=2 * some.replay.substeps)
-        finer.take_samples(fit.values)
+        finer.samples, finer.taken = some.samples, some.taken
         moved = (finer.errors_at(fit.values, fit.states)[0] - fit.errors) / fit.noise[some.windows.owners]
         if np.sqrt(np.mean(moved**2, axis=(0, 1))).max() < UNMOVED:
             break

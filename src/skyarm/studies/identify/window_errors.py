@@ -153,6 +153,7 @@ class WindowErrors:
 
     Attributes:
         replay: simulated plant. names: of the numbers. rows: (sensor, column) of each row of the errors.
+        samples: of the sensors. taken: s, by which each was thought to be late when these were placed on the clock.
         free: (name, column) of each free number of a window. loose: their standard deviations before.
         wrench: which of them are force and torque. averaged: steps over which the accelerometer's samples are means.
     """
@@ -179,7 +180,7 @@ class WindowErrors:
         inside = [not name.startswith(beside) and name not in IN_INPUTS for name in self.names]
         self._inside = np.flatnonzero(inside)
         self.replay = self._make_replay(gravity, finer) if replay is None else replay
-        self.samples, self._taken = self._samples({}), dict[str, float]()
+        self.samples, self.taken = self._samples({}), dict[str, float]()
         n, servos = start.n if given is None else 0, [servo_of(start, i) for i in range(start.n) if servoed[i]]
         self.rows = [(name, i) for name in self.samples for i in range(n if name.startswith("joint") else 3)]
         self._first = {name: i for i, (name, column) in enumerate(self.rows) if not column}
@@ -248,12 +249,12 @@ class WindowErrors:
         numbers = self.numbers(searched)
         delays = {name: numbers.get(DELAY[name], 0.0) for name in self.samples if name in DELAY}
         # to and fro over the edge of a step a search would not come to rest
-        if all(abs(s - self._taken.get(name, math.inf)) < SAME * self.windows.step for name, s in delays.items()):
+        if all(abs(s - self.taken.get(name, math.inf)) < SAME * self.windows.step for name, s in delays.items()):
             return
-        self._taken = delays
+        self.taken = delays
         # what is flown is the mean of a sample's period, what is read that in its middle
         middle = {"accelerometer": 0.5 * self.averaged * self.windows.step}
-        self.samples = self._samples({name: s - middle.get(name, 0.0) for name, s in self._taken.items()})
+        self.samples = self._samples({name: s - middle.get(name, 0.0) for name, s in self.taken.items()})
 
     def _samples(self, late: Mapping[str, float]) -> dict[str, Samples]:
         """Samples of the sensors that are compared, by their delays, s."""
@@ -360,7 +361,7 @@ class WindowErrors:
         """
         lanes, step = self.lanes(searched, states, directions), self.windows.step
         numbers = self.numbers(searched)
-        late = {name: numbers.get(DELAY.get(name, ""), 0.0) - self._taken.get(name, 0.0) for name in self.samples}
+        late = {name: numbers.get(DELAY.get(name, ""), 0.0) - self.taken.get(name, 0.0) for name in self.samples}
         before, forces = lanes.read(self.samples), list[Array]()
         for k in range(self.windows.length):
             at = self.windows.begins + k
