@@ -61,6 +61,23 @@ def test_a_flight_without_attitude_is_fitted_beside_one_with_it():
     assert found["rotors.thrust_coefficient"].value == pytest.approx(QUAD.rotors[0].thrust_coefficient, rel=5e-3)
 
 
+def test_accelerometers_of_two_rates_are_averaged_each_over_its_own_period():
+    """A tenth of the samples of one: what is left of both is their noise."""
+    slow = flight_of("other")
+    felt = slow["accelerometer"]
+    # the mean of ten readings, at the end of their period
+    means = felt.values[: len(felt.values) // 10 * 10].reshape(-1, 10, 3).mean(axis=1)
+    made = slow.with_channels(
+        {"accelerometer": Channel(time=felt.time[9::10][: len(means)] + 0.5 * STEP - 5 * STEP, values=means, source="")}
+    )
+    search = search_of([flight_of(), made], QUAD, known=few_known())
+    errors = search.errors(search.whole)
+    assert errors.averaged.tolist() == [1, 10]
+    found = identify_by_windows([flight_of(), made], QUAD, known=few_known())
+    assert found["rotors.thrust_coefficient"].value == pytest.approx(QUAD.rotors[0].thrust_coefficient, rel=3e-3)
+    assert found.deviation["specific_force.z"] < 1.3 * 0.02
+
+
 @pytest.mark.parametrize("quantity", ["position", "voltage"])
 @pytest.mark.parametrize("left", [0.0, 0.002])
 def test_a_channel_of_a_few_samples_is_not_used(quantity, left):

@@ -324,7 +324,9 @@ def test_windows_of_one_flight_have_its_noise():
         name: Samples(*(np.concatenate([part, part]) for part in (each.values, each.share, each.there)))
         for name, each in samples.items()
     }
+    errors.averaged = np.array([1, 1])
     _, _, normal = errors.normal(searched, states, noise)
+    errors.averaged = errors.averaged[:1]
     windows.flights, windows.owners, windows.begins = windows.flights[:1], np.zeros(3, dtype=int), begins
     windows.firsts, errors.samples = windows.firsts[:2], samples
     assert normal.own[[0, 2]] == pytest.approx(plain.own[[0, 2]])

@@ -233,7 +233,7 @@ class OpenLoop:
             given=np.concatenate([each[2] for each in every], axis=1),
         )
         self._errors.take_samples(NONE)
-        self.averaged = self._errors.averaged
+        self.averaged = int(self._errors.averaged.max())
 
     def windows(self, places: Sequence[IntArray], seconds: float = 0.0) -> WindowErrors:
         """Windows of some seconds with their first steps in each flight, and what is measured less flown in them."""

@@ -155,7 +155,8 @@ class WindowErrors:
         replay: simulated plant. names: of the numbers. rows: (sensor, column) of each row of the errors.
         samples: of the sensors. taken: s, by which each was thought to be late when these were placed on the clock.
         free: (name, column) of each free number of a window. loose: their standard deviations before.
-        wrench: which of them are force and torque. averaged: steps over which the accelerometer's samples are means.
+        wrench: which of them are force and torque.
+        averaged: (flights,) steps over which the accelerometer's samples are means.
     """
 
     def __init__(
@@ -192,8 +193,9 @@ class WindowErrors:
         self.free = [(name, i) for name, size in sizes.items() for i in range(size)]
         self.loose = np.array([FREE.get(name, LOOSE) for name, _ in self.free])
         self.wrench = np.array([i for i, (name, _) in enumerate(self.free) if name == "wrench"])
-        felt = [each.channels["accelerometer"].rate for each in windows.flights if "accelerometer" in each.channels]
-        self.averaged = max(1, round(1.0 / (min(felt) * windows.step))) if felt else 1
+        felt = [each.channels.get("accelerometer") for each in windows.flights]
+        periods = [0.0 if each is None else 1.0 / (each.rate * windows.step) for each in felt]
+        self.averaged: IntArray = np.array([max(1, round(each)) for each in periods])
         weight = gravity * float(start.mass)
         arm = max(math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors)
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
@@ -253,10 +255,12 @@ class WindowErrors:
             return
         self.taken = delays
         # what is flown is the mean of a sample's period, what is read that in its middle
-        middle = {"accelerometer": 0.5 * self.averaged * self.windows.step}
-        self.samples = self._samples({name: s - middle.get(name, 0.0) for name, s in self.taken.items()})
+        late: dict[str, float | Array] = {**delays}
+        if "accelerometer" in delays:
+            late["accelerometer"] = np.asarray(delays["accelerometer"] - 0.5 * self.windows.step * self.averaged)
+        self.samples = self._samples(late)
 
-    def _samples(self, late: Mapping[str, float]) -> dict[str, Samples]:
+    def _samples(self, late: Mapping[str, float | Array]) -> dict[str, Samples]:
         """Samples of the sensors that are compared, by their delays, s."""
         found = self.windows.samples(late)
         if self.given is not None:
@@ -363,18 +367,23 @@ class WindowErrors:
         numbers = self.numbers(searched)
         late = {name: numbers.get(DELAY.get(name, ""), 0.0) - self.taken.get(name, 0.0) for name in self.samples}
         before, forces = lanes.read(self.samples), list[Array]()
+        averaged = self.averaged[self.windows.owners]
+        counts = np.unique(averaged).tolist() or [1]
         for k in range(self.windows.length):
             at = self.windows.begins + k
             lanes.advance(k)
             now = lanes.read(self.samples)
-            forces = [*forces[-self.averaged + 1 :], lanes.force()] if self.averaged > 1 else [lanes.force()]
-            now["accelerometer"] = np.mean(forces, axis=0)
+            forces = [*forces, lanes.force()][-int(self.averaged.max()) :]
+            now["accelerometer"] = np.mean(forces[-counts[0] :], axis=0)
+            for count in counts[1:]:
+                own = averaged == count
+                now["accelerometer"][..., own] = np.mean([each[..., own] for each in forces[-count:]], axis=0)
             if not k:
                 before["accelerometer"] = now["accelerometer"]
             for name, samples in self.samples.items():
                 has = samples.there[at]
                 if name == "accelerometer":  # a mean over a sample's period that begins before the window is not flown
-                    has = has & (k + samples.share[at] > self.averaged - 1e-9)
+                    has = has & (k + samples.share[at] > averaged - 1e-9)
                 if not has.any():
                     continue
                 error, slope = _error(name, before[name], now[name], now["gyro"][:, 0], samples, at, step)

@@ -356,22 +356,23 @@ class Windows:
         first, last = self.firsts[self.owners], self.firsts[self.owners + 1] - 1
         return np.asarray(np.clip(self.begins + k, first, last), dtype=np.int64)
 
-    def samples(self, late: Mapping[str, float] | None = None) -> dict[str, Samples]:
+    def samples(self, late: Mapping[str, float | Array] | None = None) -> dict[str, Samples]:
         """Samples of each sensor on the clock, all flights one after the other; marked absent where it is missing.
 
         Args:
-            late: sensor -> s, by which its samples are late.
+            late: sensor -> s, by which its samples are late, in all flights or (flights,) in each.
         """
         found = dict[str, Samples]()
         for name in dict.fromkeys(name for each in self.flights for name in each.channels):
             widths = [each.channels[name].values.shape[1] for each in self.flights if name in each.channels]
             if not widths:
                 continue
+            delays = np.broadcast_to((late or {}).get(name, 0.0), len(self.flights))
             parts = [
-                samples_on(each.channels[name], each.edges + (late or {}).get(name, 0.0))
+                samples_on(each.channels[name], each.edges + delay)
                 if name in each.channels
                 else _no_samples(each.size, widths[0])
-                for each in self.flights
+                for each, delay in zip(self.flights, delays, strict=True)
             ]
             rows = zip(*((each.values, each.share, each.there) for each in parts), strict=True)
             found[name] = Samples(*(np.concatenate(each) for each in rows))
