@@ -15,10 +15,12 @@ from skyarm.studies.identify import isolate_fault
 from skyarm.studies.identify.isolate_fault import (
     ALARM,
     CLEAR,
+    DOUBTFUL,
     GAIN,
     LEFT_OUT,
+    ODD,
     PUSHES,
-    UNSETTLED,
+    Left,
     find_faults,
     table,
 )
@@ -183,7 +185,7 @@ UNDONE = {
     "motors of another autopilot": (
         rows_of("rotor_speed_commands", columns(3, 0, 2, 1)),
         "rotor commands",
-        "the rotors look ordered 4, 1, 3, 2",
+        "the rotors look ordered 2, 4, 3, 1",
     ),
     "motors exchanged": (
         rows_of("rotor_speed_commands", columns(2, 1, 0, 3)),
@@ -321,10 +323,12 @@ class Fits:
 
     Args:
         sizes: flight -> size of the rows of each sensor.
+        unusual: flight -> how far the numbers are from the start's.
+        delay: s, of the commands.
     """
 
-    def __init__(self, sizes):
-        self.sizes, self.count = sizes, 0
+    def __init__(self, sizes, unusual=lambda flight: 0.0, delay=0.005):
+        self.sizes, self.unusual, self.delay, self.count = sizes, unusual, delay, 0
 
     def __call__(self, start):
         return self
@@ -336,11 +340,12 @@ class Fits:
             name for name in flight if name in ("gyro", "accelerometer", *POSE, "joint_positions", "joint_rates")
         ]
         rows = {(name, axis): found.get(name, 1.0) for name in sensors for axis in range(flight[name].values.shape[1])}
-        return rows | {(name, 0): found.get(name, 0.0) for name in PUSHES}
+        rows |= {(name, 0): found.get(name, 0.0) for name in PUSHES}
+        return Left(rows, self.unusual(flight), self.delay)
 
 
-def isolated(monkeypatch, sizes, flight=SOUND):
-    fits = Fits(sizes)
+def isolated(monkeypatch, sizes, flight=SOUND, **others):
+    fits = Fits(sizes, **others)
     monkeypatch.setattr(isolate_fault, "Leavings", fits)
     monkeypatch.setattr(isolate_fault, "align_poses", lambda flight: (flight, None))
     return find_faults(flight, VEHICLE), fits
@@ -360,10 +365,10 @@ def test_a_row_alarms_from_some_times_its_noise_on(monkeypatch, size, searched):
 
 
 def test_what_no_change_mends_is_said_of_the_model(monkeypatch):
-    (fault,), _ = isolated(monkeypatch, lambda flight: {"gyro": 14.2, "position": 1.02 * UNSETTLED, "velocity": 1.2})
+    (fault,), _ = isolated(monkeypatch, lambda flight: {"gyro": 14.2, "position": 1.02 * DOUBTFUL, "velocity": 1.2})
     assert (fault.severity, fault.channel) == (WARNED, "model")
     assert fault.finding == "does not explain gyro (14 times its noise), position (3.1 times its noise)"
-    found, _ = isolated(monkeypatch, lambda flight: {"position": 0.98 * UNSETTLED})
+    found, _ = isolated(monkeypatch, lambda flight: {"position": 0.98 * DOUBTFUL})
     assert found == ()
 
 
@@ -382,7 +387,7 @@ def test_the_change_that_makes_all_white_is_named_with_what_it_does(monkeypatch)
 @pytest.mark.parametrize(("share", "named"), [(1.1, "gyro"), (0.9, "model")])
 def test_a_change_that_leaves_something_is_named_only_if_it_gains_much(monkeypatch, share, named):
     wrong = rows_of("gyro", times(1, -1, 1))(SOUND)
-    count = 22  # rows of the flight, with those of force and torque
+    count = 20  # rows of the flight
     fall = np.exp(share * GAIN * count / 3.0)
 
     def sizes(flight):
@@ -408,7 +413,7 @@ def test_what_fits_as_well_is_told_beside(monkeypatch):
 
         return of
 
-    near = float(np.exp(0.5 * CLEAR * 12 / 3.0))
+    near = float(np.exp(0.5 * CLEAR * 10 / 3.0))
     (fault,), _ = isolated(monkeypatch, sizes(near), wrong)
     assert fault.channel == "gyro"
     assert "x and y look swapped, or rotor commands: the rotors look mirrored, left for right" in fault.finding
@@ -434,7 +439,7 @@ def test_a_channel_is_left_out_only_if_nothing_mends_it(monkeypatch):
 
 def test_leaving_out_costs_more_than_a_change_that_leaves_little(monkeypatch):
     wrong = rows_of("velocity", times(1.25, 1.25, 1.25))(SOUND)
-    left = float(np.exp(0.4 * LEFT_OUT * 22 / 3.0))
+    left = float(np.exp(0.4 * LEFT_OUT * 20 / 3.0))
 
     def sizes(flight):
         if "velocity" not in flight:
@@ -492,3 +497,67 @@ def test_a_refused_log_is_not_flown(monkeypatch):
     found, fits = isolated(monkeypatch, lambda flight: {"gyro": 9.0}, wrong)
     assert [each.channel for each in found] == ["accelerometer"]
     assert fits.count == 0
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.98, []), (1.02, ["accelerometer"])])
+def test_what_only_an_odd_vehicle_explains_is_searched(monkeypatch, share, named):
+    """A search that is long enough explains a wrong scale by masses and lengths that no vehicle has."""
+    wrong = rows_of("accelerometer", times(0.8, 0.8, 0.8))(SOUND)
+
+    def unusual(flight):
+        mean, true = (np.linalg.norm(each["accelerometer"].values, axis=1).mean() for each in (flight, SOUND))
+        off = mean / true - 1.0
+        return share * ODD * abs(off) / 0.2
+
+    found, _ = isolated(monkeypatch, lambda flight: {}, wrong, unusual=unusual)
+    assert [each.channel for each in found] == named
+    if named:
+        assert re.match(r"is 0\.[78]\d* times what fits: the start vehicle is 14 standard dev", found[0].finding)
+
+
+def test_of_two_changes_the_one_that_leaves_the_vehicle_as_it_was_is_named(monkeypatch):
+    """Without an attitude a unit of the gyro and a clock explain the same, with other moments of inertia."""
+    blind = dataclasses.replace(SOUND, channels={name: SOUND[name] for name in SOUND if name not in POSE})
+    wrong = rows_of("gyro", columns(1, 0, 2))(blind)
+
+    def mirrored(flight):
+        return np.allclose(flight["rotor_speed_commands"].values, SOUND["rotor_speed_commands"].values[:, [0, 3, 2, 1]])
+
+    def sizes(flight):
+        return {"gyro": 1.0 if mirrored(flight) or not differs(flight, "gyro") else 50.0}
+
+    (fault,), _ = isolated(monkeypatch, sizes, wrong, unusual=lambda flight: 60.0 * mirrored(flight))
+    assert fault.finding.startswith("x and y look swapped: the")
+    (fault,), _ = isolated(monkeypatch, sizes, wrong, unusual=lambda flight: 60.0 * (not mirrored(flight)))
+    assert fault.finding.startswith("the rotors look mirrored, left for right: the")
+
+
+@pytest.mark.parametrize(("late", "words"), [(0.059, ""), (0.085, "off by -80 ms"), (-0.07, r"off by \+75 ms")])
+def test_commands_that_act_too_late_or_too_early_are_on_another_clock(monkeypatch, late, words):
+    found, _ = isolated(monkeypatch, lambda flight: {}, delay=late)
+    assert [each.channel for each in found] == ["rotor commands"] * bool(words)
+    assert all(re.match(f"stamps are {words}, . is late: they act", each.finding) for each in found)
+
+
+def test_a_gyro_beyond_what_any_reads_is_of_the_unit_that_fits_best(monkeypatch):
+    """A real flight leaves so much whatever is changed that the gain of the right unit may be small."""
+    wrong = rows_of("gyro", times(DEGREES, DEGREES, DEGREES))(SOUND)
+    found, _ = isolated(monkeypatch, lambda flight: {"gyro": 20.0, "position": 20.0 + differs(flight, "gyro")}, wrong)
+    assert [each.channel for each in found] == ["gyro"]
+    assert found[0].finding.startswith("it looks like deg/s")
+    slow = rows_of("gyro", times(2.0, 2.0, 2.0))(SOUND)
+    found, _ = isolated(monkeypatch, lambda flight: {"gyro": 20.0, "position": 20.0 + differs(flight, "gyro")}, slow)
+    assert [each.channel for each in found] == ["model"]
+
+
+def test_a_flight_that_cannot_be_flown_is_searched(monkeypatch):
+    wrong = rows_of("joint_rates", times(DEGREES, DEGREES))(SOUND)
+
+    def sizes(flight):
+        return dict.fromkeys(flight, np.inf) if differs(flight, "joint_rates") else {}
+
+    (fault,), _ = isolated(monkeypatch, sizes, wrong)
+    assert fault.channel == "joint_rates"
+    assert fault.finding == "it looks like deg/s: the motion under the commands is no number without this change"
+    found, _ = isolated(monkeypatch, lambda flight: dict.fromkeys(flight, np.inf))
+    assert found == (), "the search says that the start vehicle does not fly"

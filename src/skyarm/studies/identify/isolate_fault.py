@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import combinations, pairwise, permutations, product
@@ -26,9 +27,10 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.simulate.replay import Replay
 from skyarm.studies.identify.identify_windows import distinct_flights, moved_joints, unknowns_of_sensors
-from skyarm.studies.identify.log_checks import REFUSED, WARNED, Fault, check_log
+from skyarm.studies.identify.log_checks import RANGES, RARE, REFUSED, WARNED, Fault, check_log
 from skyarm.studies.identify.logged_commands import commanded_speeds, flying_spans, highest_speeds
-from skyarm.studies.identify.unknowns import unknowns_of, with_servos, without_tilts
+from skyarm.studies.identify.possible_numbers import LONGEST_DELAY
+from skyarm.studies.identify.unknowns import USUAL_DELAY, unknowns_of, with_servos, without_tilts
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import LEAST, TURNS, first_noise, fit_windows, student_quantile
 from skyarm.studies.identify.windows import SENSORS, Windows, clock_step, on_clock
@@ -42,22 +44,58 @@ PUSHES = ("unexplained force", "unexplained torque")
 
 Channels: TypeAlias = Mapping[str, Channel]
 
-ALARM, UNSETTLED = 1.3, 3.0
-"""Times its own white noise beyond which a row is not explained; and up to which a longer search may explain it, and
-the model is not doubted.
+
+@immutable(kw_only=False)
+class Left:
+    """Leftovers of a search over the windows of a flight.
+
+    Attributes:
+        sizes: of the rows. unusual: sum of squares of the numbers' distances from the start, over what was known.
+        delay: s, of the commands.
+    """
+
+    sizes: Rows
+    unusual: float = 0.0
+    delay: float = USUAL_DELAY
+
+    @property
+    def largest(self) -> float:
+        """Size of the largest row."""
+        return max(self.sizes.values())
+
+    def cost(self, fine: float = 0.0) -> float:
+        """Sum of the logarithms of the rows' sizes over the sensors' rows, and a price of unusual numbers.
+
+        Args:
+            fine: cost of a white row, over its size; else none counts as less than white.
+        """
+        count = sum(name not in PUSHES for name, _ in self.sizes)
+        white = sum(math.log(max(size, 1.0)) + fine * min(size, 1.0) for size in self.sizes.values())
+        return white / max(1, count) + UNUSUAL * self.unusual
+
+
+ALARM, DOUBTFUL, ODD = 1.3, 3.0, 200.0
+"""Times its own white noise beyond which a row is not explained; and beyond which the model is doubted; and the sum of
+squares of the numbers' distances from the start beyond which they explain what no vehicle does.
 """
 
 GAIN, CLEAR = 0.3, 0.1
-"""Mean logarithm of the rows' sizes: least fall by which a change is named that does not make all white; and what it
-must be better by than changes of other channels to be named alone.
+"""Of the cost: least fall by which a change is named that does not make all white; and what it must be better by than
+changes of other channels to be named alone.
 """
 
-QUICK, SOON, LAST = (12, 1), (12, 4), (60, 12)
-"""Windows and turns of a first search for each change, of one in which the unexplained wrench shows, and of the last.
+UNUSUAL, FINE = 0.003, 0.1
+"""Costs of a number that is a standard deviation of what was known off, and of rows that are white, over their sizes.
+
+The former tells of two changes that mend a flight as well the one after which the vehicle is the start's; the latter
+tells amounts apart that all make white.
 """
 
-FINAL, HOPEFUL = 5, 0.8
-"""Changes that are searched for again; and share of the mean logarithm of the rows' sizes below which at once."""
+QUICK, SOON, LAST = (12, 1), (12, 4), (60, TURNS)
+"""Windows and turns of a first search for each change, of a second one for some, and of the last."""
+
+SECOND, FINAL, HOPEFUL = 8, 4, 0.8
+"""Changes that are searched for again, and once more; and share of the cost below which at once."""
 
 SECONDS, LENGTH, SAMPLES = 30.0, 0.06, 12
 """s of a flight that are looked at; s of a window, and samples of the gyroscope in it, at least."""
@@ -65,13 +103,16 @@ SECONDS, LENGTH, SAMPLES = 30.0, 0.06, 12
 FEWEST, RATES, COARSE = 4, (20.0, 1e4), 4e-3
 """Windows; Hz, of a gyroscope whose windows are flown; s, of a step at most in a first search."""
 
-LEFT_OUT, CHANGED = 0.35, 0.003
-"""Prices in the mean logarithm of the rows' sizes, of a channel left out, and of each column that a change moves."""
+LEFT_OUT, CHANGED, FREE, WHOLE = 0.35, 0.003, 0.02, 0.1
+"""Prices of a channel left out, of each column that a change moves, of one by any amount, and of such of all clocks or
+axes.
+"""
 
 LATE = 0.05
 """s, by which a pose is late that is reported although it is aligned."""
 
 MAP, UNIT = "map its columns, their signs or its frame in columns.toml", "state its unit in columns.toml"
+SHIFTED = "stamps are off by {:+.0f} ms, + is late"
 CLOCK, LEAVE = "check the clocks", "leave it out, or take that of this flight"
 ORDER = "order the columns as the vehicle's rotors, or the rotors of the vehicle file as the columns"
 JOINT = "order the columns as the vehicle's joints, and check their signs"
@@ -106,7 +147,7 @@ class Change:
         make: channels and amount -> those in their place.
         amounts: that are tried. between: whether the best one may lie beside them.
         shown: amount -> number in the words.
-        price: in the mean logarithm of the rows' sizes. severe: whether the fault spoils the vehicle's numbers.
+        price: in the cost. severe: whether the fault spoils the vehicle's numbers.
     """
 
     channel: str
@@ -190,11 +231,13 @@ def table(flight: FlightData, start: Vehicle) -> Iterator[Change]:
     for name, unit, factor in UNITS:
         yield Change(name, f"it looks like {unit}", UNIT, (name,), SCALED, (factor,))
     for name in ("gyro", "accelerometer", "velocity", "position"):
-        yield Change(name, "is {:.4g} times what fits", UNIT, (name,), SCALED, OFF, True, lambda factor: 1.0 / factor)
+        words, over = "is {:.4g} times what fits", partial(operator.truediv, 1.0)
+        yield Change(name, words, UNIT, (name,), SCALED, OFF, True, over, FREE)
     if "quaternion" in flight:
         yield Change("velocity", "is in axes of the base", MAP, ("velocity", "quaternion"), _in_world)
     speed = (0.5, *OFF, 2.0)
-    yield Change("time", "runs {:.3g} times as fast", CLOCK, tuple(flight), STRETCHED, speed, True, lambda f: 1.0 / f)
+    words, over = "runs {:.3g} times as fast", partial(operator.truediv, 1.0)
+    yield Change("time", words, CLOCK, tuple(flight), STRETCHED, speed, True, over, WHOLE)
     yield Change(
         "pose", "stamps are late by more or less than even ones", CLOCK, POSE, partial(by_time, _straight), severe=False
     )
@@ -204,9 +247,7 @@ def table(flight: FlightData, start: Vehicle) -> Iterator[Change]:
         yield Change(name, words, LEAVE, names, _left_out, price=part * LEFT_OUT)
     late = {"pose": POSE, "velocity": ("velocity",), ROTORS: SPEEDS, "joint_positions": JOINTS}
     for name, names in late.items():
-        yield Change(
-            name, "stamps are off by {:+.0f} ms, + is late", CLOCK, names, MOVED, SHIFTS, True, lambda late: 1e3 * late
-        )
+        yield Change(name, SHIFTED, CLOCK, names, MOVED, SHIFTS, True, partial(operator.mul, 1e3), FREE)
     yield from _of_rotors(flight, start.rotors)
     yield from _of_joints([link.joint.name for link in start.links])
 
@@ -274,13 +315,15 @@ def _of_axes(flight: FlightData) -> Iterator[Change]:
     stood = "turn the vehicle as if it stood {:.0f} deg about z from its rotors' places"
     of_all = (ROTORS, stood) if upright else ("gyro", wrong)
     of_imu = ("gyro", "and accelerometer: axes look turned by {:.0f} deg about z") if upright else ("gyro", wrong)
-    of_imu = of_imu if "quaternion" in flight else of_all
     remedy = "turn the rotors of the vehicle file, or the IMU's axes"
-    for (name, words), names in ((of_imu, IMU), (of_all, (*IMU, "quaternion"))):
-        yield Change(name, words, remedy, names, partial(_base_turned, up), turns, upright, price=CHANGED)
+    price = WHOLE if upright else CHANGED
+    # without an attitude the board and the vehicle turn alike
+    every = [(of_imu, IMU)] * ("quaternion" in flight) + [(of_all, (*IMU, "quaternion"))]
+    for (name, words), names in every:
+        yield Change(name, words, remedy, names, partial(_base_turned, up), turns, upright, price=price)
     if upright:
         words = "axes look turned by {:.0f} deg about z"
-        yield Change("quaternion", words, MAP, ("quaternion",), partial(_base_turned, up), turns, True, price=CHANGED)
+        yield Change("quaternion", words, MAP, ("quaternion",), partial(_base_turned, up), turns, True, price=FREE)
 
 
 def _axes_words(mapping: Array) -> str:
@@ -307,7 +350,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
         moved = [i for i in plain if order[i] != i]
         if not moved:
             continue
-        words = f"the rotors look ordered {', '.join(str(each + 1) for each in np.argsort(order))}"
+        words = f"the rotors look ordered {', '.join(str(each + 1) for each in order)}"
         if order == plain[::-1]:
             words = "the order of the rotors looks reversed"
         elif order == mirrored:
@@ -321,7 +364,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
         raised = partial(by_rows, partial(_less, full))
         words = "begin at {:.0f} % of the full signal: their range is another"
         remedy, shares = "state low and high in columns.toml", (-0.15, -0.06, 0.06, 0.15)
-        yield Change(ROTORS, words, remedy, SPEEDS, raised, shares, True, lambda share: 100.0 * share)
+        yield Change(ROTORS, words, remedy, SPEEDS, raised, shares, True, partial(operator.mul, 1e2), FREE)
 
 
 def _exchanges(plain: Sequence[int]) -> Iterator[tuple[int, ...]]:
@@ -346,7 +389,7 @@ def _of_joints(names: Sequence[str]) -> Iterator[Change]:
     for i, name in enumerate(names):
         moved = partial(by_rows, partial(_less, plain[i]))
         words, zeros = f"zero of {name} is off by {{:.3g}}", (-0.5, -0.15, 0.15, 0.5)
-        yield Change("joint_positions", words, JOINT, ("joint_positions",), moved, zeros, True, price=CHANGED)
+        yield Change("joint_positions", words, JOINT, ("joint_positions",), moved, zeros, True, price=FREE)
 
 
 def _less(unit: Array, rows: Array, amount: float) -> Array:
@@ -374,10 +417,10 @@ def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str], search: bo
         student_quantile()
     except ValueError:  # of a page or a studio, which do not need it
         return []
-    flight, clock = align_poses(flight)
+    stamped, (flight, clock) = flight, align_poses(flight)
     spans = flying_spans(commanded_speeds(flight, start), start)
     if spans:
-        flight = flight.section(spans[0][0] - 1.0, spans[0][0] - 1.0 + SECONDS)
+        stamped, flight = (each.section(spans[0][0] - 1.0, spans[0][0] - 1.0 + SECONDS) for each in (stamped, flight))
     fault = partial(Fault, file=flight.file)
     late = []
     if clock is not None and abs(clock.offset) - clock.offset_error > LATE:
@@ -386,16 +429,19 @@ def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str], search: bo
         remedy = "identify aligns it (skyarm.flight_data.clocks.align_poses)"
         late = [fault(severity=WARNED, channel="quaternion", finding=finding, remedy=remedy)]
     left = Leavings(start)
-    rows = left.rows(flight, *LAST)
-    if rows and ALARM <= max(rows.values()) < UNSETTLED:
-        rows = left.rows(flight, LAST[0], TURNS)
-    rows = rows or {}
+    before = left.rows(flight, *LAST) or Left({})
+    rows = before.sizes
     sizes = {name: max(size for (of, _), size in rows.items() if of == name) for name, _ in rows}
     bad = sorted((name for name in sizes if sizes[name] >= ALARM and name not in told), key=lambda name: -sizes[name])
-    if not bad:
+    odd = before.unusual > ODD
+    if not bad and abs(before.delay) > LONGEST_DELAY:
+        finding = SHIFTED.format(-1e3 * (before.delay - USUAL_DELAY))
+        finding += f": they act {1e3 * before.delay:.0f} ms after they are stamped"
+        return [*late, fault(severity=REFUSED, channel=ROTORS, finding=finding, remedy=CLOCK)]
+    if not bad and not odd:
         return late
-    best = _best_changes(left, flight, start, rows) if search else []
-    if not best and sizes[bad[0]] < UNSETTLED:
+    best = _best_changes(left, (stamped, flight), start, before) if search else []
+    if not best and not (bad and DOUBTFUL <= sizes[bad[0]] < math.inf):
         return late
     if not best:
         finding = f"does not explain {', '.join(f'{name} ({sizes[name]:.2g} times its noise)' for name in bad)}"
@@ -404,77 +450,110 @@ def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str], search: bo
         return [*late, fault(severity=WARNED, channel="model", finding=finding, remedy=remedy)]
     words = [change.words.format(change.shown(amount)) for _, change, amount, _ in best]
     others = "".join(f", or {each[1].channel}: {said}" for each, said in zip(best[1:], words[1:], strict=True))
-    _, change, _, after = best[0]
+    _, change, _, left_over = best[0]
+    after = left_over.sizes
     loud = [row for row in rows if row[0] not in PUSHES and rows[row] >= ALARM] or list(rows)
-    row = max(loud, key=lambda row: rows[row] / after.get(row, ALARM))
+    row = max(loud, key=lambda row: rows[row] / max(after.get(row, ALARM), 1e-3))
     residual = row[0] if row[0] in PUSHES else f"residual of {row[0]}"
     falls = f"falls from {rows[row]:.3g} times its noise to {after.get(row, 0.0):.2g}"
     if row not in after:
         falls = f"is {rows[row]:.3g} times its noise, and without it all others are at most {max(after.values()):.2g}"
+    if odd and rows[row] < ALARM:
+        residual, falls = "start vehicle", f"is {math.sqrt(before.unusual):.0f} standard deviations from what fits else"
+    if rows[row] == math.inf:
+        residual, falls = "motion", "under the commands is no number without this change"
     finding = f"{words[0]}{others}: the {residual} {falls}"
     severity = REFUSED if change.severe else WARNED
     named = fault(severity=severity, channel=change.channel, finding=finding, remedy=change.remedy)
     return [named] if change.channel == "pose" else [*late, named]
 
 
-Tried: TypeAlias = tuple[float, Change, float, Rows]
-"""Mean logarithm of the rows' sizes with the price, change, amount and rows."""
+Flights: TypeAlias = tuple[FlightData, FlightData]
+"""Flight as it is stamped, and with its poses on the clock of the gyro."""
+
+Tried: TypeAlias = tuple[float, Change, float, Left]
+"""Cost with the price, change, amount and what it leaves."""
 
 
-def _best_changes(left: Leavings, flight: FlightData, start: Vehicle, rows: Rows) -> list[Tried]:
+def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left) -> list[Tried]:
     """Changes that mend a flight, the best first; beside it one of another channel that mends it as well."""
-    bad, before = {name for (name, _), size in rows.items() if size >= ALARM}, _mean_log(rows)
-    tried, finals = list[Tried](), list[Tried]()
+    flight = flights[1]
+    bad = {name for (name, _), size in before.sizes.items() if size >= ALARM}
+    bad, tried, finals = bad or {name for name, _ in before.sizes}, list[Tried](), list[Tried]()
     how = QUICK if bad - {*PUSHES} else SOON
-    hopeful = HOPEFUL * _mean_log(left.rows(flight, *how) or rows)
+    hopeful = HOPEFUL * (left.rows(flight, *how) or before).cost()
     # units, signs and exchanges first, channels that are left out last
-    order = sorted(table(flight, start), key=lambda each: (each.make is _left_out, each.between, each.price))
-    for change in order:
-        around = BESIDE.get(change.names[0] if len(change.names) < 3 else "", bad)
+    every = [*table(flight, start)]
+    for change in sorted(every, key=lambda each: (each.make is _left_out, each.between, each.price)):
+        # nothing but an attitude tells a wrong rate from what it would push
+        around = BESIDE.get(change.names[0] if len(change.names) < 3 and "quaternion" in flight else "", bad)
         if not bad & {*around} or not any(name in flight for name in change.names):
             continue
         for amount in change.amounts:
-            tried += (now := _try_change(left, flight, change, amount, how))
+            tried += (now := _try_change(left, flights, change, amount, how))
             # an attitude tells axes of sensors from an order of rotors: no other change would do as well
             sure = "quaternion" in flight or change.remedy not in (MAP, ORDER)
             if now and now[0][0] < hopeful and sure and not change.between and change.make is not _left_out:
                 hopeful = now[0][0]
-                if (done := _try_change(left, flight, change, amount, LAST)) and max(done[0][3].values()) < ALARM:
+                finals += (done := _try_change(left, flights, change, amount, LAST))
+                if done and done[0][3].largest < ALARM:
                     return done
-    for change in dict.fromkeys(each[1] for each in sorted(tried, key=lambda each: each[0])):
-        if len(finals) == FINAL:
-            break
-        quick = sorted((each for each in tried if each[1] is change), key=lambda each: each[0])
-        amount = _best_amount(left, flight, change, quick) if change.between else quick[0][2]
-        finals += _try_change(left, flight, change, amount, LAST)
-    # a change must be worth its price, too
-    mended = [each for each in finals if each[0] < before - (0.0 if max(each[3].values()) < ALARM else GAIN)]
-    best = sorted(mended, key=lambda each: each[0])
+    again = list[Tried]()
+    for _, change, amount, _ in _each_best(tried)[:SECOND]:
+        between = _best_amount(left, flights, change, amount) if change.between else amount
+        again += _try_change(left, flights, change, between, SOON)
+    for _, change, amount, _ in _each_best(again)[:FINAL]:
+        if not any(each[1] is change for each in finals):
+            finals += _try_change(left, flights, change, amount, LAST)
+    # a change must be worth its price, too, unless no gyro reads what this one did
+    most = math.inf if _beyond_range(flight) else before.cost()
+    worth = [each for each in finals if each[0] < most - (0.0 if each[3].largest < ALARM else GAIN)]
+    best = sorted(worth, key=operator.itemgetter(0))
     rivals = [each for each in best[1:] if each[1].channel != best[0][1].channel and each[0] < best[0][0] + CLEAR]
-    return [*best[:1], *rivals[:1]]
+    named = [*best[:1], *rivals[:1]]
+    # nothing but an attitude tells them apart
+    return named if "quaternion" in flight else sorted(named, key=lambda each: every.index(each[1]))
 
 
-def _try_change(left: Leavings, flight: FlightData, change: Change, amount: float, how: tuple[int, int]) -> list[Tried]:
+def _each_best(tried: Sequence[Tried]) -> list[Tried]:
+    """Best amount of each change, the best change first."""
+    best = dict[int, Tried]()
+    for each in sorted(tried, key=operator.itemgetter(0)):
+        best.setdefault(id(each[1]), each)
+    return [*best.values()]
+
+
+def _try_change(left: Leavings, flights: Flights, change: Change, amount: float, how: tuple[int, int]) -> list[Tried]:
     """Change by an amount with what it leaves; nothing where it cannot be flown."""
-    rows = left.rows(change.of(flight, amount), *how)
-    return [(_mean_log(rows) + change.price, change, amount, rows)] if rows else []
+    stamped, aligned = flights
+    # a wrong rate puts the clock of the poses off as well
+    turned = change.channel in ("gyro", "quaternion") and stamped is not aligned
+    changed = align_poses(change.of(stamped, amount))[0] if turned else change.of(aligned, amount)
+    found = None if _beyond_range(changed) else left.rows(changed, *how)
+    return [(found.cost() + change.price, change, amount, found)] if found else []
 
 
-def _best_amount(left: Leavings, flight: FlightData, change: Change, quick: Sequence[Tried]) -> float:
-    """Best amount of a change, from the best one of those that were tried, by halves of the distance to the next."""
-    amounts, amount = sorted(change.amounts), quick[0][2]
-    best = min(_try_change(left, flight, change, amount, SOON), key=lambda each: each[0], default=quick[0])
+def _beyond_range(flight: FlightData) -> bool:
+    """True if more than some samples of the gyro are beyond what any reads: it is of another unit."""
+    return bool((np.abs(flight["gyro"].values) > RANGES["gyro"]).any(axis=1).mean() >= RARE)
+
+
+def _best_amount(left: Leavings, flights: Flights, change: Change, amount: float) -> float:
+    """Best amount of a change within those that are tried, from one of them by halves of the distance to the next."""
+    amounts, costs = sorted(change.amounts), dict[float, float]()
+
+    def cost(amount: float) -> float:
+        if amount not in costs:
+            tried = _try_change(left, flights, change, amount, SOON)
+            costs[amount] = tried[0][3].cost(FINE) if tried else math.inf
+        return costs[amount]
+
     step = 0.5 * min(b - a for a, b in pairwise(amounts))
     for _ in range(4):
-        near = [tried for way in (step, -step) for tried in _try_change(left, flight, change, best[2] + way, SOON)]
-        best = min([best, *near], key=lambda each: each[0])
+        near = (amount, amount + step, amount - step)
+        amount = min((each for each in near if amounts[0] <= each <= amounts[-1]), key=cost)
         step *= 0.5
-    return best[2]
-
-
-def _mean_log(rows: Rows) -> float:
-    """Mean logarithm of the rows' sizes, of which none counts as less than white."""
-    return float(np.mean([math.log(max(size, 1.0)) for size in rows.values()]))
+    return amount
 
 
 class Leavings:
@@ -487,8 +566,11 @@ class Leavings:
     def __init__(self, start: Vehicle) -> None:
         self._start, self._plants = without_tilts(start), dict[tuple[object, ...], Replay]()
 
-    def rows(self, flight: FlightData, most: int, turns: int) -> Rows | None:
-        """Sizes of the rows after a search of some turns over some windows; None of a flight that cannot be flown."""
+    def rows(self, flight: FlightData, most: int, turns: int) -> Left | None:
+        """Leftovers of a search of some turns over some windows; None of a flight without such.
+
+        Sizes are infinite of a flight whose motion under its commands is no number.
+        """
         (flight,) = distinct_flights([flight])
         rate = flight["gyro"].rate
         if not RATES[0] <= rate <= RATES[1]:
@@ -508,10 +590,14 @@ class Leavings:
             kind = (round(step, 9), *driven, *servoed, *(each.name for each in every))
             errors = WindowErrors(windows, start, every, {}, driven, servoed, flight.gravity, self._plants.get(kind))
             self._plants[kind] = errors.replay
+        except (ValueError, np.linalg.LinAlgError):
+            return None
+        adrift = Left(dict.fromkeys(errors.rows, math.inf))
+        try:
             with np.errstate(all="ignore"):
                 fit = fit_windows(errors, np.array([each.begin for each in every]), turns=turns)
         except (ValueError, np.linalg.LinAlgError):
-            return None
+            return adrift
         white = first_noise(errors)[0]
         for j, (name, column) in enumerate(errors.rows):
             if name == "accelerometer":  # no log tells whether a sample is a mean, or when within its period it is
@@ -523,4 +609,8 @@ class Leavings:
         sizes = fit.noise[0] / np.maximum(white / means, least)
         keys = [*errors.rows, *((name, axis) for name in PUSHES for axis in range(3))]
         sizes = np.concatenate([sizes, fit.spread / errors.push])
-        return dict(zip(keys, sizes.tolist(), strict=True)) if np.isfinite(sizes).all() else None
+        if not np.isfinite(sizes).all():
+            return adrift
+        off = [(value - each.begin) / each.spread for value, each in zip(fit.values, every, strict=True)]
+        delay = float(fit.values[[each.name for each in every].index("delay")])
+        return Left(dict(zip(keys, sizes.tolist(), strict=True)), float(np.square(off).sum()), delay)

@@ -301,8 +301,8 @@ def _gaps(flight: FlightData, inside: FlightData) -> Iterator[Found]:
             yield WARNED, name, f"ends {rest:.3g} s before the flight: it is cut off", "the rest is not used"
 
 
-FROZEN, STUCK, BUSY = 0.3, 1.0, 0.5
-"""s, run of equal rows in the air of a sensor, and of one axis or of a command of which so many rows change."""
+FROZEN, ALONE, STUCK, BUSY = 0.3, 0.6, 1.0, 0.5
+"""s, run of equal rows in the air of a sensor, of one axis, and of a command of which so many rows change."""
 
 REPEATED, SPARSE = 0.3, 0.7
 """Least share of rows that repeat the one before; most of a channel's rate at which it was sampled, and filled up."""
@@ -333,7 +333,7 @@ def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
     share = float(whole.sum()) / max(1, int(aloft.sum()))
     severity = _severity(name)
     runs = [("", whole, STUCK if command else FROZEN)]
-    runs += [(f"axis {axis} ", column, STUCK) for axis, column in zip("xyz", same.T, strict=False) if name in NEEDED]
+    runs += [(f"axis {axis} ", column, ALONE) for axis, column in zip("xyz", same.T, strict=False) if name in NEEDED]
     for axis, rows, most in runs:
         long, when = _longest_run(rows, channel.time)
         if long > most and not (command and share > BUSY):
