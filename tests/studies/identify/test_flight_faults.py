@@ -381,6 +381,10 @@ PLANTED = {
 
 def test_a_sound_flight_has_no_fault(sound):
     assert find_faults(sound, START) == ()
+
+
+@pytest.mark.thorough
+def test_a_sound_flight_with_fewer_channels_has_no_fault(sound):
     assert find_faults(ONLY_RATES(sound), START) == ()
     assert find_faults(shares(sound), START) == ()
     assert find_faults(without("joint_commands")(sound), START) == ()
