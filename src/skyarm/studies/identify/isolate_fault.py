@@ -47,7 +47,7 @@ Channels: TypeAlias = Mapping[str, Channel]
 
 @immutable(kw_only=False)
 class Left:
-    """Leftovers of a search over the windows of a flight.
+    """Residuals of each sensor after a fit to windows of a flight, over the sensor's own noise.
 
     Attributes:
         sizes: of the rows. unusual: sum of squares of the numbers' distances from the start, over what was known.
@@ -60,7 +60,7 @@ class Left:
 
     @property
     def largest(self) -> float:
-        """Size of the largest row."""
+        """Largest residual of all rows, over the noise of its sensor."""
         return max(self.sizes.values())
 
     def cost(self, fine: float = 0.0) -> float:
@@ -139,7 +139,7 @@ SHIFTS = (-0.2, -0.05, 0.05, 0.2)
 
 @immutable(kw_only=False, eq=False)
 class Change:
-    """Change that undoes one kind of fault.
+    """Change of a flight's channels that undoes one kind of fault in logging.
 
     Attributes:
         channel: at fault. words: what is wrong with it, by the amount. remedy: in words.
@@ -193,7 +193,7 @@ def _left_out(own: Channels, amount: float) -> Channels:
 
 
 def _straight(time: Array, _: float) -> Array:
-    """Even times in place of some."""
+    """Evenly spaced times in place of stamps, on the straight line through them."""
     count = np.arange(time.size, dtype=float)
     return np.asarray(np.polyval(np.polyfit(count, time, 1), count))
 
@@ -224,7 +224,7 @@ def _base_turned(up: Quaternion, own: Channels, degrees: float) -> Channels:
 
 
 def table(flight: FlightData, start: Vehicle) -> Iterator[Change]:
-    """Yield the changes that are tried."""
+    """Yield the changes of channels among which the cause of a flight's residuals is looked for."""
     yield from _of_axes(flight)
     for words, meant in READINGS.items():
         yield Change("quaternion", words, MAP, ("quaternion",), partial(by_rows, meant))
@@ -368,7 +368,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
 
 
 def _exchanges(plain: Sequence[int]) -> Iterator[tuple[int, ...]]:
-    """Yield orders in which two are exchanged."""
+    """Yield orders of rotors or joints in which two are exchanged."""
     for i, k in combinations(plain, 2):
         yield tuple(k if each == i else i if each == k else each for each in plain)
 
@@ -393,7 +393,7 @@ def _of_joints(names: Sequence[str]) -> Iterator[Change]:
 
 
 def _less(unit: Array, rows: Array, amount: float) -> Array:
-    """Rows less an amount of some columns."""
+    """Samples (N, k) less a constant offset of some columns."""
     return rows - amount * unit
 
 
@@ -567,7 +567,7 @@ class Leavings:
         self._start, self._plants = without_tilts(start), dict[tuple[object, ...], Replay]()
 
     def rows(self, flight: FlightData, most: int, turns: int) -> Left | None:
-        """Leftovers of a search of some turns over some windows; None of a flight without such.
+        """Residuals after a fit of some turns to some windows of a flight; None where it has too few windows.
 
         Sizes are infinite of a flight whose motion under its commands is no number.
         """

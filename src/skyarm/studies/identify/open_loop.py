@@ -68,7 +68,7 @@ class BaseStates:
     rate: Array
 
     def at(self, rows: IntArray) -> BaseStates:
-        """Some of the states."""
+        """States of the base at some rows only."""
         return BaseStates(self.position[rows], self.quaternion[rows], self.velocity[rows], self.rate[rows])
 
     def at_even_rates(self, seconds: float) -> BaseStates:
