@@ -198,9 +198,9 @@ def test_flights_are_identified_in_python_as_well(monkeypatch):
     monkeypatch.setattr(identify_flights, "doubtful_numbers", lambda *_: ())
     flight = library.load_flight("swings.npz")
     library.identify_flights([flight], START, known={"delay": 0.004}, sections=((0.5, 2.9),))
-    ((flights, start), options), *_ = given
-    assert (start, options["known"]) == (START, {"delay": 0.004})
-    assert ([each.name for each in flights], options["sections"]) == (["swings"], ((0.5, 2.9),))
+    ((flights, start, options, _), _), *_ = given
+    assert (start, options.known) == (START, {"delay": 0.004})
+    assert ([each.name for each in flights], options.sections) == (["swings"], ((0.5, 2.9),))
     blind = dataclasses.replace(flight, channels={name: flight[name] for name in flight if name != "accelerometer"})
     with pytest.raises(ValueError, match=r"^swings\.npz: accelerometer: is not in this flight"):
         library.identify_flights([blind], START)
@@ -218,12 +218,12 @@ def test_python_weighs_the_vehicle_and_predicts_other_flights(monkeypatch):
     both = [library.load_flight(name) for name in ("swings.npz", "aside.npz")]
     words = {"known": {"mass": 0.8}, "drag_height": True, "held_out": both[1:], "gravity": 9.8}
     library.identify_flights(both[:1], START, **words)
-    ((_, start), fitted), ((_, _, aside), predicted) = given
+    ((_, start, fitted, _), _), ((_, _, aside, of_fit), predicted) = given
     assert float(start.mass) == pytest.approx(0.8)
-    assert (fitted["drag_height"], fitted["known"]) == (True, {})
+    assert (fitted.drag_height, fitted.known, fitted.gravity) == (True, {}, 9.8)
     assert [flight.name for flight in aside] == [both[1].name]
     assert [flight.name for flight in predicted["seen"]] == [both[0].name]
-    assert predicted["gravity"] == 9.8
+    assert of_fit is fitted
     with pytest.raises(ValueError, match=r"^known\.mass = -1\.0: must be above 0"):
         library.identify_flights(both[:1], START, known={"mass": -1.0})
 

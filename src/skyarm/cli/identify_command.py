@@ -51,6 +51,7 @@ from skyarm.studies.identify.identified_report import (
 )
 from skyarm.studies.identify.identify_files import identify_files
 from skyarm.studies.identify.identify_flights import known_of_search
+from skyarm.studies.identify.identify_windows import SearchOptions
 from skyarm.studies.identify.lag_report import every_lag, lag_lines, lag_tables, nominal_model, stated_delays
 from skyarm.studies.identify.loop_lags import loop_lags
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
@@ -117,13 +118,10 @@ def flights(
             report = identify_files(
                 files,
                 start,
+                SearchOptions(curve=curve, drag_height=drag_height, sections=sections, known=given),
                 held_out=held_out or (),
                 join=join,
                 columns=columns,
-                known=given,
-                curve=curve,
-                drag_height=drag_height,
-                sections=sections,
                 gravity=felt,
                 despite_faults=despite_faults,
                 warn=lambda fault: say(f"warning: {fault.words}"),

@@ -59,7 +59,7 @@ def heavier(vehicle=QUAD):
 
 def test_the_true_vehicle_predicts_a_flight_that_another_does_not():
     """The start vehicle is heavier, and flies without the dead time that was found."""
-    found = predict_held_out(identified(), heavier(), [flight_of()], horizons=(0.01, 0.1, 0.5), gravity=GRAVITY)
+    found = predict_held_out(identified(), heavier(), [flight_of()], horizons=(0.01, 0.1, 0.5))
     assert list(found.errors) == [IDENTIFIED, START, HOLD]
     assert found.flights == ("flight",)
     assert found.period == pytest.approx(STEP)
@@ -79,7 +79,7 @@ def test_the_true_vehicle_predicts_a_flight_that_another_does_not():
 
 def test_a_flight_without_poses_shows_rates_and_accelerations_only():
     flight = flight_of(without=POSES)
-    found = predict_held_out(identified(), heavier(), [flight], horizons=(0.03,), gravity=GRAVITY)
+    found = predict_held_out(identified(), heavier(), [flight], horizons=(0.03,))
     assert not found.has_poses
     assert found.notes == ("flight: no quaternion is measured: rate and specific force are predicted, and no pose",)
     for errors in found.errors.values():
@@ -87,8 +87,8 @@ def test_a_flight_without_poses_shows_rates_and_accelerations_only():
     assert found.errors[IDENTIFIED][0].rate < 0.3 * found.errors[HOLD][0].rate  # without the drag of its speed
     assert found.one_step[IDENTIFIED].specific_force < 0.1 * found.one_step[START].specific_force
     # beside one with poses it counts in accelerations alone
-    both = predict_held_out(identified(), heavier(), [flight, flight_of()], horizons=(0.03,), gravity=GRAVITY)
-    alone = predict_held_out(identified(), heavier(), [flight_of()], horizons=(0.03,), gravity=GRAVITY)
+    both = predict_held_out(identified(), heavier(), [flight, flight_of()], horizons=(0.03,))
+    alone = predict_held_out(identified(), heavier(), [flight_of()], horizons=(0.03,))
     assert both.errors == alone.errors
 
 
@@ -100,13 +100,13 @@ def test_a_flight_without_poses_shows_rates_and_accelerations_only():
     ],
 )
 def test_poses_that_are_not_measured_whole_are_said(without, note):
-    found = predict_held_out(identified(), QUAD, [flight_of(without=without)], horizons=(0.1,), gravity=GRAVITY)
+    found = predict_held_out(identified(), QUAD, [flight_of(without=without)], horizons=(0.1,))
     assert found.notes == (f"flight: {note}",)
     assert found.errors[IDENTIFIED][0].position < 0.5 * found.errors[HOLD][0].position
 
 
 def test_joints_are_given_as_measured_and_it_is_said():
-    found = predict_held_out(identified(ONE), heavier(ONE), [flight_of(ONE)], horizons=(0.1,), gravity=GRAVITY)
+    found = predict_held_out(identified(ONE), heavier(ONE), [flight_of(ONE)], horizons=(0.1,))
     assert found.notes[-1].startswith("The motion of the joints is given as measured; ")
     assert found.errors[IDENTIFIED][0].attitude < 0.05 * found.errors[HOLD][0].attitude
 
@@ -232,7 +232,7 @@ def test_the_past_of_a_flight_helps_where_the_model_lacks_a_torque():
     """Fit and prediction on flights with noise; the model has a torque too much."""
     wrong = dataclasses.replace(ABOUT, torque=(0.006, -0.003, 0.001))
     seen, aside = flight_of(noise=1.0), flight_of(noise=1.0, seed=9, name="aside")
-    words = {"seen": [seen], "horizons": (0.1, 0.2), "gravity": GRAVITY}
+    words = {"seen": [seen], "horizons": (0.1, 0.2)}
     found = predict_held_out(identified(about=wrong), QUAD, [aside], **words).errors
     assert list(found) == [IDENTIFIED, PAST, START, HOLD]
     assert len({errors[0].begins for errors in found.values()}) == 1
@@ -256,7 +256,7 @@ def test_of_pasts_the_best_in_flights_of_the_fit_is_chosen(monkeypatch):
 def test_flights_of_the_fit_without_poses_or_begins_without_a_past_show_none(monkeypatch):
     monkeypatch.setattr(held_out, "learn_from_past", lambda *_: pytest.fail("there is no past"))
     flight = flight_of()
-    plain = predict_held_out(identified(), QUAD, [flight], horizons=(0.1, 1.3), gravity=GRAVITY).errors
+    plain = predict_held_out(identified(), QUAD, [flight], horizons=(0.1, 1.3)).errors
     for seen in ([flight_of(without=POSES)], [flight]):  # no begin with a past has so long a horizon behind it
-        found = predict_held_out(identified(), QUAD, [flight], seen=seen, horizons=(0.1, 1.3), gravity=GRAVITY)
+        found = predict_held_out(identified(), QUAD, [flight], seen=seen, horizons=(0.1, 1.3))
         assert found.errors == plain

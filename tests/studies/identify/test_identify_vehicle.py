@@ -24,7 +24,7 @@ from skyarm.studies.identify.identified_numbers import (
     scale_of,
 )
 from skyarm.studies.identify.identified_parts import of_a_body, vehicle_with
-from skyarm.studies.identify.identify_windows import identify_by_windows, search_of
+from skyarm.studies.identify.identify_windows import SearchOptions, identify_by_windows, search_of
 from skyarm.studies.identify.information import expected_numbers
 from skyarm.studies.identify.unknowns import reported_of, second_moments, unknowns_of, with_servos
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
@@ -248,7 +248,7 @@ def test_drift_of_the_thrust_goes_on_over_gaps(flight, found):
     known = {
         name: value for name, value in found.searched.items() if name not in ("drift", "rotors.thrust_coefficient")
     }
-    found = identify_by_windows([cut], START, known=known)
+    found = identify_by_windows([cut], START, SearchOptions(known=known))
     assert found["drift"].low < drift < found["drift"].high
     thrust = found["rotors.thrust_coefficient"]
     assert thrust.low < PLANTED[thrust.name] < thrust.high < 1.03 * thrust.value
@@ -296,7 +296,7 @@ def test_each_flight_has_a_thrust_of_its_own_and_the_first_defines_the_number(fl
     assert second.low < 0.95 < second.high
     assert second.high - second.low < 0.04
     volts = [each.with_channels({"voltage": ramp(each)}) for each in parts]
-    known = search_of(volts, START, full_voltage=12.0)
+    known = search_of(volts, START, SearchOptions(full_voltage=12.0))
     assert not any(each.name.startswith("thrust.") for each in known.unknowns)
 
 
@@ -361,12 +361,12 @@ def test_correlations_are_told(found):
 
 def test_a_known_number_is_not_searched(flight):
     flown = [flight.section(2.0, 8.0)]
-    found = identify_by_windows(flown, START, known={"delay": DELAY, "rotors.time_constant_up": 0.018})
+    found = identify_by_windows(flown, START, SearchOptions(known={"delay": DELAY, "rotors.time_constant_up": 0.018}))
     assert "delay" not in [each.name for each in found.numbers]
     assert found.surroundings.delay == DELAY
     assert found.vehicle.rotors[0].time_constant_up == 0.018
     with pytest.raises(ValueError, match=r"^known.dealy: did you mean 'delay'. must be one of .*"):
-        identify_by_windows(flown, START, known={"dealy": 0.0})
+        identify_by_windows(flown, START, SearchOptions(known={"dealy": 0.0}))
 
 
 @pytest.mark.thorough

@@ -11,7 +11,12 @@ import pytest
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.identified_numbers import NOT_SHOWN
 from skyarm.studies.identify.identified_parts import vehicle_with
-from skyarm.studies.identify.identify_windows import _without_lines, explained_shares, identify_by_windows
+from skyarm.studies.identify.identify_windows import (
+    SearchOptions,
+    _without_lines,
+    explained_shares,
+    identify_by_windows,
+)
 from skyarm.studies.identify.unknowns import second_moments, unknowns_of
 from skyarm.studies.identify.windows import Samples
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -75,7 +80,7 @@ def test_numbers_that_are_not_known_are_found_and_the_others_stay():
     searched = ("rotors.thrust_coefficient", "base.com.x", "delay", "offset.z")
     known = known_but(QUAD, searched, **{**PLANTED, **AROUND})
     lines = []
-    found = identify_by_windows([flight], QUAD, known=known, progress=lines.append)
+    found = identify_by_windows([flight], QUAD, SearchOptions(known=known), lines.append)
     numbers = check(found, vehicle, AROUND, outside=0.2)
     assert set(numbers) == {*searched, *(f"gyro_bias.{axis}" for axis in "xyz")}
     assert numbers["rotors.thrust_coefficient"].value == pytest.approx(PLANTED["rotors.thrust_coefficient"], rel=2e-3)
@@ -114,7 +119,7 @@ def short(**more):
 )
 def test_what_cannot_be_identified_is_refused_in_one_line(flights, options, message):
     with pytest.raises(ValueError, match=message) as error:
-        identify_by_windows(flights(), QUAD, **options)
+        identify_by_windows(flights(), QUAD, SearchOptions(**options))
     assert "\n" not in str(error.value)
 
 
@@ -230,7 +235,7 @@ def test_thrust_sags_with_the_voltage():
     volts = 12.0 - 1.5 * time / 12.0
     worn = weakened(flight, (volts / 12.0) ** 1.6)
     worn = worn.with_channels({"voltage": Channel(time=time, values=volts[:, None], source="volts")})
-    found = identify_by_windows([worn], without_hub_drag(QUAD), full_voltage=12.0)
+    found = identify_by_windows([worn], without_hub_drag(QUAD), SearchOptions(full_voltage=12.0))
     numbers = check(found, PLAIN, {**AROUND, "sag": 1.6, "place.x": 0.0, "place.y": 0.0, "place.z": 0.0})
     assert numbers["sag"].value == pytest.approx(1.6, abs=0.02)
     assert "drift" not in numbers
@@ -263,7 +268,7 @@ def test_a_thrust_curve_of_its_own_is_found_where_the_flight_was():
     )
     vehicle = dataclasses.replace(QUAD, rotors=rotors)
     flight = measured(flown(vehicle, 12.0, DELAY), noise=1.0, without=("velocity",))
-    found = identify_by_windows([flight], without_hub_drag(QUAD), curve=True)
+    found = identify_by_windows([flight], without_hub_drag(QUAD), SearchOptions(curve=True))
     assert found.settled
     numbers = {each.name: each for each in found.numbers}
     for share, thrust in zip((50, 75), curve.thrust[1:3], strict=True):

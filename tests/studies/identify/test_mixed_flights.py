@@ -13,7 +13,7 @@ from skyarm.studies.identify.design import DesignLimits
 from skyarm.studies.identify.held_out import predict_held_out
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identified_parts import Surroundings
-from skyarm.studies.identify.identify_windows import distinct_flights, identify_by_windows, search_of
+from skyarm.studies.identify.identify_windows import SearchOptions, distinct_flights, identify_by_windows, search_of
 from skyarm.studies.identify.isolate_fault import find_faults
 from skyarm.studies.identify.loop_lags import Estimated
 from skyarm.studies.identify.required_flight import required_flight
@@ -51,13 +51,13 @@ def few_known(searched=("rotors.thrust_coefficient",)):
 
 def test_a_flight_without_attitude_is_fitted_beside_one_with_it():
     flights = [flight_of(), flight_of("other", without=("quaternion", "position"))]
-    search = search_of(flights, QUAD, known=few_known())
+    search = search_of(flights, QUAD, SearchOptions(known=few_known()))
     errors = search.errors(search.first)
     states = errors.first_states()
     own = errors.windows.owners == 1
     assert own.any()
     assert states.parts["quaternion"][own] == pytest.approx(np.tile([1.0, 0.0, 0.0, 0.0], (own.sum(), 1)))
-    found = identify_by_windows(flights, QUAD, known=few_known())
+    found = identify_by_windows(flights, QUAD, SearchOptions(known=few_known()))
     assert found["rotors.thrust_coefficient"].value == pytest.approx(QUAD.rotors[0].thrust_coefficient, rel=5e-3)
 
 
@@ -70,10 +70,10 @@ def test_accelerometers_of_two_rates_are_averaged_each_over_its_own_period():
     made = slow.with_channels(
         {"accelerometer": Channel(time=felt.time[9::10][: len(means)] + 0.5 * STEP - 5 * STEP, values=means, source="")}
     )
-    search = search_of([flight_of(), made], QUAD, known=few_known())
+    search = search_of([flight_of(), made], QUAD, SearchOptions(known=few_known()))
     errors = search.errors(search.whole)
     assert errors.averaged.tolist() == [1, 10]
-    found = identify_by_windows([flight_of(), made], QUAD, known=few_known())
+    found = identify_by_windows([flight_of(), made], QUAD, SearchOptions(known=few_known()))
     assert found["rotors.thrust_coefficient"].value == pytest.approx(QUAD.rotors[0].thrust_coefficient, rel=3e-3)
     assert found.deviation["specific_force.z"] < 1.3 * 0.02
 
@@ -164,7 +164,7 @@ def test_rotors_that_tilt_are_flown_as_if_they_did_not():
     every = unknowns_of(tilting, curve=False, velocity=True, voltage=False, driven=[False] * tilting.n)
     known = {each.name: each.start for each in every if each.name != "rotors.thrust_coefficient"}
     known = {name: value for name, value in known.items() if not name.startswith("drag.")}
-    found = identify_by_windows([flight], tilting, known=known)
+    found = identify_by_windows([flight], tilting, SearchOptions(known=known))
     assert found["rotors.thrust_coefficient"].is_known
     assert [each.tilt for each in found.vehicle.rotors] == [each.tilt for each in tilting.rotors]
 

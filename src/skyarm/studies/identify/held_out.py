@@ -11,12 +11,11 @@ import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.flight_data import FlightData
-from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identified_parts import surroundings_with
-from skyarm.studies.identify.identify_windows import distinct_flights
+from skyarm.studies.identify.identify_windows import USUAL, SearchOptions, distinct_flights
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.open_loop import (
     FIELDS,
@@ -128,13 +127,10 @@ def predict_held_out(
     found: Identified,
     start: Vehicle,
     flights: Sequence[FlightData],
+    options: SearchOptions = USUAL,
     *,
     seen: Sequence[FlightData] = (),
-    known: Mapping[str, float] | None = None,
     horizons: Sequence[float] = CURVE,
-    gravity: float = GRAVITY,
-    full_voltage: float = 0.0,
-    sections: Sequence[tuple[float, float]] = (),
 ) -> HeldOut:
     """Predict flights from their commands by the identified vehicle, by the start vehicle and by holding.
 
@@ -146,12 +142,9 @@ def predict_held_out(
         found: identified vehicle and surroundings.
         start: vehicle before.
         flights: that are predicted.
+        options: of the search; its sections are those of the flights of the fit.
         seen: flights of the fit.
-        known: numbers that were given, by name.
         horizons: s.
-        gravity: m/s^2.
-        full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.
-        sections: (begin, end), s, of each flight of the fit that count; by default all in which the vehicle flies.
 
     Raises:
         ValueError: one line: no flight is long enough for a prediction.
@@ -163,14 +156,20 @@ def predict_held_out(
     learnt = [each for each in seen if posed and not no_poses(each)]
     every, count = [*flights, *learnt], len(flights)
     clocks = [
-        on_clock(each, start, step, full_voltage=full_voltage, sections=sections if i >= count else ())
+        on_clock(
+            each,
+            start,
+            step,
+            full_voltage=options.full_voltage,
+            sections=options.sections if i >= count else (),
+        )
         for i, each in enumerate(every)
     ]
     thrusts = [found.surroundings.thrust] * count
     thrusts += [found.searched.get(f"{THRUST}{each.name}", found.surroundings.thrust) for each in learnt]
-    before = surroundings_with({**{each.name: each.start for each in found.numbers}, **(known or {})})
-    identified = OpenLoop(found.vehicle, found.surroundings, every, clocks, gravity, thrusts)
-    at_start = OpenLoop(start, before, flights, clocks[:count], gravity)
+    before = surroundings_with({**{each.name: each.start for each in found.numbers}, **options.known})
+    identified = OpenLoop(found.vehicle, found.surroundings, every, clocks, options.gravity, thrusts)
+    at_start = OpenLoop(start, before, flights, clocks[:count], options.gravity)
     slower = max((found.vehicle, start), key=lambda each: float(time_constants(each.rotors).max(initial=0.0)))
 
     def begins(which: Collection[int], behind: float, apart: float) -> list[IntArray]:

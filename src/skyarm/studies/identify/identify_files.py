@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import dataclasses
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from skyarm.flight_data.clocks import ClockOffset, align_poses, join_flights
@@ -13,6 +14,7 @@ from skyarm.records.files import shown
 from skyarm.studies.identify.identified_file import VOLTAGE
 from skyarm.studies.identify.identified_report import IdentifiedReport
 from skyarm.studies.identify.identify_flights import identify_aligned
+from skyarm.studies.identify.identify_windows import SearchOptions
 from skyarm.studies.identify.log_checks import Fault, require_no_refusal
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -20,14 +22,11 @@ from skyarm.vehicle.vehicle_records import Vehicle
 def identify_files(
     files: Sequence[str],
     start: Vehicle,
+    options: SearchOptions,
     *,
     held_out: Sequence[str],
     join: str | None,
     columns: str | None,
-    known: Mapping[str, float],
-    curve: bool,
-    drag_height: bool,
-    sections: Sequence[tuple[float, float]],
     gravity: float | None,
     despite_faults: bool,
     warn: Callable[[Fault], object],
@@ -38,13 +37,10 @@ def identify_files(
     Args:
         files: of the fit.
         start: vehicle before.
+        options: of the search; the known numbers may hold the voltage of the rotors' data, V.
         held_out: files of flights to predict.
         join: file of the only flight by another computer.
         columns: mapping of the columns of all files but that.
-        known: numbers of the search that are not searched, and the voltage of the rotors' data, V, by name.
-        curve: identify a thrust curve.
-        drag_height: identify the height of the hub drag.
-        sections: (begin, end), s, of each flight that count.
         gravity: m/s^2; None for that of the flights.
         despite_faults: warn of faults for which a flight is refused.
         warn: called with each fault.
@@ -68,12 +64,13 @@ def identify_files(
         read.append(flight)
     progress()
     _require_measurements(read)
-    fitted, full = read[: len(files)], known.get(VOLTAGE, 0.0)
+    fitted, known = read[: len(files)], dict(options.known)
+    full = known.pop(VOLTAGE, 0.0)
     if full and not any("voltage" in flight for flight in fitted):
         raise ValueError(f"--known {VOLTAGE} = {full:g}: must be left out: no flight measures the voltage")
     felt = _gravity(read) if gravity is None else gravity
     for flight in fitted:
-        for begin, end in sections:
+        for begin, end in options.sections:
             if begin >= flight.end:
                 raise ValueError(f"--begin = {begin:g}: must be below {flight.end:g} s, the end of {flight.name}")
             if end <= flight.start:
@@ -88,18 +85,15 @@ def identify_files(
     found = identify_aligned(
         fitted,
         start,
+        dataclasses.replace(options, full_voltage=full, known=known, gravity=felt),
         report,
         held_out=read[len(files) :],
-        curve=curve,
-        drag_height=drag_height,
-        full_voltage=full,
-        sections=sections,
-        known={name: value for name, value in known.items() if name != VOLTAGE},
-        gravity=felt,
         progress=lambda words: progress(last=words),
     )
     counted = [each for each, counts in zip(fitted, found.counted, strict=True) if counts]
-    return IdentifiedReport(found=found, start=start, flights=counted, known=known, faults=faults, clocks=clocks)
+    return IdentifiedReport(
+        found=found, start=start, flights=counted, known=options.known, faults=faults, clocks=clocks
+    )
 
 
 def _require_measurements(flights: Sequence[FlightData]) -> None:

@@ -12,7 +12,7 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import number
 from skyarm.studies.identify.held_out import predict_held_out
 from skyarm.studies.identify.identified_numbers import Identified
-from skyarm.studies.identify.identify_windows import WHOLE, identify_by_windows
+from skyarm.studies.identify.identify_windows import WHOLE, SearchOptions, identify_by_windows
 from skyarm.studies.identify.isolate_fault import find_faults
 from skyarm.studies.identify.log_checks import WARNED, Fault, require_no_refusal
 from skyarm.studies.identify.possible_numbers import doubtful_numbers, require_possible_numbers
@@ -70,14 +70,16 @@ def identify_flights(
     return identify_aligned(
         [align_poses(each)[0] for each in flights],
         start,
+        SearchOptions(
+            curve=curve,
+            drag_height=drag_height,
+            full_voltage=full_voltage,
+            sections=sections,
+            known=given,
+            gravity=gravity,
+        ),
         lambda faults: _report(faults, despite_faults),
         held_out=[align_poses(each)[0] for each in held_out],
-        curve=curve,
-        drag_height=drag_height,
-        full_voltage=full_voltage,
-        sections=sections,
-        known=given,
-        gravity=gravity,
         progress=progress,
     )
 
@@ -85,15 +87,10 @@ def identify_flights(
 def identify_aligned(
     flights: Sequence[FlightData],
     start: Vehicle,
+    options: SearchOptions,
     report: Callable[[Sequence[Fault]], None],
     *,
     held_out: Sequence[FlightData],
-    curve: bool,
-    drag_height: bool,
-    full_voltage: float,
-    sections: Sequence[tuple[float, float]],
-    known: Mapping[str, float],
-    gravity: float,
     progress: Callable[[str], None] | None,
 ) -> Identified:
     """Identify a vehicle from flights whose clocks agree; the arguments are those of :func:`identify_flights`.
@@ -103,35 +100,15 @@ def identify_aligned(
     """
     tell = progress or (lambda words: None)
     tell("look for faults")
-    parts = [each.section(*part) for each in flights for part in sections] if sections else flights
+    parts = [each.section(*part) for each in flights for part in options.sections] or flights
     report([fault for each in (*parts, *held_out) for fault in find_faults(each, start)])
-    found = identify_by_windows(
-        flights,
-        start,
-        curve=curve,
-        drag_height=drag_height,
-        full_voltage=full_voltage,
-        sections=sections,
-        known=known,
-        gravity=gravity,
-        progress=progress,
-    )
+    found = identify_by_windows(flights, start, options, progress)
     report([_without_part(each) for each, counts in zip(flights, found.counted, strict=False) if not counts])
     report(doubtful_numbers(found, start, flights[0].file, flights))
     if not held_out:
         return found
     tell("predict the held-out flights")
-    predicted = predict_held_out(
-        found,
-        start,
-        held_out,
-        seen=flights,
-        known=known,
-        gravity=gravity,
-        full_voltage=full_voltage,
-        sections=sections,
-    )
-    return dataclasses.replace(found, held_out=predicted)
+    return dataclasses.replace(found, held_out=predict_held_out(found, start, held_out, options, seen=flights))
 
 
 def _without_part(flight: FlightData) -> Fault:

@@ -61,6 +61,30 @@ TURNING, LATE = 0.05, 0.005
 """rad/s and s: what is known of a gyro's bias and of a pose's delay before, standard deviations."""
 
 
+@immutable(eq=False)
+class SearchOptions:
+    """What is searched in flights, and how much of them counts.
+
+    Attributes:
+        curve: find a thrust curve of its own in place of the start's times a factor.
+        drag_height: the rotors' hub drag acts at a height of its own.
+        full_voltage: V, at which the start's thrust holds; 0 leaves the battery's voltage out.
+        sections: (begin, end), s, of each flight that count; by default all in which the vehicle flies.
+        known: numbers that are not searched, by name.
+        gravity: m/s^2.
+    """
+
+    curve: bool = False
+    drag_height: bool = False
+    full_voltage: float = 0.0
+    sections: Sequence[tuple[float, float]] = ()
+    known: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    gravity: float = GRAVITY
+
+
+USUAL = SearchOptions()
+
+
 @immutable(kw_only=False, eq=False)
 class WindowSearch:
     """Vehicle parameters that windows of flights may show.
@@ -118,9 +142,10 @@ class WindowSearch:
                 f"{names}: {windows.count} of the {FEWEST} parts of {seconds:.3g} s that are needed lie in the air "
                 "without a gap: fly longer"
             )
-        plant = None if before is None else before.replay
+        if before is not None:
+            return before.over(windows)
         parts = self.unknowns, self.known, self.driven, self.servoed
-        return WindowErrors(windows, self.start, *parts, self.gravity, plant, finer)
+        return WindowErrors(windows, self.start, *parts, self.gravity, finer)
 
     def scale(self, fit: WindowFit) -> Scale:
         """Reported numbers at an estimate."""
@@ -131,43 +156,34 @@ class WindowSearch:
         return set(LAGS) if self.slow else set()
 
 
-def search_of(
-    flights: Sequence[FlightData],
-    start: Vehicle,
-    *,
-    curve: bool = False,
-    drag_height: bool = False,
-    full_voltage: float = 0.0,
-    sections: Sequence[tuple[float, float]] = (),
-    known: Mapping[str, float] | None = None,
-    gravity: float = GRAVITY,
-) -> WindowSearch:
+def search_of(flights: Sequence[FlightData], start: Vehicle, options: SearchOptions = USUAL) -> WindowSearch:
     """Search of a vehicle's parameters in flights; the arguments are those of :func:`identify_by_windows`."""
     flights, start = distinct_flights(flights), without_tilts(start)
     step = clock_step(flights, start)
-    clocked = [on_clock(each, start, step, full_voltage=full_voltage, sections=sections) for each in flights]
+    full, sections = options.full_voltage, options.sections
+    clocked = [on_clock(each, start, step, full_voltage=full, sections=sections) for each in flights]
     driven, servoed = moved_joints(flights, start)
     start = with_servos(start, servoed)
     every = unknowns_of(
         start,
-        curve=curve,
+        curve=options.curve,
         velocity=True,
         voltage=any(bool(np.ptp(each.voltage) > 0.0) for each in clocked),
         driven=driven,
         servoed=servoed,
-        drag_height=drag_height,
+        drag_height=options.drag_height,
         others=[each.name for each in flights[1:]],
     )
     if not any(name in each for each in flights for name in ("position", "velocity")):
         # the drag of rotors shows in forces; that of the body, by the square of the speed, would be that of any speed
         every = [each for each in every if not each.name.startswith("drag.area.")]
     every += unknowns_of_sensors(flights)
-    fixed = dict(known or {})
-    require_searched(fixed, every)
-    unknowns = [each for each in every if each.name not in fixed]
+    known = options.known
+    require_searched(known, every)
+    unknowns = [each for each in every if each.name not in known]
     slow = any(sampling_period(commanded_speeds(each, start)) for each in flights)
     sample = max(1.0 / each["gyro"].rate for each in flights)
-    return WindowSearch(clocked, start, unknowns, every, fixed, driven, servoed, slow, sample, gravity)
+    return WindowSearch(clocked, start, unknowns, every, known, driven, servoed, slow, sample, options.gravity)
 
 
 def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = None) -> tuple[WindowErrors, WindowFit]:
@@ -194,13 +210,7 @@ def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = No
 def identify_by_windows(
     flights: Sequence[FlightData],
     start: Vehicle,
-    *,
-    curve: bool = False,
-    drag_height: bool = False,
-    full_voltage: float = 0.0,
-    sections: Sequence[tuple[float, float]] = (),
-    known: Mapping[str, float] | None = None,
-    gravity: float = GRAVITY,
+    options: SearchOptions = USUAL,
     progress: Callable[[str], None] | None = None,
 ) -> Identified:
     """Identify the parameters of a vehicle from flights whose clocks agree.
@@ -208,27 +218,13 @@ def identify_by_windows(
     Args:
         flights: with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
         start: vehicle with what is known before.
-        curve: find a thrust curve of its own in place of the start's times a factor.
-        drag_height: the rotors' hub drag acts at a height of its own.
-        full_voltage: V, at which the start's thrust holds; 0 leaves the battery's voltage out.
-        sections: (begin, end), s, of each flight that count; by default all in which the vehicle flies.
-        known: numbers that are not searched, by name.
-        gravity: m/s^2.
+        options: what is searched.
         progress: called with one line a turn of the search.
 
     Raises:
         ValueError: one line: flights that do not fit the vehicle, or nothing to identify, or SciPy is missing.
     """
-    search = search_of(
-        flights,
-        start,
-        curve=curve,
-        drag_height=drag_height,
-        full_voltage=full_voltage,
-        sections=sections,
-        known=known,
-        gravity=gravity,
-    )
+    search = search_of(flights, start, options)
     some, near = first_fits(search, progress)
     errors = search.errors(search.whole, before=some)
     fit = fit_windows(errors, near.values, noise=near.noise, progress=progress)

@@ -25,7 +25,6 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import attitude_at
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.simulate.replay import Replay
 from skyarm.studies.identify.identify_windows import distinct_flights, moved_joints, unknowns_of_sensors
 from skyarm.studies.identify.log_checks import RANGES, RARE, REFUSED, WARNED, Fault, check_log
 from skyarm.studies.identify.logged_commands import commanded_speeds, flying_spans, highest_speeds
@@ -564,7 +563,7 @@ class Leavings:
     """
 
     def __init__(self, start: Vehicle) -> None:
-        self._start, self._plants = without_tilts(start), dict[tuple[object, ...], Replay]()
+        self._start, self._plants = without_tilts(start), dict[tuple[object, ...], WindowErrors]()
 
     def rows(self, flight: FlightData, most: int, turns: int) -> Left | None:
         """Residuals after a fit of some turns to some windows of a flight; None where it has too few windows.
@@ -588,8 +587,11 @@ class Leavings:
             every = unknowns_of(start, curve=False, velocity=True, voltage=False, driven=driven, servoed=servoed)
             every += unknowns_of_sensors([flight])
             kind = (round(step, 9), *driven, *servoed, *(each.name for each in every))
-            errors = WindowErrors(windows, start, every, {}, driven, servoed, flight.gravity, self._plants.get(kind))
-            self._plants[kind] = errors.replay
+            if kind in self._plants:
+                errors = self._plants[kind].over(windows)
+            else:
+                errors = WindowErrors(windows, start, every, {}, driven, servoed, flight.gravity)
+                self._plants[kind] = errors
         except (ValueError, np.linalg.LinAlgError):
             return None
         adrift = Left(dict.fromkeys(errors.rows, math.inf))

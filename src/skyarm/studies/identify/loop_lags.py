@@ -246,12 +246,11 @@ def _fit(
     unknowns = [each for group in searched.values() for each in group]
     unknowns += [each for each in usual if each.name.startswith(MODELLED)]
     unknowns += [Unknown(name=f"gyro_bias.{axis}", unit="rad/s", start=0.0, spread=TURNING) for axis in "xyz"]
-    model = (start, unknowns, known, driven, servoed, gravity)
-    errors = WindowErrors(Windows([clocked], start, FIRST, FEW), *model)
+    errors = WindowErrors(Windows([clocked], start, FIRST, FEW), start, unknowns, known, driven, servoed, gravity)
     first = fit_windows(errors, np.array([each.begin for each in unknowns]))
     # the speeds of slow rotors follow from more of the past
     slow, part = vehicle_with(start, errors.numbers(first.values)), min(BLOCK, max(FIRST, flight.duration / PARTS))
-    errors = WindowErrors(Windows([clocked], slow, min(WHOLE, part)), *model, errors.replay)
+    errors = errors.over(Windows([clocked], slow, min(WHOLE, part)))
     return errors, fit_windows(errors, first.values, noise=first.noise, block=part)
 
 

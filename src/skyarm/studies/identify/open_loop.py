@@ -232,12 +232,13 @@ class OpenLoop:
             gravity,
             given=np.concatenate([each[2] for each in every], axis=1),
         )
-        self._errors.take_samples(NONE)
         self.averaged = int(self._errors.averaged.max())
 
     def windows(self, places: Sequence[IntArray], seconds: float = 0.0) -> WindowErrors:
         """Windows of some seconds with their first steps in each flight, and what is measured less flown in them."""
-        return self._errors.over(Windows(self.flights, self._vehicle, seconds, places=places))
+        found = self._errors.over(Windows(self.flights, self._vehicle, seconds, places=places))
+        found.take_samples(NONE)
+        return found
 
     def left(self, windows: Windows) -> IntArray:
         """Numbers (W,) of usable steps in a row from the windows' begins on."""

@@ -146,8 +146,7 @@ class WindowErrors:
         known: numbers by name that are not.
         driven: of each joint, whether its effort is logged. servoed: whether a position servo moves it.
         gravity: m/s^2.
-        replay: plant of other windows of the same step, unknowns and vehicle, in place of a new one.
-        finer: least number of integration steps within a step of a new one.
+        finer: least number of integration steps within a step.
         given: (3, steps, n) positions of the joints at the begin of each step, rates there, and accelerations in it,
             where joints move as they are told; of a vehicle of :func:`with_heavy_joints`.
 
@@ -168,21 +167,26 @@ class WindowErrors:
         driven: Sequence[bool],
         servoed: Sequence[bool],
         gravity: float,
-        replay: Replay | None = None,
         finer: int = 1,
         given: Array | None = None,
     ) -> None:
-        self.given = given
-        self.windows, self.start, self.unknowns, self.known = windows, start, list(unknowns), dict(known)
+        self.given, self._gravity = given, gravity
+        self.start, self.unknowns, self.known = start, list(unknowns), dict(known)
         self.driven, self.servoed = list(driven), list(servoed)
         self.names = [each.name for each in unknowns]
         self._positive = np.array([each.positive for each in unknowns])
         beside = (*BIAS.values(), TRIM, THRUST)
         inside = [not name.startswith(beside) and name not in IN_INPUTS for name in self.names]
         self._inside = np.flatnonzero(inside)
-        self.replay = self._make_replay(gravity, finer) if replay is None else replay
+        self.replay = self._make_replay(windows.step, finer)
+        self._take_windows(windows)
+
+    def _take_windows(self, windows: Windows) -> None:
+        """Take samples and free numbers of windows."""
+        start, driven, servoed = self.start, self.driven, self.servoed
+        self.windows = windows
         self.samples, self.taken = self._samples({}), dict[str, float]()
-        n, servos = start.n if given is None else 0, [servo_of(start, i) for i in range(start.n) if servoed[i]]
+        n, servos = start.n if self.given is None else 0, [servo_of(start, i) for i in range(start.n) if servoed[i]]
         self.rows = [(name, i) for name in self.samples for i in range(n if name.startswith("joint") else 3)]
         self._first = {name: i for i, (name, column) in enumerate(self.rows) if not column}
         self.integrals = [j for j, each in enumerate(servos) if each is not None and float(each.integral) > 0.0]
@@ -196,7 +200,7 @@ class WindowErrors:
         felt = [each.channels.get("accelerometer") for each in windows.flights]
         periods = [0.0 if each is None else 1.0 / (each.rate * windows.step) for each in felt]
         self.averaged: IntArray = np.array([max(1, round(each)) for each in periods])
-        weight = gravity * float(start.mass)
+        weight = self._gravity * float(start.mass)
         arm = max(math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors)
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
         carried = [CARRIED * weight * (arm if link.joint.turns else 1.0) for link in start.links]
@@ -204,9 +208,9 @@ class WindowErrors:
             [carried[i] for i in self.unlogged], self.hats
         )
 
-    def _make_replay(self, gravity: float, finer: int) -> Replay:
+    def _make_replay(self, step: float, finer: int) -> Replay:
         """Simulated plant whose vehicle follows from the searched parameters."""
-        start, servoed, step = self.start, self.servoed, self.windows.step
+        start, servoed, gravity = self.start, self.servoed, self._gravity
         inside = {self.names[i]: self.unknowns[i].start for i in self._inside}
         fixed = {name: value for name, value in self.known.items() if name not in inside}
 
@@ -272,9 +276,9 @@ class WindowErrors:
         return WindowLanes(self, self.replay, searched, states, directions)
 
     def over(self, windows: Windows) -> WindowErrors:
-        """Errors of other windows of the same flights, by the same simulated plant."""
+        """Errors of other windows of the same step, by the same simulated plant."""
         found = copy.copy(self)
-        found.windows = windows
+        found._take_windows(windows)
         return found
 
     def errors_at(self, searched: Array, states: WindowStates) -> tuple[Array, Mask]:

@@ -47,7 +47,7 @@ GAP = 5.0
 """Usual times between samples, beyond which a sensor has a gap."""
 
 COASTING = 0.1
-"""Of the full signal: below, a motor coasts and does not obey its lag."""
+"""Of the full signal: below, a motor that is commanded by a share of it coasts and does not obey its lag."""
 
 RECOVERED = 3.0
 """Time constants after coasting until a rotor's speed is predictable again."""
@@ -119,7 +119,6 @@ def on_clock(
     *,
     full_voltage: float = 0.0,
     sections: Sequence[tuple[float, float]] = (),
-    coasting: float | None = None,
     sensors: Sequence[str] = (),
 ) -> Clocked:
     """Place a measured flight on a clock of even steps.
@@ -130,8 +129,6 @@ def on_clock(
         step: s.
         full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.
         sections: (begin, end), s, that count; by default all in which the vehicle flies.
-        coasting: share of the full signal below which a motor does not obey its lag; by default 0.1 of motors that are
-            commanded by a share of it, and none of those whose speed is commanded.
         sensors: that are compared where the flight holds them, of which an accelerometer must be there; by default
             those that are not made of others.
 
@@ -151,9 +148,8 @@ def on_clock(
     usable = np.zeros(size, dtype=bool)
     for first, last in sections or aloft:
         usable |= (edges[:-1] >= first) & (edges[1:] <= last)
-    share = coasting if coasting is not None else -1.0 if "rotor_speed_commands" in flight else COASTING
-    if share > 0.0:
-        low = np.where(np.isfinite(limits), share * limits, 0.0)
+    if "rotor_speed_commands" not in flight:
+        low = np.where(np.isfinite(limits), COASTING * limits, 0.0)
         idle = (held_over(speeds, edges, 0.0).after < low).any(axis=1).astype(float)
         after = np.ones(max(1, round(RECOVERED * float(time_constants(start.rotors).max()) / step)))
         usable &= np.convolve(idle, after, "full")[:size] == 0.0
