@@ -88,6 +88,7 @@ class Identified:
         seconds: of flight that counted.
         period: s, between samples of the gyroscope.
         held_out: errors of predictions of other flights, if any were asked for.
+        absent: channel that no flight has -> number -> times by which its interval is wider than with that channel.
         counted: of each flight of :func:`skyarm.identify_flights`, whether any part of it was long enough to count.
     """
 
@@ -102,6 +103,7 @@ class Identified:
     searched: Mapping[str, float] = field(default_factory=dict)
     period: float = 0.0
     held_out: HeldOut | None = None
+    absent: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     counted: tuple[bool, ...] = ()
 
     def __getitem__(self, name: str) -> IdentifiedNumber:

@@ -30,10 +30,10 @@ CLOSE, MOST = 0.9, 12
 """Correlation from which two numbers are named; lines of them at most."""
 
 WIDENED = 1.5
-"""Times by which an interval is wider as flights disagree, from which it is said."""
+"""Times by which an interval is wider, as flights disagree or lack a channel, from which it is said."""
 
 LISTED = 4
-"""Flights that a heading names."""
+"""Flights that a heading names, and numbers that an absent channel blurs."""
 
 HEADS = ("", "value", "95 % interval", "start", "unit")
 
@@ -73,6 +73,7 @@ class IdentifiedReport:
         apart = ", ".join(f"{each.name} {each.widened:.2g}" for each in found.numbers if each.widened > WIDENED)
         if apart:
             lines.append(f"flights disagree; intervals are wider than their noise explains, times: {apart}")
+        lines += [_absent_line(channel, costs) for channel, costs in found.absent.items()]
         shares = ", ".join(f"{row} {share:.0%}" for row, share in found.explained.items())
         lines.append(f"explained beyond noise: {shares}")
         pairs = correlated_pairs(found)
@@ -105,6 +106,7 @@ class IdentifiedReport:
             "surroundings": found.surroundings,
             "explained": found.explained,
             "deviation": found.deviation,
+            "absent": found.absent,
         } | ({} if found.held_out is None else {"held_out": found.held_out})
 
     def vehicle_file(self) -> str:
@@ -211,6 +213,16 @@ def _row(number: IdentifiedNumber) -> Row:
         return (number.name, "", reason, start, number.unit)
     low, high = shown_number(number.low, 4), shown_number(number.high, 4)
     return (number.name, shown_number(number.value, 4), f"{low} to {high}", start, number.unit)
+
+
+def _absent_line(channel: str, costs: Mapping[str, float]) -> str:
+    """Numbers whose intervals a channel that was not logged would narrow most, and how much."""
+    most = sorted((name for name in costs if costs[name] > WIDENED), key=lambda name: -costs[name])
+    if not most:
+        return f"{channel}: is not logged, and no interval would be narrower by more than {WIDENED:g} times with it"
+    listed = ", ".join(f"{name} {costs[name]:.2g}" for name in most[:LISTED])
+    more = f" and {len(most) - LISTED} more" if len(most) > LISTED else ""
+    return f"{channel}: is not logged; intervals are wider than with it, times: {listed}{more}"
 
 
 def _apart_lines(numbers: Sequence[IdentifiedNumber]) -> list[str]:

@@ -12,6 +12,7 @@ from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.studies.identify.absent_channels import costs_of_absent
 from skyarm.studies.identify.identified_numbers import (
     LAGS,
     NOT_SHOWN,
@@ -255,6 +256,10 @@ def identify_by_windows(
         seconds=windows.count * windows.length * windows.step,
         searched=plain,
         period=search.sample,
+        absent={
+            channel: dict(zip([each.name for each in scale.reported], ratios.tolist(), strict=True))
+            for channel, ratios in costs_of_absent(errors, fit, scale.rows).items()
+        },
         counted=tuple(bool((windows.owners == i).any()) for i in range(len(search.flights))),
     )
 

@@ -1,0 +1,71 @@
+"""Cost of channels that flights lack: by how much the intervals of numbers would be narrower with them.
+
+A fit to windows gives the information of what was measured. That of a pose beside it follows from the slopes of the
+flown windows and a usual noise; of joints' efforts that are known, their hat functions are no longer free.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+
+import numpy as np
+
+from skyarm.flight_data.flight_data import Channel
+from skyarm.records.arrays import Array
+from skyarm.studies.identify.window_errors import WindowErrors
+from skyarm.studies.identify.window_fit import WindowFit, reduce
+from skyarm.studies.identify.windows import Clocked
+
+NOISE, PERIOD = {"position": 0.001, "quaternion": 0.002}, 0.01
+"""m, rad, and s from sample to sample of a pose that is not measured: those of motion capture."""
+
+KNOWN = 1e-3
+"""Of what is known before of an effort that is not logged: as good as nothing is left of it."""
+
+
+def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[str, Array]:
+    """Ratios (K,) of intervals without a channel to those with it, by the name of each channel that is absent.
+
+    Args:
+        errors: of all windows.
+        fit: to them.
+        rows: (K, P) slopes of the reported numbers in the searched ones.
+    """
+    prior = np.array([each.spread for each in errors.unknowns])
+    loose = errors.loose.copy()
+    loose[errors.wrench] = fit.spread
+
+    def widths(errors: WindowErrors, noise: Array, loose: Array) -> Array:
+        _, _, normal = errors.normal(fit.values, fit.states, noise, outlier=math.inf)
+        total = reduce(normal, fit.states.beside, loose, prior).total
+        return np.asarray(np.sqrt(np.einsum("kp,pq,kq->k", rows, np.linalg.inv(total), rows)))
+
+    absent = [name for name in NOISE if not any(name in each.channels for each in errors.windows.flights)]
+    if "quaternion" not in absent and any("velocity" in each.channels for each in errors.windows.flights):
+        absent = []  # a position tells nothing beyond the velocity but where the flight was
+    if not absent and not errors.unlogged:
+        return {}
+    found, measured = dict[str, Array](), widths(errors, fit.noise, loose)
+    if absent:
+        windows = copy.copy(errors.windows)
+        windows.flights = [_with_pose(each, absent) for each in windows.flights]
+        more = errors.over(windows)
+        more.take_samples(fit.values)
+        usual = np.array([[NOISE.get(name, 1.0) for name, _ in more.rows]])
+        noise = np.repeat(usual, len(fit.noise), axis=0)
+        noise[:, [more.rows.index(row) for row in errors.rows]] = fit.noise
+        found["pose" if "quaternion" in absent else "position"] = measured / widths(more, noise, loose)
+    if errors.unlogged:
+        told = np.array([name == "hats" for name, _ in errors.free])
+        found["joint_efforts"] = measured / widths(errors, fit.noise, np.where(told, KNOWN * loose, loose))
+    return found
+
+
+def _with_pose(flight: Clocked, absent: list[str]) -> Clocked:
+    """Flight with samples of channels that it lacks; only that there are samples counts."""
+    time = np.arange(flight.begin, flight.edges[-1], PERIOD)
+    rows = {"position": np.zeros((time.size, 3)), "quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (time.size, 1))}
+    more = {name: Channel(time=time, values=rows[name], source="absent") for name in absent}
+    return dataclasses.replace(flight, channels={**flight.channels, **more})
