@@ -18,11 +18,10 @@ from skyarm.flight_data.clocks import (
     align_poses,
     clock_offset,
     join_flights,
-    rotation_steps,
     straight_stamps,
 )
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.series import attitude_at, columns_at
+from skyarm.flight_data.series import attitude_at, columns_at, rotations_between
 
 LENGTH, FINE = 30.0, 2000
 
@@ -214,7 +213,7 @@ def test_steps_between_attitudes_of_either_sign_are_those_of_scipy() -> None:
     steps = rng.normal(size=(200, 3)) * np.geomspace(1e-9, 1.0, 200)[:, None]
     pairs = np.stack([first.as_quat(), (first * Rotation.from_rotvec(steps)).as_quat()], axis=1)[..., [3, 0, 1, 2]]
     pairs *= rng.choice([-1.0, 1.0], (200, 2, 1))
-    found = [rotation_steps(pair)[0] for pair in pairs]
+    found = rotations_between(pairs[:, 0], pairs[:, 1])
     np.testing.assert_allclose(found, steps, rtol=1e-9, atol=1e-15)  # rounding of a unit quaternion
 
 

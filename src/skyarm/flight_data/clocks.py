@@ -20,11 +20,10 @@ from typing import Annotated
 
 import numpy as np
 
-from skyarm.algebra import Quaternion
 from skyarm.algebra.frames import to_base
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.series import attitude_at, columns_at, integral_of, middle, thin_samples
+from skyarm.flight_data.series import attitude_at, columns_at, integral_of, middle, rotations_between, thin_samples
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import immutable
@@ -237,7 +236,7 @@ class _Pair:
         even = np.convolve(np.abs(steps - self.width) < UNEVEN * self.width, np.ones(order), "valid") == order
         self.reference, self.integrals = flight[first].time, [flight[first].values]
         for _ in range(order):
-            slopes = rotation_steps(values) if name == "quaternion" else np.diff(values, axis=0)
+            slopes = rotations_between(values[:-1], values[1:]) if name == "quaternion" else np.diff(values, axis=0)
             values, time = slopes / np.diff(time)[:, None], middle(time)
             self.integrals.append(integral_of(self.reference, self.integrals[-1]))
         self.time, self.values, self.order = time[even], values[even], order
@@ -263,17 +262,6 @@ class _Pair:
 def _is_inside(reference: Array, when: Array, edge: float) -> Mask:
     """True for times that are an edge, s, within the first and the last of a reference."""
     return np.asarray((when - edge >= reference[0]) & (when + edge <= reference[-1]))
-
-
-def rotation_steps(quaternions: Array) -> Array:
-    """Rotation vectors (N - 1, 3), base axes, from each attitude to the next."""
-    before, after = (Quaternion(*each.T) for each in (quaternions[:-1] * [1.0, -1.0, -1.0, -1.0], quaternions[1:]))
-    real, *imaginary = (before * after)[:]
-    turn = np.stack(imaginary, axis=1)
-    size = np.linalg.norm(turn, axis=1)
-    angle = 2.0 * np.arctan2(size, np.abs(real))
-    factor = np.sign(real) * np.where(size > 1e-12, angle / np.maximum(size, 1e-12), 2.0)
-    return np.asarray(turn * factor[:, None])
 
 
 def _scale(values: Array) -> Array:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.algebra import Quaternion
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.records.arrays import Array
@@ -38,11 +39,6 @@ def thin_samples(channel: Channel, step: float) -> tuple[Array, Array]:
     return channel.time[::every], channel.values[::every]
 
 
-def common_span(*channels: Channel) -> tuple[float, float]:
-    """First and last time, s, at which all channels have samples around."""
-    return max(float(each.time[0]) for each in channels), min(float(each.time[-1]) for each in channels)
-
-
 def middle(rows: Array) -> Array:
     """Means of consecutive rows: (N + 1, ...) to (N, ...)."""
     return 0.5 * (rows[1:] + rows[:-1])
@@ -62,6 +58,15 @@ def continuous(quaternions: Array) -> Array:
 def attitude_at(attitude: Channel, time: Array) -> Array:
     """Measured attitude (N, 4), w x y z, of unit length at given times (N,), s, linear between its samples."""
     return unit_rows(columns_at(time, attitude.time, continuous(attitude.values)))
+
+
+def rotations_between(first: Array, second: Array) -> Array:
+    """Rotation vectors (K, 3), base axes, from attitudes (K, 4), w x y z, to others, the shorter way."""
+    w, *axis = Quaternion(*(first * [1.0, -1.0, -1.0, -1.0]).T) * Quaternion(*second.T)
+    rows = np.stack(axis, axis=1) * np.where(w < 0.0, -1.0, 1.0)[:, None]
+    size = np.linalg.norm(rows, axis=1)
+    angle = 2.0 * np.arctan2(size, np.abs(w))
+    return np.asarray(rows * np.where(size > 1e-9, angle / np.maximum(size, 1e-300), 2.0)[:, None])
 
 
 def integral_of(time: Array, values: Array) -> Array:

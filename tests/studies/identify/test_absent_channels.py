@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from window_flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
 
 from skyarm.studies.identify import absent_channels
 from skyarm.studies.identify.absent_channels import costs_of_absent
@@ -13,6 +12,7 @@ from skyarm.studies.identify.unknowns import unknowns_of
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import fit_windows
 from skyarm.studies.identify.windows import Windows, on_clock
+from window_flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
 
 pytest.importorskip("scipy")
 

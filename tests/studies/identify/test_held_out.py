@@ -28,7 +28,6 @@ from skyarm.studies.identify.held_out import (
     noises_of,
     past_windows,
     predict_held_out,
-    rotations,
     shares_of,
 )
 from skyarm.studies.identify.identified_numbers import Identified
@@ -218,14 +217,6 @@ def test_errors_are_mean_distances_and_angles_between_attitudes():
     nothing = errors_of(ends(0), WHOLE)
     assert nothing.begins == 0
     assert math.isnan(nothing.position)
-
-
-def test_rotations_go_the_shorter_way_whatever_the_signs():
-    turns = np.array([[0.3, -1.0, 2.0], [1e-12, 0.0, 0.0], [0.0, 3.1, 0.0]])
-    first = np.array([[0.5, 0.5, -0.5, 0.5]] * 3)
-    second = np.stack(list(Quaternion(*first.T) * Quaternion.of_rotation_vector(Vec3(*turns.T))), axis=1)
-    for sign in (1.0, -1.0):
-        assert rotations(first, sign * second) == pytest.approx(turns, abs=1e-9)
 
 
 def test_the_past_of_a_flight_helps_where_the_model_lacks_a_torque():

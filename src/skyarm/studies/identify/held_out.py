@@ -11,6 +11,7 @@ import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.flight_data import FlightData
+from skyarm.flight_data.series import rotations_between
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_numbers import Identified
@@ -290,25 +291,16 @@ def ends_of(
 
 def _difference(first: BaseStates, second: BaseStates) -> Array:
     """Differences (4, K, 3) from states to others."""
-    turned = rotations(first.quaternion, second.quaternion)
+    turned = rotations_between(first.quaternion, second.quaternion)
     others = [getattr(second, name) - getattr(first, name) for name in PARTS if name != "attitude"]
     return np.stack([*others[:2], turned, others[2]])
-
-
-def rotations(first: Array, second: Array) -> Array:
-    """Rotation vectors (K, 3), base axes, from attitudes to others, the shorter way."""
-    w, *axis = Quaternion(*(first * [1.0, -1.0, -1.0, -1.0]).T) * Quaternion(*second.T)
-    rows = np.stack(axis, axis=1) * np.where(w < 0.0, -1.0, 1.0)[:, None]
-    size = np.linalg.norm(rows, axis=1)
-    angle = 2.0 * np.arctan2(size, np.abs(w))
-    return np.asarray(rows * np.where(size > 1e-9, angle / np.maximum(size, 1e-300), 2.0)[:, None])
 
 
 def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
     """Root mean square errors by shares (2, 3), or (4, 2, 3) of each part, of the model and of rest beside holding."""
     found = (ends.off * shares[..., None, :]).sum(axis=1)
     left, turn = ends.measured - found, PARTS.index("attitude")
-    left[turn] = rotations(*(_attitudes(each[turn]) for each in (found, ends.measured)))
+    left[turn] = rotations_between(*(_attitudes(each[turn]) for each in (found, ends.measured)))
     count = left.shape[1]
     sizes = [math.sqrt((rows**2).sum() / count) if count else math.nan for rows in left]
     return HorizonErrors(horizon=ends.horizon, begins=count, **dict(zip(PARTS, sizes, strict=True)))
