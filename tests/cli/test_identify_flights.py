@@ -30,6 +30,7 @@ from skyarm.studies.identify.identified_numbers import Identified, IdentifiedNum
 from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.identified_report import correlated_pairs, prediction_lines
 from skyarm.studies.identify.identify_flights import known_of_search
+from skyarm.studies.identify.log_checks import check_log
 from skyarm.studies.identify.unknowns import second_moments
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
 from skyarm.vehicle.vehicle_files import list_vehicles
@@ -192,7 +193,7 @@ def test_motion_capture_of_another_clock_gives_the_numbers_of_the_aligned_log(id
             assert one["value"] == pytest.approx(other["value"], abs=0.1 * (other["high"] - other["low"])), one["name"]
 
 
-def test_flights_are_identified_in_python_as_well(monkeypatch):
+def test_flights_are_identified_in_python_as_well(monkeypatch, without_isolation):
     given = []
     monkeypatch.setattr(identify_flights, "identify_by_windows", lambda *a, **k: given.append((a, k)) or found_with())
     monkeypatch.setattr(identify_flights, "doubtful_numbers", lambda *_: ())
@@ -209,7 +210,7 @@ def test_flights_are_identified_in_python_as_well(monkeypatch):
         library.identify_flights([blind], START, despite_faults=True)
 
 
-def test_python_weighs_the_vehicle_and_predicts_other_flights(monkeypatch):
+def test_python_weighs_the_vehicle_and_predicts_other_flights(monkeypatch, without_isolation):
     """As the command does: the mass is the whole vehicle's, and drag may act at a height of its own."""
     given = []
     monkeypatch.setattr(identify_flights, "identify_by_windows", lambda *a, **k: given.append((a, k)) or found_with())
@@ -265,7 +266,13 @@ def found_with(*numbers, settled=True, correlation=None, counted=(True,)):
 
 
 @pytest.fixture
-def instead(monkeypatch):
+def without_isolation(monkeypatch):
+    """Faults that show without a model only: the search for others takes most of the time of a short flight."""
+    monkeypatch.setattr(identify_flights, "find_faults", lambda *given: tuple(check_log(*given)))
+
+
+@pytest.fixture
+def instead(monkeypatch, without_isolation):
     """Function that puts a result in place of the search's."""
     return lambda found: monkeypatch.setattr(identify_flights, "identify_by_windows", lambda *_, **__: found)
 
@@ -324,13 +331,12 @@ def test_gravity_is_that_of_the_flights_unless_it_is_given(instead, monkeypatch,
     felt = []
     instead(found_with(number("delay", 0.006)))
     plain = identify_flights.predict_held_out
-    # another gravity is no channel's fault, and the search for one is long
-    monkeypatch.setattr(identify_flights, "find_faults", lambda *_: ())
-    monkeypatch.setattr(
-        identify_flights,
-        "predict_held_out",
-        lambda *a, gravity, **k: felt.append(gravity) or plain(*a, gravity=9.8, **k),
-    )
+
+    def predicted(found, start, flights, options, **more):
+        felt.append(options.gravity)
+        return plain(found, start, flights, dataclasses.replace(options, gravity=9.8), **more)
+
+    monkeypatch.setattr(identify_flights, "predict_held_out", predicted)
     stated = {"swings.npz": 9.7, "aside.npz": 9.7}
     load = identify_files.load_flight
 
@@ -458,7 +464,7 @@ def test_known_numbers_are_words_of_the_vehicle_file():
         (("swings.npz", "--vehicle", "hummingbird", "--columns", "none.toml"), "none.toml"),
     ],
 )
-def test_what_cannot_be_is_one_line_and_leaves_no_folder(words, message):
+def test_what_cannot_be_is_one_line_and_leaves_no_folder(words, message, without_isolation):
     refused(skyarm("identify", *words, "--out", "new/inner"), message)
     assert not Path("new").exists()
 
