@@ -107,7 +107,7 @@ class HeldOut:
 
     Attributes:
         flights: names.
-        period: s, of the one step: that of the accelerometer's samples.
+        period: s, of the one step: that of the accelerometer's samples, in whole steps of the clock.
         horizons: s.
         errors: predictor -> errors over each horizon; position, velocity and attitude are NaN if ``has_poses`` is not.
         one_step: predictor -> errors of accelerations; of holding, the spread of what is measured about its mean.
