@@ -12,18 +12,8 @@ import skyarm
 from planted_flights import inverse, rotate
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify import isolate_fault
-from skyarm.studies.identify.isolate_fault import (
-    ALARM,
-    CLEAR,
-    DOUBTFUL,
-    GAIN,
-    LEFT_OUT,
-    ODD,
-    PUSHES,
-    Left,
-    find_faults,
-    table,
-)
+from skyarm.studies.identify.channel_changes import LEFT_OUT, channel_changes
+from skyarm.studies.identify.isolate_fault import ALARM, CLEAR, DOUBTFUL, GAIN, ODD, PUSHES, Left, find_faults
 from skyarm.studies.identify.log_checks import REFUSED, WARNED
 
 VEHICLE = skyarm.load_vehicle("hummingbird_arm2_rotors")
@@ -274,8 +264,8 @@ def test_a_change_of_the_table_undoes_the_fault(name):
     wrong = spoil(SOUND)
     assert not same(wrong, SOUND)
     undone = [
-        f"{change.channel}: {change.words.format(change.shown(amount))}"
-        for change in table(wrong, VEHICLE)
+        f"{change.channel}: {change.words.format(amount)}"
+        for change in channel_changes(wrong, VEHICLE)
         for amount in change.amounts
         if any(each in wrong for each in change.names) and same(change.of(wrong, amount), SOUND)
     ]
@@ -283,7 +273,7 @@ def test_a_change_of_the_table_undoes_the_fault(name):
 
 
 def test_no_change_of_the_table_is_none():
-    for change in table(SOUND, VEHICLE):
+    for change in channel_changes(SOUND, VEHICLE):
         for amount in change.amounts:
             if "even ones" not in change.words:
                 assert not same(change.of(SOUND, amount), SOUND), f"{change.channel}: {change.words}"
@@ -292,7 +282,7 @@ def test_no_change_of_the_table_is_none():
 def test_stamps_with_jitter_become_even():
     late = np.random.default_rng(0).uniform(0.0, 0.004, SOUND["position"].time.size)
     wrong = times_of(POSE, lambda time: time + late)(SOUND)
-    (change,) = [each for each in table(wrong, VEHICLE) if "even ones" in each.words]
+    (change,) = [each for each in channel_changes(wrong, VEHICLE) if "even ones" in each.words]
     for name in POSE:
         steps = np.diff(change.of(wrong, 1.0)[name].time)
         assert np.ptp(steps) < 1e-9
@@ -311,7 +301,7 @@ def test_axes_that_stand_at_an_angle_are_turned_back():
     wrong = then(*axes, rows_of("quaternion", of_base))(SOUND)
     undone = [
         (change.channel, change.words.format(amount))
-        for change in table(wrong, VEHICLE)
+        for change in channel_changes(wrong, VEHICLE)
         for amount in change.amounts
         if same(change.of(wrong, amount), SOUND)
     ]
@@ -380,7 +370,7 @@ def test_the_change_that_makes_all_white_is_named_with_what_it_does(monkeypatch)
         "state its unit in columns.toml"
     ]
     assert found[0].severity == REFUSED
-    everything = sum(len(each.amounts) for each in table(wrong, VEHICLE))
+    everything = sum(len(each.amounts) for each in channel_changes(wrong, VEHICLE))
     assert fits.count < 0.5 * everything, "an attitude decides: what makes all white ends the search"
 
 
