@@ -118,7 +118,7 @@ def channel_changes(flight: FlightData, start: Vehicle) -> Iterator[Change]:
     yield from _of_joints([link.joint.name for link in start.links])
 
 
-def _mapped(channel: str, words: str, remedy: str, names: tuple[str, ...], mapping: Array) -> Change:
+def _map_columns(channel: str, words: str, remedy: str, names: tuple[str, ...], mapping: Array) -> Change:
     """Change of the values by a map (k, k) of their columns, at a price for each that it moves."""
     moved = int((mapping != np.eye(len(mapping))).any(axis=1).sum())
     make = partial(by_rows, lambda rows, _: rows @ mapping.T)
@@ -184,12 +184,12 @@ def _of_axes(flight: FlightData) -> Iterator[Change]:
         words = _axes_words(mapping)
         usual = (mapping >= 0.0).all() or moved == 1 or (moved == 2 and np.linalg.det(mapping) > 0.0)
         if usual:
-            yield _mapped("gyro", words, MAP, ("gyro",), mapping)
+            yield _map_columns("gyro", words, MAP, ("gyro",), mapping)
         if (mapping @ mean)[2] > 0.5 * np.linalg.norm(mean):
-            yield _mapped("accelerometer", words if upright else along, MAP, ("accelerometer",), mapping)
+            yield _map_columns("accelerometer", words if upright else along, MAP, ("accelerometer",), mapping)
         if mapping[2, 2] and (usual or (mapping[:2] >= 0.0).all()):
             for names in (("velocity",), ("position",), ("position", "velocity")):
-                yield _mapped(names[0], words, MAP, names, mapping)
+                yield _map_columns(names[0], words, MAP, names, mapping)
     yield from _of_base(thrust, along, "quaternion" in flight)
 
 
@@ -260,7 +260,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
         if len(moved) == 2:
             words = f"rotors {' and '.join(moved)} look exchanged"
         if moved:
-            yield _mapped(ROTORS, known.get(order, words), ORDER, COMMANDS, np.eye(len(plain))[list(order)])
+            yield _map_columns(ROTORS, known.get(order, words), ORDER, COMMANDS, np.eye(len(plain))[list(order)])
     full = highest_speeds(rotors) if "rotor_speed_commands" in flight else np.ones(len(plain))
     if np.isfinite(full).all():
         words, remedy = "begin at {:.0f} % of the full signal: their range is another", "state low and high"
@@ -285,7 +285,7 @@ def _of_joints(names: Sequence[str]) -> Iterator[Change]:
         maps[f"the sign of {' and '.join(names[i] for i in turned)} looks turned"] = np.diag(signs)
     for words, mapping in maps.items():
         for group in (JOINTS, ("joint_rates",), ("joint_efforts",)):
-            yield _mapped(group[0], words, JOINT, group, mapping)
+            yield _map_columns(group[0], words, JOINT, group, mapping)
     for name, column in zip(names, plain, strict=True):
         moved, zeros = partial(by_rows, partial(_less, column)), (-0.5, -0.15, 0.15, 0.5)
         words = f"zero of {name} is off by {{:.3g}}"

@@ -183,7 +183,7 @@ def _verdict(flights: Flights, start: Vehicle, told: Sequence[str], search: bool
         yield REFUSED, ROTORS, f"{finding}: they act {1e3 * before.delay:.0f} ms after they are stamped", CLOCK
     elif bad or before.unusual > ODD:
         if best := _best_changes(left, flights, start, before) if search else []:
-            yield _named(best, before)
+            yield _name_fault(best, before)
         elif bad and DOUBTFUL <= sizes[bad[0]] < math.inf:
             finding = f"does not explain {', '.join(f'{name} ({sizes[name]:.2g} times its noise)' for name in bad)}"
             remedy = "no change of a channel mends it: check the vehicle file, and expect no more of its numbers"
@@ -191,7 +191,7 @@ def _verdict(flights: Flights, start: Vehicle, told: Sequence[str], search: bool
             yield WARNED, "model", finding, remedy
 
 
-def _named(best: Sequence[Tried], before: Left) -> Found:
+def _name_fault(best: Sequence[Tried], before: Left) -> Found:
     """Fault that a change undoes, with another one that does so as well, and what the change does."""
     change, left = best[0].change, best[0].left
     rows, after = before.sizes, left.sizes
