@@ -37,7 +37,7 @@ IMU, JOINTS = ("gyro", "accelerometer"), ("joint_positions", "joint_rates")
 ROTORS = "rotor commands"
 """Name of the channel, whichever it is."""
 
-OFF = (0.67, 0.8, 0.92, 1.09, 1.25, 1.54)
+OFF = (0.65, 0.8, 0.92, 1.09, 1.25, 1.5)
 SHIFTS = (-200.0, -50.0, 50.0, 200.0)
 """Wrong scales over right ones, and ms of a shift, from which the best one is looked for."""
 

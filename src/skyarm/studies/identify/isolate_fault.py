@@ -105,8 +105,10 @@ tells amounts apart that all make white.
 QUICK, SOON, LAST = (12, 1), (12, 4), (60, TURNS)
 """Windows and turns of a first search for each change, of a second one for some, and of the last."""
 
-SECOND, FINAL, HOPEFUL = 8, 4, 0.8
-"""Changes that are searched for again, and once more; and share of the cost below which at once."""
+SECOND, FINAL, HOPEFUL, HALVES = 8, 4, 0.8, 5
+"""Changes that are searched for again, and once more; share of the cost below which at once; and how often the distance
+to the next amount is halved.
+"""
 
 SECONDS, FLOWN, COARSE = 30.0, (20.0, 1e4), 4e-3
 """s of a flight that are looked at; Hz, of a gyroscope whose windows are flown; s, of a step at most in a first search.
@@ -276,7 +278,10 @@ def _beyond_range(flight: FlightData) -> bool:
 
 
 def _best_amount(trial: Trial, change: Change, amount: float) -> float:
-    """Best amount of a change within those that are tried, from one of them by halves of the distance to the next."""
+    """Best amount of a change within those that are tried, from one of them by halves of the distance to the next.
+
+    The distance is the larger one of both sides, so that no amount lies out of reach of the one that is next to it.
+    """
     amounts = sorted(change.amounts)
 
     @cache
@@ -284,8 +289,8 @@ def _best_amount(trial: Trial, change: Change, amount: float) -> float:
         tried = trial(change, amount, SOON)
         return tried[0].left.cost(FINE) if tried else math.inf
 
-    step = 0.5 * min(b - a for a, b in pairwise(amounts))
-    for _ in range(4):
+    step = 0.5 * max(b - a for a, b in pairwise(amounts) if amount in (a, b))
+    for _ in range(HALVES):
         near = (amount, amount + step, amount - step)
         amount = min((each for each in near if amounts[0] <= each <= amounts[-1]), key=cost)
         step *= 0.5
