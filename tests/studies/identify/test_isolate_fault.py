@@ -432,6 +432,15 @@ def test_the_best_amount_is_found_by_halves_of_the_distance(white, begin, best, 
     assert len(calls) <= 1 + 2 * 5
 
 
+@pytest.mark.parametrize(("above", "stays"), [(0.04, True), (0.06, False)])
+def test_half_of_a_white_row_is_worth_a_twentieth_of_another_one(above, stays):
+    def tried(change, amount, how):
+        sizes = (np.exp(above), 0.5) if amount == 50.0 else (1.0, 1.0)
+        return [Tried(0.0, change, amount, Left({("gyro", i): size for i, size in enumerate(sizes)}))]
+
+    assert (isolate_fault._best_amount(tried, some_change(-50.0, 50.0), 50.0) == 50.0) is stays
+
+
 def test_amounts_that_cannot_be_flown_are_not_best():
     change = some_change(-50.0, 50.0)
     assert isolate_fault._best_amount(trial(-40.0, [], least=10.0), change, 50.0) == pytest.approx(13.0, abs=3.2)
@@ -446,7 +455,7 @@ def test_every_scale_within_those_of_the_table_is_found(name):
     for scale in np.linspace(0.4, 2.1, 35):
         begin = min(change.amounts, key=lambda each, scale=scale: abs(each - scale))
         found = isolate_fault._best_amount(trial(scale, []), change, begin)
-        assert found == pytest.approx(min(max(scale, least), most), abs=0.02)
+        assert found == pytest.approx(min(max(scale, least), most), abs=0.02 if least < scale < most else 1e-9)
 
 
 class Window:
@@ -563,3 +572,36 @@ def test_the_refused_come_first(monkeypatch):
     wrong = then(rows_of("position", lambda rows: frozen), rows_of("gyro", times(-1, 1, 1)))(SOUND)
     found, _ = isolated(monkeypatch, lambda flight: {"gyro": 9.0 if differs(flight, "gyro") else 1.0}, wrong)
     assert [(each.severity, each.channel) for each in found] == [(REFUSED, "gyro"), (WARNED, "position")]
+
+
+@pytest.mark.parametrize(
+    ("words", "amount", "near"),
+    [
+        ("gyro: is * times what fits", 1.4, 0.01),
+        ("gyro: is * times what fits", 1.49, 0.01),
+        ("accelerometer: is * times what fits", 0.7, 0.01),
+        ("velocity: is * times what fits", 1.16, 0.01),
+        ("position: is * times what fits", 0.86, 0.01),
+        ("time: runs * times as fast", 1.75, 0.03),
+        ("pose: stamps are off by * ms", 120.0, 5.0),
+        ("velocity: stamps are off by * ms", 120.0, 5.0),
+        ("rotor commands: stamps are off by * ms", -120.0, 5.0),
+        ("joint_positions: stamps are off by * ms", 20.0, 5.0),
+        ("rotor commands: begin at * % of the full signal", 10.0, 1.0),
+        (f"joint_positions: zero of {ARM[1]} is off by *", 0.3, 0.02),
+        ("gyro: and accelerometer: axes look turned by * deg about z", 30.0, 3.0),
+        ("rotor commands: turn the vehicle as if it stood * deg about z", 130.0, 3.0),
+        ("quaternion: axes look turned by * deg about z", -60.0, 3.0),
+    ],
+)
+def test_amounts_between_those_of_the_table_are_looked_for(monkeypatch, words, amount, near):
+    pattern = re.escape(words).replace(r"\*", r"([+-]?[\d.]+)")
+
+    def sizes(flight):
+        (read,) = [float(found[1]) for note in flight.notes if (found := re.match(pattern, note))] or [np.inf]
+        return dict.fromkeys(SENSORS, float(min(9.0, 2.0 + abs(read - amount) / abs(amount))))
+
+    monkeypatch.setattr(Change, "of", noted)
+    (fault,), _ = isolated(monkeypatch, sizes)
+    found = re.match(pattern, f"{fault.channel}: {fault.finding}")
+    assert float(found[1]) == pytest.approx(amount, abs=near)

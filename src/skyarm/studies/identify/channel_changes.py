@@ -201,16 +201,16 @@ def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[Change]:
     turned = "axes look turned by {:.0f} deg about z"
     whole = ROTORS, "turn the vehicle as if it stood {:.0f} deg about z from its rotors' places"
     board = "gyro", f"and accelerometer: {turned}"
-    turns, price = (45.0, -45.0, 90.0, -90.0, 180.0), WHOLE
+    turns, price = [45.0, -45.0, 90.0, -90.0, 180.0], WHOLE
     if not upright:
         words = f"axes look like forward, right, down or others, and the accelerometer {along}: turned by {{:.0f}} deg"
         whole = board = "gyro", f"{words} about z"
-        turns, price = (0.0, 90.0, -90.0, 180.0), CHANGED
+        turns, price = [0.0, 90.0, -90.0, 180.0], CHANGED
     # without an attitude the board and the vehicle turn alike
     for (name, words), names in [(board, IMU)] * attitude + [(whole, (*IMU, "quaternion"))]:
-        yield Change(name, words, remedy, names, make, turns, upright, price)
+        yield Change(name, words, remedy, names, make, (*turns,), upright, price)
     if upright:
-        yield Change("quaternion", turned, MAP, ("quaternion",), make, turns, True, FREE)
+        yield Change("quaternion", turned, MAP, ("quaternion",), make, (*turns,), True, FREE)
 
 
 def _base_turned(up: Quaternion, own: Channels, degrees: float) -> Channels:
