@@ -12,11 +12,8 @@ import skyarm
 from logged_vehicles import CRAZYFLIE_LOG, IRIS_LOG, TREFOIL_LOG, crazyflie, iris, logged
 from planted_vehicles import NOMINAL, fly_designed
 from skyarm.flight_data.flight_data import Channel
-from skyarm.studies.identify.identified_numbers import NOT_SHOWN, Identified, IdentifiedNumber
-from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.isolate_fault import find_faults
 from skyarm.studies.identify.log_checks import REFUSED, WARNED, require_no_refusal
-from skyarm.studies.identify.possible_numbers import doubtful_numbers
 
 SEED, SECONDS = 0, 34.0
 START = NOMINAL
@@ -535,106 +532,6 @@ def test_rotors_of_a_published_flight_in_another_order_are_named(places, words):
 )  # fmt: skip
 def test_another_vehicle_is_named(sound, start, words):
     assert re.search(words, "\n".join(each.words for each in find_faults(sound, start)))
-
-
-def identified(name, value, start, *, explained=0.9, reason=""):
-    number = IdentifiedNumber(
-        name=name, unit="", value=value, low=0.9 * value, high=1.1 * value, start=start, data_share=0.9, reason=reason
-    )
-    return Identified(
-        numbers=(number,),
-        correlation=np.eye(1),
-        vehicle=START,
-        surroundings=Surroundings(),
-        explained={"specific_force.z": 0.9, "rate.x": explained, "rate.y": explained},
-        deviation={},
-        settled=True,
-        seconds=10.0,
-    )
-
-
-@pytest.mark.parametrize(
-    ("found", "words"),
-    [
-        (identified("base.inertia.xx", 0.3, 0.007), "base.inertia.xx: is 0.3 , 42.9 times the start vehicle's"),
-        (identified("rotors.thrust_coefficient", 1e-8, 8.5e-6), "rotors.thrust_coefficient: is 1e-08"),
-        (identified("delay", 0.09, 0.005), "delay: is 0.09 s, longer than any loop's"),
-        (identified("delay", 0.01, 0.005, explained=0.001), "rotor commands: explain 0.1 % of the rotation"),
-    ],
-)  # fmt: skip
-def test_numbers_that_no_vehicle_has_are_refused(found, words):
-    with pytest.raises(ValueError, match=f"^flight.csv: {re.escape(words)}[^\n]*; check [^\n]+$"):
-        require_no_refusal(doubtful_numbers(found, START, "flight.csv"))
-
-
-def test_numbers_far_from_the_start_are_doubted_and_what_does_not_show_is_not():
-    (doubt,) = doubtful_numbers(identified("rotors.time_constant_up", 0.06, 0.0125), START, "flight.csv")
-    assert doubt.severity == WARNED
-    assert "4.8 times the start vehicle's" in doubt.words
-    assert doubtful_numbers(identified("base.inertia.xx", 0.012, 0.007), START, "flight.csv") == ()
-    assert doubtful_numbers(identified("base.inertia.xx", 0.3, 0.007, reason=NOT_SHOWN), START, "flight.csv") == ()
-
-
-@pytest.mark.parametrize(
-    ("found", "words"),
-    [
-        (identified("delay", -0.006, 0.005), "delay: is -6 ms: motion before its command"),
-        (identified("drives.elbow.latency", -0.004, 0.005), "drives.elbow.latency: is -4 ms: motion before"),
-        (identified("base.com.z", 0.1, 0.0), "base.com.z: is 100 mm, 0.59 of the rotors' distance off"),
-    ],
-)
-def test_numbers_that_hardly_any_vehicle_has_are_doubted(found, words):
-    (doubt,) = doubtful_numbers(found, START, "flight.csv")
-    assert doubt.severity == WARNED
-    assert words in doubt.words
-
-
-def several(**values):
-    """Identified numbers by name, each with its start."""
-    every = [identified(name.replace("__", "."), *pair).numbers[0] for name, pair in values.items()]
-    return dataclasses.replace(identified("delay", 0.005, 0.005), numbers=tuple(every), correlation=np.eye(len(every)))
-
-
-@pytest.mark.parametrize(
-    ("factors", "doubted"),
-    [((1.7, 1.5, 1.6, 1.4), True), ((1.5, 1.4, 1.4, 1.3), False), ((2.4, 2.0, 2.0, 0.9), False), ((0.6,) * 4, True)],
-)
-def test_a_mass_is_doubted_if_thrust_and_inertia_are_off_alike(factors, doubted):
-    names = ("rotors__thrust_coefficient", *(f"base__inertia__{axis}" for axis in ("xx", "yy", "zz")))
-    found = several(**{name: (factor, 1.0) for name, factor in zip(names, factors, strict=True)})
-    told = [each.channel for each in doubtful_numbers(found, START, "flight.csv")]
-    assert told == (["mass"] if doubted else [])
-
-
-@pytest.mark.parametrize(("turn", "doubted"), [(0.35, True), (-0.35, True), (0.15, False)])
-def test_a_zero_is_doubted_if_a_link_s_centre_of_mass_is_turned_about_its_joint(turn, doubted):
-    link = START.links[1]
-    was = np.array([*link.body.com], dtype=float)
-    at = np.array([was[2] * np.sin(turn), 0.0, was[2] * np.cos(turn)])  # about y, of a link that hangs along z
-    assert tuple(link.joint.axis) == (0, 1, 0)
-    numbers = {f"links__{link.name}__com__{axis}": (at[i], was[i]) for i, axis in enumerate("xyz")}
-    found = several(**numbers)
-    narrow = [dataclasses.replace(each, low=each.value - 1e-4, high=each.value + 1e-4) for each in found.numbers]
-    told = doubtful_numbers(dataclasses.replace(found, numbers=tuple(narrow)), START, "flight.csv")
-    assert [each.channel for each in told] == (["joint_positions"] if doubted else [])
-    if doubted:
-        assert f"zero of {link.joint.name} looks 0.35 rad off" in told[0].finding
-
-
-def test_a_small_offset_of_the_centre_of_mass_and_a_late_accelerometer_are_plausible():
-    assert doubtful_numbers(identified("base.com.z", 0.02, 0.0), START, "flight.csv") == ()
-    assert doubtful_numbers(identified("accelerometer_delay", -0.004, 0.0), START, "flight.csv") == ()
-
-
-@pytest.mark.parametrize(("share", "doubts"), [(0.8, 1), (0.99, 0)])
-def test_a_thrust_beyond_all_commands_is_extrapolated(sound, share, doubts):
-    found = identified("rotors.thrust_at_100_percent", 9.0, 8.0)
-    name = "rotor_speed_commands" if "rotor_speed_commands" in sound else "rotor_commands"
-    most = float(START.rotors[0].max_speed) if name == "rotor_speed_commands" else 1.0
-    flown = change(sound, name, lambda rows: np.full_like(rows, share * most))
-    faults = doubtful_numbers(found, START, "flight.csv", [flown])
-    assert len(faults) == doubts
-    assert all("is extrapolated: commands reach 80 % of the full speed" in each.words for each in faults)
 
 
 @pytest.mark.parametrize(("name", "value"), [("gyro", 1e6), ("accelerometer", -1e300)])

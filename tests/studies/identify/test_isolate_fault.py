@@ -1,321 +1,24 @@
-"""Changes that undo faults of channels, and the verdict on a flight that the model does not explain."""
+"""Verdict on a flight that the model does not explain: which change is named, and where each threshold lies.
+
+Thresholds are written as numbers, so that one that is dropped, doubled or halved is seen.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from test_channel_changes import ARM, DEGREES, POSE, SOUND, VEHICLE, columns, made, rows_of, same, then, times, times_of
 
-import skyarm
-from planted_flights import inverse, rotate
-from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify import isolate_fault
-from skyarm.studies.identify.isolate_fault import (
-    ALARM,
-    CLEAR,
-    DOUBTFUL,
-    GAIN,
-    LEFT_OUT,
-    ODD,
-    PUSHES,
-    Left,
-    find_faults,
-    table,
-)
+from skyarm.studies.identify.channel_changes import Change, channel_changes
+from skyarm.studies.identify.isolate_fault import PUSHES, Leavings, Left, Tried, find_faults
 from skyarm.studies.identify.log_checks import REFUSED, WARNED
 
-VEHICLE = skyarm.load_vehicle("hummingbird_arm2_rotors")
-ARM = [link.joint.name for link in VEHICLE.links]
-
-
-def unit(rows):
-    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
-
-
-def made(seconds=8.0, rate=100.0):
-    """Channels of smooth random motion, which no vehicle flies, at the lift of a hover."""
-    draw, time = np.random.default_rng(3), np.arange(0.0, seconds, 1.0 / rate)
-
-    def smooth(width, size=1.0):
-        waves = [np.sin(draw.uniform(1.0, 4.0, width) * time[:, None] + draw.uniform(0, 6, width)) for _ in range(3)]
-        return size * sum(waves) + 0.01 * draw.normal(size=(len(time), width))
-
-    hover = np.sqrt(9.81 * VEHICLE.mass / 4.0 / VEHICLE.rotors[0].thrust_coefficient)
-    rows = {
-        "gyro": smooth(3),
-        "accelerometer": smooth(3, 0.5) + np.array([0.0, 0.0, 9.81]),
-        "position": smooth(3),
-        "velocity": smooth(3),
-        "quaternion": unit(smooth(4, 0.1) + np.array([1.0, 0.0, 0.0, 0.0])),
-        "rotor_speed_commands": smooth(4, 5.0) + hover,
-        "joint_positions": smooth(2, 0.3),
-        "joint_rates": smooth(2),
-        "joint_efforts": smooth(2, 0.1),
-    }
-    channels = {name: Channel(time=time, values=each, source=name) for name, each in rows.items()}
-    return FlightData(name="flight", file="flight.csv", channels=channels)
-
-
-SOUND = made()
-
-
-def rows_of(name, values):
-    return lambda flight: flight.with_channels(
-        {name: dataclasses.replace(flight[name], values=values(flight[name].values))}
-    )
-
-
-def times_of(names, time):
-    return lambda flight: flight.with_channels(
-        {name: dataclasses.replace(flight[name], time=time(flight[name].time)) for name in names if name in flight}
-    )
-
-
-def then(*changes):
-    def both(flight):
-        for each in changes:
-            flight = each(flight)
-        return flight
-
-    return both
-
-
-def columns(*order):
-    return lambda rows: rows[:, list(order)]
-
-
-def times(*factors):
-    return lambda rows: rows * np.array(factors)
-
-
-def half_a_turn_of_the_base(flight):
-    """All sensors in axes forward, right, down."""
-    for name in ("gyro", "accelerometer"):
-        flight = rows_of(name, times(1, -1, -1))(flight)
-    return rows_of("quaternion", lambda q: np.stack([-q[:, 1], q[:, 0], q[:, 3], -q[:, 2]], axis=1))(flight)
-
-
-def in_base_axes(flight):
-    return rows_of("velocity", lambda rows: rotate(inverse(flight["quaternion"].values), rows))(flight)
-
-
-def about_z(rows):
-    """Axes of a board that stands a quarter of a turn about z."""
-    return rows @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).T
-
-
-COSINE = 0.5**0.5
-POSE = ("position", "quaternion", "velocity")
-DEGREES = 180.0 / np.pi
-MAX = float(VEHICLE.rotors[0].max_speed)
-
-UNDONE = {
-    "a sign of the gyro": (rows_of("gyro", times(1, 1, -1)), "gyro", "the sign of z looks turned"),
-    "axes of the gyro swapped": (rows_of("gyro", columns(1, 0, 2)), "gyro", "x and y look swapped"),
-    "axes of the gyro turned": (
-        rows_of("gyro", columns(1, 2, 0)),
-        "gyro",
-        "the axes look swapped or turned: z, x, y stand",
-    ),
-    "gyro of FRD": (
-        rows_of("gyro", times(1, -1, -1)),
-        "gyro",
-        "signs of y and z look turned, as of forward, right, down",
-    ),
-    "gyro in deg/s": (rows_of("gyro", times(*(DEGREES,) * 3)), "gyro", "it looks like deg/s"),
-    "gyro in mrad/s": (rows_of("gyro", times(*(1e3,) * 3)), "gyro", "it looks like mrad/s"),
-    "gyro read as deg/s": (rows_of("gyro", times(*(1.0 / DEGREES,) * 3)), "gyro", "it looks like rad/s read as deg/s"),
-    "accelerometer turned": (rows_of("accelerometer", about_z), "accelerometer", "the axes look swapped or turned"),
-    "accelerometer upside down": (
-        rows_of("accelerometer", times(1, 1, -1)),
-        "accelerometer",
-        "measures the thrust along -z rather than z",
-    ),
-    "accelerometer of another axis": (
-        rows_of("accelerometer", columns(2, 1, 0)),
-        "accelerometer",
-        "measures the thrust along x rather than z",
-    ),
-    "board turned": (
-        then(rows_of("gyro", about_z), rows_of("accelerometer", about_z)),
-        "gyro",
-        "axes look turned by 90 deg about z",
-    ),
-    "all of FRD": (half_a_turn_of_the_base, "gyro", "forward, right, down"),
-    "attitude inverse": (
-        rows_of("quaternion", times(1, -1, -1, -1)),
-        "quaternion",
-        "turns the other way: it looks inverse",
-    ),
-    "attitude x, y, z, w": (
-        rows_of("quaternion", columns(1, 2, 3, 0)),
-        "quaternion",
-        "looks like x, y, z, w read as w",
-    ),
-    "attitude w first": (rows_of("quaternion", columns(3, 0, 1, 2)), "quaternion", "looks like w, x, y, z read as x"),
-    "attitude of FRD in NED": (
-        rows_of("quaternion", times(1, 1, -1, -1)),
-        "quaternion",
-        "right, down in north, east, down",
-    ),
-    "attitude of FRD": (
-        rows_of("quaternion", lambda q: np.stack([-q[:, 1], q[:, 0], q[:, 3], -q[:, 2]], axis=1)),
-        "quaternion",
-        "looks like that of forward, right, down",
-    ),
-    "attitude in NED": (
-        rows_of("quaternion", lambda q: np.stack([q[:, 1], -q[:, 0], q[:, 3], -q[:, 2]], axis=1)),
-        "quaternion",
-        "looks like that in north, east, down",
-    ),
-    "velocity in NED": (rows_of("velocity", times(1, -1, -1)), "velocity", "signs of y and z look turned"),
-    "velocity in base axes": (in_base_axes, "velocity", "is in axes of the base"),
-    "velocity in mm/s": (rows_of("velocity", times(1e3, 1e3, 1e3)), "velocity", "it looks like mm/s"),
-    "velocity in cm/s": (rows_of("velocity", times(1e2, 1e2, 1e2)), "velocity", "it looks like cm/s"),
-    "position in mm": (rows_of("position", times(1e3, 1e3, 1e3)), "position", "it looks like mm"),
-    "position in cm": (rows_of("position", times(1e2, 1e2, 1e2)), "position", "it looks like cm"),
-    "position, axes swapped": (rows_of("position", columns(1, 0, 2)), "position", "x and y look swapped"),
-    "world of east, north, up read as NED": (
-        then(*(rows_of(name, lambda rows: rows[:, [1, 0, 2]] * [1, 1, -1]) for name in ("position", "velocity"))),
-        "position",
-        "the axes look swapped or turned: y, x, -z stand",
-    ),
-    "motors of another autopilot": (
-        rows_of("rotor_speed_commands", columns(3, 0, 2, 1)),
-        "rotor commands",
-        "the rotors look ordered 2, 4, 3, 1",
-    ),
-    "motors exchanged": (
-        rows_of("rotor_speed_commands", columns(2, 1, 0, 3)),
-        "rotor commands",
-        "rotors 1 and 3 look exch",
-    ),
-    "motors reversed": (
-        rows_of("rotor_speed_commands", columns(3, 2, 1, 0)),
-        "rotor commands",
-        "the order of the rotors looks reversed",
-    ),
-    "motors mirrored": (
-        rows_of("rotor_speed_commands", columns(0, 3, 2, 1)),
-        "rotor commands",
-        "the rotors look mirrored, left for right",
-    ),
-    "commands of another range": (
-        rows_of("rotor_speed_commands", lambda rows: rows + 0.06 * MAX),
-        "rotor commands",
-        "begin at 6 % of the full signal",
-    ),
-    "commands late": (
-        times_of(["rotor_speed_commands"], lambda t: t + 0.05),
-        "rotor commands",
-        "off by .50 ms, . is late",
-    ),
-    "pose late": (times_of(POSE, lambda t: t + 0.2), "pose", "off by .200 ms, . is late"),
-    "velocity early": (times_of(["velocity"], lambda t: t - 0.05), "velocity", "off by -50 ms, . is late"),
-    "joints late": (
-        times_of(["joint_positions", "joint_rates"], lambda t: t + 0.2),
-        "joint_positions",
-        "off by .200 ms, . is late",
-    ),
-    "all clocks": (times_of(tuple(SOUND), lambda t: 2.0 * t), "time", "runs 2 times as fast"),
-    "joints swapped": (
-        then(rows_of("joint_positions", columns(1, 0)), rows_of("joint_rates", columns(1, 0))),
-        "joint_positions",
-        f"{ARM[0]} and {ARM[1]} look swapped",
-    ),
-    "a joint turned": (
-        then(rows_of("joint_positions", times(1, -1)), rows_of("joint_rates", times(1, -1))),
-        "joint_positions",
-        f"the sign of {ARM[1]} looks turned",
-    ),
-    "all joints turned": (
-        then(rows_of("joint_positions", times(-1, -1)), rows_of("joint_rates", times(-1, -1))),
-        "joint_positions",
-        f"the sign of {ARM[0]} and {ARM[1]} looks turned",
-    ),
-    "a rate turned": (rows_of("joint_rates", times(-1, 1)), "joint_rates", f"the sign of {ARM[0]} looks turned"),
-    "rates in deg/s": (rows_of("joint_rates", times(DEGREES, DEGREES)), "joint_rates", "it looks like deg/s"),
-    "an effort turned": (rows_of("joint_efforts", times(1, -1)), "joint_efforts", f"the sign of {ARM[1]} looks turned"),
-    "efforts in N mm": (rows_of("joint_efforts", times(1e3, 1e3)), "joint_efforts", "it looks like N mm"),
-    "zero of an encoder": (
-        rows_of("joint_positions", lambda rows: rows + np.array([0.0, 0.15])),
-        "joint_positions",
-        f"zero of {ARM[1]} is off by 0.15",
-    ),
-    "scale of the gyro": (rows_of("gyro", times(*(1.25,) * 3)), "gyro", "is 1.25 times what fits"),
-    "scale of the accelerometer": (
-        rows_of("accelerometer", times(*(0.8,) * 3)),
-        "accelerometer",
-        "is 0.8 times what fits",
-    ),
-}
-"""Fault, and the change that undoes it: channel and words."""
-
-
-def same(one, other):
-    """True for flights of the same channels; an attitude and its opposite are the same."""
-    if set(one) != set(other):
-        return False
-    return all(
-        np.allclose(one[name].time, other[name].time, atol=1e-9)
-        and (
-            np.allclose(one[name].values, other[name].values, atol=1e-9)
-            or (name == "quaternion" and np.allclose(one[name].values, -other[name].values, atol=1e-9))
-        )
-        for name in one
-    )
-
-
-@pytest.mark.parametrize("name", UNDONE)
-def test_a_change_of_the_table_undoes_the_fault(name):
-    spoil, channel, words = UNDONE[name]
-    wrong = spoil(SOUND)
-    assert not same(wrong, SOUND)
-    undone = [
-        f"{change.channel}: {change.words.format(change.shown(amount))}"
-        for change in table(wrong, VEHICLE)
-        for amount in change.amounts
-        if any(each in wrong for each in change.names) and same(change.of(wrong, amount), SOUND)
-    ]
-    assert any(re.match(f"{channel}: .*{words}", each) for each in undone), undone
-
-
-def test_no_change_of_the_table_is_none():
-    for change in table(SOUND, VEHICLE):
-        for amount in change.amounts:
-            if "even ones" not in change.words:
-                assert not same(change.of(SOUND, amount), SOUND), f"{change.channel}: {change.words}"
-
-
-def test_stamps_with_jitter_become_even():
-    late = np.random.default_rng(0).uniform(0.0, 0.004, SOUND["position"].time.size)
-    wrong = times_of(POSE, lambda time: time + late)(SOUND)
-    (change,) = [each for each in table(wrong, VEHICLE) if "even ones" in each.words]
-    for name in POSE:
-        steps = np.diff(change.of(wrong, 1.0)[name].time)
-        assert np.ptp(steps) < 1e-9
-        assert steps.mean() == pytest.approx(0.01, abs=1e-5)
-
-
-def test_axes_that_stand_at_an_angle_are_turned_back():
-    turn = np.array([[COSINE, COSINE, 0.0], [-COSINE, COSINE, 0.0], [0.0, 0.0, 1.0]])
-    half = np.cos(np.pi / 8), np.sin(np.pi / 8)
-
-    def of_base(q):
-        (w, x, y, z), (a, b) = q.T, half
-        return np.stack([w * a - z * b, x * a + y * b, y * a - x * b, z * a + w * b], axis=1)
-
-    axes = [rows_of(name, lambda rows: rows @ turn.T) for name in ("gyro", "accelerometer")]
-    wrong = then(*axes, rows_of("quaternion", of_base))(SOUND)
-    undone = [
-        (change.channel, change.words.format(amount))
-        for change in table(wrong, VEHICLE)
-        for amount in change.amounts
-        if same(change.of(wrong, amount), SOUND)
-    ]
-    assert undone == [("rotor commands", "turn the vehicle as if it stood 45 deg about z from its rotors' places")]
+SENSORS = ("gyro", "accelerometer", *POSE, "joint_positions", "joint_rates")
 
 
 class Fits:
@@ -328,26 +31,30 @@ class Fits:
     """
 
     def __init__(self, sizes, unusual=lambda flight: 0.0, delay=0.005):
-        self.sizes, self.unusual, self.delay, self.count = sizes, unusual, delay, 0
+        self.sizes, self.unusual, self.delay = sizes, unusual, delay
+        self.calls, self.flights = [], []
+
+    @property
+    def count(self):
+        return len(self.calls)
 
     def __call__(self, start):
         return self
 
     def rows(self, flight, most, turns):
-        self.count += 1
+        self.calls.append((most, turns))
+        self.flights.append(flight)
         found = self.sizes(flight)
-        sensors = [
-            name for name in flight if name in ("gyro", "accelerometer", *POSE, "joint_positions", "joint_rates")
-        ]
+        sensors = [name for name in flight if name in SENSORS]
         rows = {(name, axis): found.get(name, 1.0) for name in sensors for axis in range(flight[name].values.shape[1])}
         rows |= {(name, 0): found.get(name, 0.0) for name in PUSHES}
         return Left(rows, self.unusual(flight), self.delay)
 
 
-def isolated(monkeypatch, sizes, flight=SOUND, **others):
+def isolated(monkeypatch, sizes, flight=SOUND, clock=None, **others):
     fits = Fits(sizes, **others)
     monkeypatch.setattr(isolate_fault, "Leavings", fits)
-    monkeypatch.setattr(isolate_fault, "align_poses", lambda flight: (flight, None))
+    monkeypatch.setattr(isolate_fault, "align_poses", lambda flight: (flight, clock))
     return find_faults(flight, VEHICLE), fits
 
 
@@ -357,7 +64,7 @@ def differs(flight, name):
     return rows.shape != sound.shape or not np.allclose(rows, sound, atol=1e-6)
 
 
-@pytest.mark.parametrize(("size", "searched"), [(0.98 * ALARM, False), (1.02 * ALARM, True)])
+@pytest.mark.parametrize(("size", "searched"), [(1.25, False), (1.35, True)])
 def test_a_row_alarms_from_some_times_its_noise_on(monkeypatch, size, searched):
     found, fits = isolated(monkeypatch, lambda flight: {"gyro": size})
     assert found == ()
@@ -365,10 +72,10 @@ def test_a_row_alarms_from_some_times_its_noise_on(monkeypatch, size, searched):
 
 
 def test_what_no_change_mends_is_said_of_the_model(monkeypatch):
-    (fault,), _ = isolated(monkeypatch, lambda flight: {"gyro": 14.2, "position": 1.02 * DOUBTFUL, "velocity": 1.2})
+    (fault,), _ = isolated(monkeypatch, lambda flight: {"gyro": 14.2, "position": 3.06, "velocity": 1.2})
     assert (fault.severity, fault.channel) == (WARNED, "model")
     assert fault.finding == "does not explain gyro (14 times its noise), position (3.1 times its noise)"
-    found, _ = isolated(monkeypatch, lambda flight: {"position": 0.98 * DOUBTFUL})
+    found, _ = isolated(monkeypatch, lambda flight: {"position": 2.94})
     assert found == ()
 
 
@@ -380,7 +87,7 @@ def test_the_change_that_makes_all_white_is_named_with_what_it_does(monkeypatch)
         "state its unit in columns.toml"
     ]
     assert found[0].severity == REFUSED
-    everything = sum(len(each.amounts) for each in table(wrong, VEHICLE))
+    everything = sum(len(each.amounts) for each in channel_changes(wrong, VEHICLE))
     assert fits.count < 0.5 * everything, "an attitude decides: what makes all white ends the search"
 
 
@@ -388,7 +95,7 @@ def test_the_change_that_makes_all_white_is_named_with_what_it_does(monkeypatch)
 def test_a_change_that_leaves_something_is_named_only_if_it_gains_much(monkeypatch, share, named):
     wrong = rows_of("gyro", times(1, -1, 1))(SOUND)
     count = 20  # rows of the flight
-    fall = np.exp(share * GAIN * count / 3.0)
+    fall = np.exp(share * 0.3 * count / 3.0)
 
     def sizes(flight):
         return {"gyro": 400.0 if differs(flight, "gyro") else 400.0 / fall, "position": 1.5}
@@ -413,11 +120,11 @@ def test_what_fits_as_well_is_told_beside(monkeypatch):
 
         return of
 
-    near = float(np.exp(0.5 * CLEAR * 10 / 3.0))
+    near, far = (float(np.exp(least * 10 / 3.0)) for least in (0.08, 0.12))
     (fault,), _ = isolated(monkeypatch, sizes(near), wrong)
     assert fault.channel == "gyro"
     assert "x and y look swapped, or rotor commands: the rotors look mirrored, left for right" in fault.finding
-    (fault,), _ = isolated(monkeypatch, sizes(6.0), wrong)
+    (fault,), _ = isolated(monkeypatch, sizes(far), wrong)
     assert ", or " not in fault.finding
 
 
@@ -439,7 +146,7 @@ def test_a_channel_is_left_out_only_if_nothing_mends_it(monkeypatch):
 
 def test_leaving_out_costs_more_than_a_change_that_leaves_little(monkeypatch):
     wrong = rows_of("velocity", times(1.25, 1.25, 1.25))(SOUND)
-    left = float(np.exp(0.4 * LEFT_OUT * 20 / 3.0))
+    left = float(np.exp(0.4 * 0.35 * 20 / 3.0))
 
     def sizes(flight):
         if "velocity" not in flight:
@@ -507,7 +214,7 @@ def test_what_only_an_odd_vehicle_explains_is_searched(monkeypatch, share, named
     def unusual(flight):
         mean, true = (np.linalg.norm(each["accelerometer"].values, axis=1).mean() for each in (flight, SOUND))
         off = mean / true - 1.0
-        return share * ODD * abs(off) / 0.2
+        return share * 200.0 * abs(off) / 0.2
 
     found, _ = isolated(monkeypatch, lambda flight: {}, wrong, unusual=unusual)
     assert [each.channel for each in found] == named
@@ -561,3 +268,340 @@ def test_a_flight_that_cannot_be_flown_is_searched(monkeypatch):
     assert fault.finding == "it looks like deg/s: the motion under the commands is no number without this change"
     found, _ = isolated(monkeypatch, lambda flight: dict.fromkeys(flight, np.inf))
     assert found == (), "the search says that the start vehicle does not fly"
+
+
+def test_the_search_takes_the_cheap_way_first(monkeypatch):
+    """Windows and turns: all changes with few, eight with more turns, four with many windows to the end."""
+    wrong = rows_of("gyro", columns(2, 1, 0))(SOUND)
+    _, fits = isolated(monkeypatch, lambda flight: {"gyro": 5.0}, wrong)
+    kinds = [call for i, call in enumerate(fits.calls) if i == 0 or call != fits.calls[i - 1]]
+    assert kinds == [(60, 40), (12, 1), (12, 4), (60, 40)]
+    assert fits.calls.count((12, 4)) == 8
+    assert fits.calls.count((60, 40)) == 1 + 4
+    _, fits = isolated(monkeypatch, lambda flight: {"unexplained force": 5.0})
+    assert (12, 1) not in fits.calls, "one turn tells little of a force between windows"
+
+
+@pytest.mark.parametrize(("share", "tried"), [(0.797, True), (0.803, False)])
+def test_a_change_that_mends_much_is_followed_to_the_end_at_once(monkeypatch, share, tried):
+    wrong = rows_of("gyro", times(-1, 1, 1))(SOUND)
+    _, fits = isolated(monkeypatch, lambda flight: {"gyro": 1e6 ** (1.0 if differs(flight, "gyro") else share)}, wrong)
+    assert ((60, 40) in fits.calls[1 : fits.calls.index((12, 4))]) is tried
+
+
+@pytest.mark.parametrize(("seconds", "seen"), [(34.0, 30.0), (20.0, 20.0)])
+def test_thirty_seconds_of_a_flight_are_looked_at(monkeypatch, seconds, seen):
+    _, fits = isolated(monkeypatch, lambda flight: {}, made(seconds))
+    assert fits.flights[0].duration == pytest.approx(seen, abs=1.1)
+
+
+def noted(change, flight, amount):
+    """In place of a change: the flight with a note of it."""
+    return dataclasses.replace(flight, notes=(f"{change.channel}: {change.words.format(amount)}",))
+
+
+@pytest.mark.parametrize(
+    ("cheap", "dear", "price"),
+    [
+        ("gyro: the sign of x", "gyro: the signs of x and y", 0.003),
+        ("rotor commands: rotors 1 and 2", "rotor commands: the order of the rotors looks reversed", 0.006),
+        ("gyro: the sign of x", "gyro: is 0.8 times", 0.017),
+        ("accelerometer: the sign of x", "accelerometer: is 0.8 times", 0.017),
+        ("gyro: the sign of x", "rotor commands: begin at 6 %", 0.017),
+        ("joint_rates: it looks like deg/s", f"joint_positions: zero of {ARM[0]} is off by 0.15", 0.02),
+        ("joint_rates: it looks like deg/s", "joint_positions: stamps are off by +50 ms", 0.02),
+        ("gyro: is 0.8 times", "time: runs 1.25 times", 0.08),
+        ("gyro: is 0.8 times", "gyro: and accelerometer: axes look turned by 90 deg", 0.08),
+        ("gyro: is 0.8 times", "quaternion: axes look turned by 90 deg", 0.0),
+        ("velocity: the sign of x", "velocity: does not belong", 0.172),
+        ("quaternion: turns the other way", "pose: does not belong", 0.35),
+        ("joint_rates: it looks like deg/s", "joint_rates: does not belong", 0.175),
+        ("joint_rates: it looks like deg/s", "joint_efforts: does not belong", 0.35),
+    ],
+)
+@pytest.mark.parametrize("share", [0.75, 1.3])
+def test_a_dearer_change_must_leave_less_by_its_price(monkeypatch, cheap, dear, price, share):
+    """The change is named that has less of both, what it leaves and its price."""
+    least = 1.0 - (share * price or 0.001 * (share - 1.0))
+
+    def sizes(flight):
+        costs = [
+            cost for words, cost in ((cheap, 1.0), (dear, least)) for note in flight.notes if note.startswith(words)
+        ]
+        return dict.fromkeys(SENSORS, float(np.exp(min(costs, default=3.0))))
+
+    monkeypatch.setattr(Change, "of", noted)
+    (fault,), _ = isolated(monkeypatch, sizes)
+    assert f"{fault.channel}: {fault.finding}".startswith(dear if share > 1.0 else cheap)
+
+
+@pytest.mark.parametrize(
+    ("offset", "words"),
+    [(-0.055, ""), (-0.065, "is 65 ± 10 ms late against the gyro"), (0.065, "is 65 ± 10 ms early against the gyro")],
+)
+def test_a_pose_that_is_late_by_more_than_its_interval_is_told(monkeypatch, offset, words):
+    clock = SimpleNamespace(offset=offset, offset_error=0.01)
+    found, _ = isolated(monkeypatch, lambda flight: {}, clock=clock)
+    assert [(each.severity, each.channel, each.finding) for each in found] == [(WARNED, "quaternion", words)] * bool(
+        words
+    )
+    monkeypatch.setattr(Change, "of", noted)
+    for channel in ("pose", "joint_rates"):
+        said = f"{channel}: does not belong"
+        found, _ = isolated(
+            monkeypatch,
+            lambda flight, said=said: dict.fromkeys(SENSORS, 1.0 if str(flight.notes).startswith(f"('{said}") else 9.0),
+            clock=clock,
+        )
+        late = ["quaternion"] * bool(words and channel != "pose")
+        assert [each.channel for each in found] == [channel, *late], "refused ones first; what is at fault is not late"
+
+
+def test_a_change_is_made_on_the_flight_whose_clock_it_spares(monkeypatch):
+    """A wrong rate or attitude puts the alignment of the poses off as well."""
+    stamped, aligned = (dataclasses.replace(SOUND, name=name) for name in ("stamped", "aligned"))
+    anew = dataclasses.replace(SOUND, name="aligned anew")
+    monkeypatch.setattr(
+        isolate_fault, "align_poses", lambda flight: (anew if flight.name == "stamped" else flight, None)
+    )
+    fits = Fits(lambda flight: {"gyro": 2.0})
+
+    def tried(channel, factor=1.0):
+        make = rows_of("gyro", times(*(factor,) * 3))
+        change = Change(channel, "", "", ("gyro",), lambda own, amount: dict(make(SOUND).channels), price=0.5)
+        return change, isolate_fault._try_change(fits, (stamped, aligned), change, 2.0, (3, 1))
+
+    for channel, name in {"gyro": "aligned anew", "quaternion": "aligned anew", "velocity": "aligned"}.items():
+        change, (found,) = tried(channel)
+        assert (found.change, found.amount, fits.flights[-1].name) == (change, 2.0, name)
+        assert found.cost == pytest.approx(3.0 * np.log(2.0) / 20.0 + 0.5)
+        assert fits.calls[-1] == (3, 1)
+    assert tried("velocity", 1e4)[1] == [], "no gyro reads so much"
+    monkeypatch.setattr(fits, "rows", lambda *_: None)
+    assert tried("velocity")[1] == [], "too few windows"
+
+
+def test_the_cost_is_the_mean_logarithm_of_rows_that_are_not_white():
+    left = Left(
+        {("gyro", 0): np.e, ("gyro", 1): 0.5, ("unexplained force", 0): np.e**2, ("unexplained torque", 0): 0.1}
+    )
+    assert left.cost() == pytest.approx((1.0 + 2.0) / 2.0)
+    assert left.cost(0.1) == pytest.approx((1.0 + 2.0 + 0.1 * (1.0 + 0.5 + 1.0 + 0.1)) / 2.0)
+    assert left.largest == np.e**2
+    assert dataclasses.replace(left, unusual=100.0).cost() == pytest.approx(1.5 + 0.3)
+
+
+def some_change(*amounts):
+    return Change("gyro", "", "", ("gyro",), lambda own, amount: own, amounts=amounts)
+
+
+def test_of_each_change_the_best_amount_stays():
+    one, two, three = (some_change(1.0, 2.0) for _ in range(3))
+    tried = [Tried(*each, Left({})) for each in ((3.0, one, 1.0), (1.0, two, 1.0), (2.0, one, 2.0), (4.0, two, 2.0))]
+    best = isolate_fault._each_best([*tried, Tried(1.5, three, 1.0, Left({}))])
+    assert [(each.cost, each.change, each.amount) for each in best] == [
+        (1.0, two, 1.0),
+        (1.5, three, 1.0),
+        (2.0, one, 2.0),
+    ]
+
+
+def trial(best, calls, least=0.0, white=True):
+    """In place of fits: the farther from the best amount, the larger is what is left."""
+
+    def tried(change, amount, how):
+        calls.append((amount, how))
+        size = abs(amount - best) / 1e3 + (0.0 if white else 2.0)
+        return [Tried(0.0, change, amount, Left({("gyro", 0): size}))] if amount > least else []
+
+    return tried
+
+
+@pytest.mark.parametrize("white", [True, False])
+@pytest.mark.parametrize(
+    ("begin", "best", "found"), [(50.0, 50.0, 50.0), (50.0, 20.0, 20.0), (200.0, 95.0, 95.0), (50.0, 300.0, 200.0)]
+)
+def test_the_best_amount_is_found_by_halves_of_the_distance(white, begin, best, found):
+    """Also among amounts that all make white; to a part of the distance, and not beyond the last ones."""
+    calls = []
+    change = some_change(200.0, -50.0, -200.0, 50.0)
+    amount = isolate_fault._best_amount(trial(best, calls, white=white), change, begin)
+    assert amount == pytest.approx(found, abs=150.0 / 32.0)
+    assert {how for _, how in calls} == {(12, 4)}
+    assert len({amount for amount, _ in calls}) == len(calls), "each amount is flown once"
+    assert len(calls) <= 1 + 2 * 5
+
+
+@pytest.mark.parametrize(("above", "stays"), [(0.04, True), (0.06, False)])
+def test_half_of_a_white_row_is_worth_a_twentieth_of_another_one(above, stays):
+    def tried(change, amount, how):
+        sizes = (np.exp(above), 0.5) if amount == 50.0 else (1.0, 1.0)
+        return [Tried(0.0, change, amount, Left({("gyro", i): size for i, size in enumerate(sizes)}))]
+
+    assert (isolate_fault._best_amount(tried, some_change(-50.0, 50.0), 50.0) == 50.0) is stays
+
+
+def test_amounts_that_cannot_be_flown_are_not_best():
+    change = some_change(-50.0, 50.0)
+    assert isolate_fault._best_amount(trial(-40.0, [], least=10.0), change, 50.0) == pytest.approx(13.0, abs=3.2)
+
+
+@pytest.mark.parametrize("name", ["gyro", "time"])
+def test_every_scale_within_those_of_the_table_is_found(name):
+    (change,) = [
+        each for each in channel_changes(SOUND, VEHICLE) if each.channel == name and re.match(r"is \{|runs", each.words)
+    ]
+    least, most = (0.65, 1.5) if name == "gyro" else (0.5, 2.0)
+    for scale in np.linspace(0.4, 2.1, 35):
+        begin = min(change.amounts, key=lambda each, scale=scale: abs(each - scale))
+        found = isolate_fault._best_amount(trial(scale, []), change, begin)
+        assert found == pytest.approx(min(max(scale, least), most), abs=0.02 if least < scale < most else 1e-9)
+
+
+class Window:
+    """In place of windows and their errors: what they are made of, and a fit of given numbers."""
+
+    rows = (("gyro", 0), ("accelerometer", 2), ("position", 1))
+    replay, push = None, np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
+
+    def __init__(self):
+        self.made, self.count = [], 4
+        self.noise, self.white = np.full((1, 3), 0.02), np.full((1, 3), 0.01)
+        self.moved, self.wrong = {}, None
+
+    def windows(self, flights, start, seconds, most):
+        self.made.append((*flights, seconds, most))
+        return self
+
+    def errors(self, windows, start, unknowns, *others):
+        self.unknowns = unknowns
+        return self
+
+    def over(self, windows):
+        return self
+
+    def fit(self, errors, begin, turns):
+        if self.wrong:
+            raise self.wrong
+        off = np.array([self.moved.get(each.name, 0.0) * each.spread for each in self.unknowns])
+        return SimpleNamespace(noise=self.noise, spread=np.array([0.5, 0, 0, 0.2, 0, 0]), values=begin + off)
+
+
+@pytest.fixture
+def window(monkeypatch):
+    made = Window()
+    parts = {
+        "Windows": made.windows,
+        "WindowErrors": made.errors,
+        "fit_windows": made.fit,
+        "first_noise": lambda errors: made.white,
+        "on_clock": lambda flight, start, step, sensors: step,
+        "clock_step": lambda flights, start: 0.002,
+    }
+    for name, part in parts.items():
+        monkeypatch.setattr(isolate_fault, name, part)
+    return made
+
+
+STILL = rows_of("accelerometer", lambda rows: np.tile([[0.0, 0.0, 9.8], [0.0, 0.0, 9.9]], (len(rows) // 2, 1)))(SOUND)
+
+
+def test_sizes_are_over_the_noise_that_a_sensor_shows_from_sample_to_sample(window):
+    left = Leavings(VEHICLE).rows(STILL, 60, 40)
+    change = 1.4826 * 0.1
+    noise = np.sqrt(0.01**2 + (change**2 - 2.0 * 0.01**2) / 12.0)  # of a mean over a period, as well
+    assert left.sizes["gyro", 0] == pytest.approx(2.0)
+    assert left.sizes["accelerometer", 2] == pytest.approx(0.02 / noise)
+    assert left.sizes["unexplained force", 0] == pytest.approx(0.5)
+    assert left.sizes["unexplained torque", 0] == pytest.approx(2.0)
+    assert len(left.sizes) == 3 + 6
+    fast = Leavings(VEHICLE).rows(times_of(tuple(STILL), lambda time: time / 20.0)(STILL), 60, 40)
+    assert fast.sizes["gyro", 0] == pytest.approx(4.0), "steps of 2 ms are means of four samples at 2 kHz"
+    window.white[0, 0], window.white[0, 1] = 0.0, 1.0
+    left = Leavings(VEHICLE).rows(STILL, 60, 40)
+    assert left.sizes["gyro", 0] == pytest.approx(0.02 / isolate_fault.LEAST["gyro"])
+    assert left.sizes["accelerometer", 2] == pytest.approx(0.02), "it is not quieter than it looks"
+
+
+def test_numbers_off_the_start_are_unusual(window):
+    window.moved = {"delay": 3.0, "place.x": -4.0}
+    left = Leavings(VEHICLE).rows(STILL, 60, 40)
+    assert left.unusual == pytest.approx(25.0)
+    assert left.delay == pytest.approx(0.005 + 3.0 * 0.01)
+
+
+def test_a_motion_that_is_no_number_leaves_infinite_sizes(window):
+    window.wrong = np.linalg.LinAlgError()
+    assert set(Leavings(VEHICLE).rows(STILL, 60, 40).sizes.values()) == {np.inf}
+    window.wrong, window.noise[0, 1] = None, np.nan
+    assert Leavings(VEHICLE).rows(STILL, 60, 40).largest == np.inf
+
+
+def test_a_first_search_takes_coarse_steps_and_windows_hold_twelve_samples(window):
+    leavings = Leavings(VEHICLE)
+    for rate, most in ((100.0, 60), (100.0, 12), (400.0, 12)):
+        leavings.rows(times_of(tuple(STILL), lambda time, rate=rate: time * 100.0 / rate)(STILL), most, 4)
+    (last, first, quick) = window.made
+    assert last == (pytest.approx(0.002), pytest.approx(0.12), 60)
+    assert first == (pytest.approx(0.004), pytest.approx(0.12), 12)
+    assert quick == (pytest.approx(0.004), pytest.approx(0.06), 12)
+
+
+@pytest.mark.parametrize(("rate", "flown"), [(19.0, False), (21.0, True), (9.9e3, True), (1.01e4, False)])
+def test_a_gyro_of_an_odd_rate_is_not_flown(window, rate, flown):
+    found = Leavings(VEHICLE).rows(times_of(tuple(STILL), lambda time: time * 100.0 / rate)(STILL), 60, 40)
+    assert (found is not None) is flown
+
+
+@pytest.mark.parametrize(("count", "flown"), [(3, False), (4, True)])
+def test_a_flight_of_few_windows_is_not_flown(window, count, flown):
+    window.count = count
+    assert (Leavings(VEHICLE).rows(STILL, 60, 40) is not None) is flown
+
+
+def test_a_pose_without_a_velocity_is_searched(monkeypatch):
+    found = dataclasses.replace(SOUND, channels={name: SOUND[name] for name in SOUND if name != "velocity"})
+    wrong = rows_of("position", times(1, -1, -1))(found)
+    (fault,), _ = isolated(monkeypatch, lambda flight: {"position": 9.0 if differs(flight, "position") else 1.0}, wrong)
+    assert (fault.channel, fault.finding[:27]) == ("position", "the signs of y and z look t")
+
+
+def test_the_refused_come_first(monkeypatch):
+    frozen = SOUND["position"].values.copy()
+    frozen[400:500] = frozen[400]
+    wrong = then(rows_of("position", lambda rows: frozen), rows_of("gyro", times(-1, 1, 1)))(SOUND)
+    found, _ = isolated(monkeypatch, lambda flight: {"gyro": 9.0 if differs(flight, "gyro") else 1.0}, wrong)
+    assert [(each.severity, each.channel) for each in found] == [(REFUSED, "gyro"), (WARNED, "position")]
+
+
+@pytest.mark.parametrize(
+    ("words", "amount", "near"),
+    [
+        ("gyro: is * times what fits", 1.4, 0.01),
+        ("gyro: is * times what fits", 1.49, 0.01),
+        ("accelerometer: is * times what fits", 0.7, 0.01),
+        ("velocity: is * times what fits", 1.16, 0.01),
+        ("position: is * times what fits", 0.86, 0.01),
+        ("time: runs * times as fast", 1.75, 0.03),
+        ("pose: stamps are off by * ms", 120.0, 5.0),
+        ("velocity: stamps are off by * ms", 120.0, 5.0),
+        ("rotor commands: stamps are off by * ms", -120.0, 5.0),
+        ("joint_positions: stamps are off by * ms", 20.0, 5.0),
+        ("rotor commands: begin at * % of the full signal", 10.0, 1.0),
+        (f"joint_positions: zero of {ARM[1]} is off by *", 0.3, 0.02),
+        ("gyro: and accelerometer: axes look turned by * deg about z", 30.0, 3.0),
+        ("rotor commands: turn the vehicle as if it stood * deg about z", 130.0, 3.0),
+        ("quaternion: axes look turned by * deg about z", -60.0, 3.0),
+    ],
+)
+def test_amounts_between_those_of_the_table_are_looked_for(monkeypatch, words, amount, near):
+    pattern = re.escape(words).replace(r"\*", r"([+-]?[\d.]+)")
+
+    def sizes(flight):
+        (read,) = [float(found[1]) for note in flight.notes if (found := re.match(pattern, note))] or [np.inf]
+        return dict.fromkeys(SENSORS, float(min(9.0, 2.0 + abs(read - amount) / abs(amount))))
+
+    monkeypatch.setattr(Change, "of", noted)
+    (fault,), _ = isolated(monkeypatch, sizes)
+    found = re.match(pattern, f"{fault.channel}: {fault.finding}")
+    assert float(found[1]) == pytest.approx(amount, abs=near)

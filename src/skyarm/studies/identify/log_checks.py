@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -79,8 +79,12 @@ def check_log(flight: FlightData, start: Vehicle) -> list[Fault]:
         flight: measured.
         start: vehicle that its numbers will be identified for.
     """
-    rows = dict.fromkeys(_faults(flight, start))
-    return [Fault(severity=a, file=flight.file, channel=b, finding=c, remedy=d) for a, b, c, d in rows]
+    return faults_of(flight.file, _faults(flight, start))
+
+
+def faults_of(file: str, rows: Iterable[Found]) -> list[Fault]:
+    """Faults of a file, each once."""
+    return [Fault(severity=a, file=file, channel=b, finding=c, remedy=d) for a, b, c, d in dict.fromkeys(rows)]
 
 
 def _faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:

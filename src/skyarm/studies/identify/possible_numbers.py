@@ -9,7 +9,7 @@ import numpy as np
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.studies.identify.identified_numbers import Identified
-from skyarm.studies.identify.log_checks import BRIEF, REFUSED, WARNED, Fault, Found
+from skyarm.studies.identify.log_checks import BRIEF, REFUSED, WARNED, Fault, Found, faults_of
 from skyarm.studies.identify.logged_commands import commanded_speeds, time_constants
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -98,7 +98,7 @@ def doubtful_numbers(
         flights: of the fit, whose commands a thrust curve is compared with.
     """
     rows = [*_far_numbers(found), *_by_geometry(found, start), *_beyond_commands(found, start, flights)]
-    return tuple(Fault(severity=a, file=file, channel=b, finding=c, remedy=d) for a, b, c, d in dict.fromkeys(rows))
+    return tuple(faults_of(file, rows))
 
 
 def _far_numbers(found: Identified) -> Iterator[Found]:

@@ -1,0 +1,297 @@
+"""Changes of a flight's channels that each undo one kind of fault in logging: axes, signs, units, orders and clocks."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import combinations, permutations, product
+from typing import TypeAlias
+
+import numpy as np
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.frames import to_our_attitude, turn_vectors
+from skyarm.flight_data.clocks import POSE
+from skyarm.flight_data.flight_data import Channel, FlightData
+from skyarm.flight_data.series import attitude_at
+from skyarm.records.arrays import Array
+from skyarm.records.immutable import immutable
+from skyarm.studies.identify.log_checks import COMMANDS, REFUSED, UNIT, WARNED
+from skyarm.studies.identify.logged_commands import highest_speeds
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+LEFT_OUT, CHANGED, FREE, WHOLE = 0.35, 0.003, 0.02, 0.1
+"""Prices of a channel left out, of each column that a change moves, of one by any amount, and of such of all clocks or
+axes.
+"""
+
+MAP = "map its columns, their signs or its frame in columns.toml"
+SHIFTED = "stamps are off by {:+.0f} ms, + is late"
+CLOCK, LEAVE = "check the clocks", "leave it out, or take that of this flight"
+ORDER = "order the columns as the vehicle's rotors, or the rotors of the vehicle file as the columns"
+JOINT = "order the columns as the vehicle's joints, and check their signs"
+
+IMU, JOINTS = ("gyro", "accelerometer"), ("joint_positions", "joint_rates")
+ROTORS = "rotor commands"
+"""Name of the channel, whichever it is."""
+
+OFF = (0.65, 0.8, 0.92, 1.09, 1.25, 1.5)
+SHIFTS = (-200.0, -50.0, 50.0, 200.0)
+"""Wrong scales over right ones, and ms of a shift, from which the best one is looked for."""
+
+Channels: TypeAlias = Mapping[str, Channel]
+
+
+@immutable(kw_only=False, eq=False)
+class Change:
+    """Change of a flight's channels that undoes one kind of fault in logging.
+
+    Attributes:
+        channel: at fault. words: what is wrong with it, by the amount. remedy: in words.
+        names: channels that are changed, those of them that the flight has.
+        make: channels and amount of the fault -> those in their place.
+        amounts: that are tried. between: whether the best one may lie beside them.
+        price: in the cost. severity: of the fault.
+    """
+
+    channel: str
+    words: str
+    remedy: str
+    names: tuple[str, ...]
+    make: Callable[[Channels, float], Channels]
+    amounts: tuple[float, ...] = (1.0,)
+    between: bool = False
+    price: float = 0.0
+    severity: str = REFUSED
+
+    def of(self, flight: FlightData, amount: float) -> FlightData:
+        """Flight after the change that undoes a fault of some amount."""
+        own = {name: flight[name] for name in self.names if name in flight}
+        rest = {name: flight[name] for name in flight if name not in own}
+        return dataclasses.replace(flight, channels={**rest, **self.make(own, amount)})
+
+
+def by_rows(function: Callable[[Array, float], Array], own: Channels, amount: float) -> Channels:
+    """Channels with other values, each by a function of them and the amount."""
+    return {name: dataclasses.replace(each, values=function(each.values, amount)) for name, each in own.items()}
+
+
+def by_time(function: Callable[[Array, float], Array], own: Channels, amount: float) -> Channels:
+    """Channels with other times, likewise."""
+    return {name: dataclasses.replace(each, time=function(each.time, amount)) for name, each in own.items()}
+
+
+SCALED = partial(by_rows, lambda rows, times: rows / times)
+MOVED = partial(by_time, lambda time, late: time - 1e-3 * late)
+STRETCHED = partial(by_time, lambda time, times: time / times)
+
+
+def leave_out(own: Channels, amount: float) -> Channels:
+    """No channel in place of those at fault."""
+    return {}
+
+
+def channel_changes(flight: FlightData, start: Vehicle) -> Iterator[Change]:
+    """Yield the changes of channels among which the cause of a flight's residuals is looked for."""
+    yield from _of_axes(flight)
+    for words, meant in READINGS.items():
+        yield Change("quaternion", words, MAP, ("quaternion",), partial(by_rows, meant))
+    for name, unit, times in OTHER_UNITS:
+        yield Change(name, f"it looks like {unit}", UNIT, (name,), SCALED, (times,))
+    for name in (*IMU, "velocity", "position"):
+        yield Change(name, "is {:.4g} times what fits", UNIT, (name,), SCALED, OFF, True, FREE)
+    if "velocity" in flight and "quaternion" in flight:
+        yield Change("velocity", "is in axes of the base", MAP, ("velocity", "quaternion"), _in_world)
+    speeds = (0.5, *OFF, 2.0)
+    yield Change("time", "runs {:.3g} times as fast", CLOCK, tuple(flight), STRETCHED, speeds, True, WHOLE)
+    uneven = "stamps are late by more or less than even ones"
+    yield Change("pose", uneven, CLOCK, POSE, partial(by_time, _straight), severity=WARNED)
+    late: Mapping[str, tuple[str, ...]] = {"pose": POSE, "velocity": ("velocity",), "joint_positions": JOINTS}
+    for name, names in {**late, ROTORS: COMMANDS}.items():
+        yield Change(name, SHIFTED, CLOCK, names, MOVED, SHIFTS, True, FREE)
+    for name, part in {"pose": 1.0, "velocity": 0.5, "joint_rates": 0.5, "joint_efforts": 1.0}.items():
+        names = POSE if name == "pose" else (name,)
+        yield Change(name, "does not belong to this flight", LEAVE, names, leave_out, price=part * LEFT_OUT)
+    yield from _of_rotors(flight, start.rotors)
+    yield from _of_joints([link.joint.name for link in start.links])
+
+
+def _map_columns(channel: str, words: str, remedy: str, names: tuple[str, ...], mapping: Array) -> Change:
+    """Change of the values by a map (k, k) of their columns, at a price for each that it moves."""
+    moved = int((mapping != np.eye(len(mapping))).any(axis=1).sum())
+    make = partial(by_rows, lambda rows, _: rows @ mapping.T)
+    return Change(channel, words, remedy, names, make, price=moved * CHANGED)
+
+
+def _straight(time: Array, _: float) -> Array:
+    """Evenly spaced times in place of stamps, on the straight line through them."""
+    count = np.arange(time.size, dtype=float)
+    return np.asarray(np.polyval(np.polyfit(count, time, 1), count))
+
+
+def _in_world(own: Channels, _: float) -> Channels:
+    """Velocity in world axes from that in base axes."""
+    velocity, attitude = own["velocity"], own["quaternion"]
+    values = turn_vectors(attitude_at(attitude, velocity.time), velocity.values)
+    return {**own, "velocity": dataclasses.replace(velocity, values=values)}
+
+
+def _ours(frame: str, world: str, attitude: Array, _: float) -> Array:
+    """Attitudes (N, 4) from those of a base in a world of other axes."""
+    w, x, y, z = attitude.T
+    return np.stack([*to_our_attitude(w, x, y, z, frame, world)], axis=1)
+
+
+READINGS: Mapping[str, Callable[[Array, float], Array]] = {
+    "turns the other way: it looks inverse, from world to base": lambda q, _: q * [1.0, -1.0, -1.0, -1.0],
+    "looks like x, y, z, w read as w, x, y, z": lambda q, _: q[:, [3, 0, 1, 2]],
+    "looks like w, x, y, z read as x, y, z, w": lambda q, _: q[:, [1, 2, 3, 0]],
+    "looks like that of forward, right, down in north, east, down": partial(_ours, "FRD", "NED"),
+    "looks like that of forward, right, down": partial(_ours, "FRD", "z up"),
+    "looks like that in north, east, down": partial(_ours, "FLU", "NED"),
+}
+"""Words -> quaternion that was meant, from the one that was read."""
+
+DEGREES = 180.0 / math.pi
+OTHER_UNITS = (
+    ("gyro", "deg/s", DEGREES),
+    ("gyro", "rad/s read as deg/s", 1.0 / DEGREES),
+    ("gyro", "mrad/s", 1e3),
+    ("velocity", "mm/s", 1e3),
+    ("velocity", "cm/s", 1e2),
+    ("position", "mm", 1e3),
+    ("position", "cm", 1e2),
+    ("joint_rates", "deg/s", DEGREES),
+    ("joint_efforts", "N mm", 1e3),
+    ("joint_efforts", "kN m", 1e-3),
+)
+"""Channel, unit that it may have, and the number of an SI unit in it."""
+
+
+def _of_axes(flight: FlightData) -> Iterator[Change]:
+    """Yield changes of the axes of sensors."""
+    plain, mean = np.eye(3), flight["accelerometer"].values.mean(axis=0)
+    k = int(np.argmax(np.abs(mean)))
+    thrust = math.copysign(1.0, mean[k]) * plain[k]
+    upright, along = thrust[2] > 0.0, f"measures the thrust along {_axis(thrust)} rather than z, {mean[k]:.3g} m/s^2"
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        mapping = np.diag(signs) @ plain[list(order)]
+        moved = (mapping != plain).any(axis=1).sum()
+        if not moved:
+            continue
+        words = _axes_words(mapping)
+        usual = (mapping >= 0.0).all() or moved == 1 or (moved == 2 and np.linalg.det(mapping) > 0.0)
+        if usual:
+            yield _map_columns("gyro", words, MAP, ("gyro",), mapping)
+        if (mapping @ mean)[2] > 0.5 * np.linalg.norm(mean):
+            yield _map_columns("accelerometer", words if upright else along, MAP, ("accelerometer",), mapping)
+        if mapping[2, 2] and (usual or (mapping[:2] >= 0.0).all()):
+            for names in (("velocity",), ("position",), ("position", "velocity")):
+                yield _map_columns(names[0], words, MAP, names, mapping)
+    yield from _of_base(thrust, along, "quaternion" in flight)
+
+
+def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[Change]:
+    """Yield turns of the base axes of several sensors, which put a measured thrust along z."""
+    upright, remedy = bool(thrust[2] > 0.0), "turn the rotors of the vehicle file, or the IMU's axes"
+    lift = 0.5 * math.pi * np.cross(thrust, [0.0, 0.0, 1.0]) if thrust[2] >= 0.0 else [math.pi, 0.0, 0.0]
+    make = partial(_base_turned, Quaternion.of_rotation_vector(Vec3(*lift)))
+    turned = "axes look turned by {:.0f} deg about z"
+    whole = ROTORS, "turn the vehicle as if it stood {:.0f} deg about z from its rotors' places"
+    board = "gyro", f"and accelerometer: {turned}"
+    turns, price = [45.0, -45.0, 90.0, -90.0, 180.0], WHOLE
+    if not upright:
+        words = f"axes look like forward, right, down or others, and the accelerometer {along}: turned by {{:.0f}} deg"
+        whole = board = "gyro", f"{words} about z"
+        turns, price = [0.0, 90.0, -90.0, 180.0], CHANGED
+    # without an attitude the board and the vehicle turn alike
+    for (name, words), names in [(board, IMU)] * attitude + [(whole, (*IMU, "quaternion"))]:
+        yield Change(name, words, remedy, names, make, (*turns,), upright, price)
+    if upright:
+        yield Change("quaternion", turned, MAP, ("quaternion",), make, (*turns,), True, FREE)
+
+
+def _base_turned(up: Quaternion, own: Channels, degrees: float) -> Channels:
+    """Channels in base axes that are turned: by a quaternion that puts z up, then about z."""
+    turn = Quaternion.of_rotation_vector(Vec3(0.0, 0.0, math.radians(degrees))) * up
+    back, found = Quaternion(turn.w, -turn.x, -turn.y, -turn.z), dict[str, Channel]()
+    for name, each in own.items():
+        if name == "quaternion":
+            values = np.stack([*Quaternion(*each.values.T) * back], axis=1)
+        else:
+            values = turn_vectors(np.array([[*turn]]), each.values)
+        found[name] = dataclasses.replace(each, values=values)
+    return found
+
+
+def _axis(row: Array) -> str:
+    """Name of an axis with its sign, from a vector (3,) along it."""
+    return ("-" if row.sum() < 0.0 else "") + "xyz"[int(np.argmax(np.abs(row)))]
+
+
+def _axes_words(mapping: Array) -> str:
+    """Words for the axes that a signed permutation (3, 3) puts right: of each true axis the one that was read."""
+    moved = [i for i in range(3) if mapping[i, i] != 1.0]
+    which = " and ".join("xyz"[i] for i in moved)
+    if np.count_nonzero(np.diag(mapping)) == 3:
+        said = f"the sign of {which} looks turned" if len(moved) == 1 else f"the signs of {which} look turned"
+        return said + (", as of forward, right, down (FRD) read as forward, left, up" if moved == [1, 2] else "")
+    if len(moved) == 2 and (mapping >= 0.0).all():
+        return f"{which} look swapped"
+    return f"the axes look swapped or turned: {', '.join(map(_axis, mapping))} stand for x, y, z"
+
+
+def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
+    """Yield other orders and another range of the rotors' commands."""
+    plain = tuple(range(len(rotors)))
+    places = np.array([[float(each.position.x), float(each.position.y)] for each in rotors])
+    mirrored = tuple(int(np.argmin(np.hypot(*(places - [x, -y]).T))) for x, y in places)
+    turned = [(plain[i:] + plain[:i])[::way] for i in plain for way in (1, -1)]
+    known = {
+        mirrored: "the rotors look mirrored, left for right",
+        plain[::-1]: "the order of the rotors looks reversed",
+    }
+    every = [*_exchanges(plain), *turned, mirrored, *(permutations(plain) if len(plain) <= 4 else ())]
+    for order in dict.fromkeys(every):
+        moved = [str(i + 1) for i in plain if order[i] != i]
+        words = f"the rotors look ordered {', '.join(str(each + 1) for each in order)}"
+        if len(moved) == 2:
+            words = f"rotors {' and '.join(moved)} look exchanged"
+        if moved:
+            yield _map_columns(ROTORS, known.get(order, words), ORDER, COMMANDS, np.eye(len(plain))[list(order)])
+    full = highest_speeds(rotors) if "rotor_speed_commands" in flight else np.ones(len(plain))
+    if np.isfinite(full).all():
+        words, remedy = "begin at {:.0f} % of the full signal: their range is another", "state low and high"
+        lowered, percent = partial(by_rows, partial(_less, 0.01 * full)), (-15.0, -6.0, 6.0, 15.0)
+        yield Change(ROTORS, words, f"{remedy} in columns.toml", COMMANDS, lowered, percent, True, FREE)
+
+
+def _exchanges(plain: Sequence[int]) -> Iterator[tuple[int, ...]]:
+    """Yield orders of rotors or joints in which two are exchanged."""
+    for i, k in combinations(plain, 2):
+        yield tuple(k if each == i else i if each == k else each for each in plain)
+
+
+def _of_joints(names: Sequence[str]) -> Iterator[Change]:
+    """Yield other orders, signs and zeros of the joints' channels."""
+    plain, every = np.eye(len(names)), range(len(names))
+    maps = dict[str, Array]()
+    for order in _exchanges(every):
+        maps[f"{' and '.join(names[i] for i in every if order[i] != i)} look swapped"] = plain[list(order)]
+    for turned in [[i] for i in every] + [[*every]] * (len(names) > 1):
+        signs = np.where(np.isin(every, turned), -1.0, 1.0)
+        maps[f"the sign of {' and '.join(names[i] for i in turned)} looks turned"] = np.diag(signs)
+    for words, mapping in maps.items():
+        for group in (JOINTS, ("joint_rates",), ("joint_efforts",)):
+            yield _map_columns(group[0], words, JOINT, group, mapping)
+    for name, column in zip(names, plain, strict=True):
+        moved, zeros = partial(by_rows, partial(_less, column)), (-0.5, -0.15, 0.15, 0.5)
+        words = f"zero of {name} is off by {{:.3g}}"
+        yield Change("joint_positions", words, JOINT, ("joint_positions",), moved, zeros, True, FREE)
+
+
+def _less(unit: Array, rows: Array, amount: float) -> Array:
+    """Samples (N, k) less a constant offset of some columns."""
+    return rows - amount * unit
