@@ -153,11 +153,11 @@ def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> 
     """
     found = check_log(flight, start)
     if not any(each.severity == REFUSED for each in found):
-        found += faults_of(flight.file, _unexplained(flight, start, [each.channel for each in found], isolate))
+        found += faults_of(flight.file, _isolate(flight, start, [each.channel for each in found], isolate))
     return tuple(sorted(found, key=lambda each: each.severity != REFUSED))
 
 
-def _unexplained(flight: FlightData, start: Vehicle, told: Sequence[str], search: bool) -> Iterator[Found]:
+def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str], search: bool) -> Iterator[Found]:
     """Yield a late pose, and what the model leaves of a flight that has no other fault."""
     try:
         student_quantile()
