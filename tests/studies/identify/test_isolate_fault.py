@@ -75,8 +75,9 @@ def test_what_no_change_mends_is_said_of_the_model(monkeypatch):
     (fault,), _ = isolated(monkeypatch, lambda flight: {"gyro": 14.2, "position": 3.01, "velocity": 1.2})
     assert (fault.severity, fault.channel) == (WARNED, "model")
     assert fault.finding == "does not explain gyro (14 times its noise), position (3 times its noise)"
-    found, _ = isolated(monkeypatch, lambda flight: {"position": 2.99})
-    assert found == ()
+    for size, channels in ((2.99, []), (3.01, ["model"])):
+        found, _ = isolated(monkeypatch, lambda flight, size=size: {"position": size})
+        assert [each.channel for each in found] == channels
 
 
 def test_the_change_that_makes_all_white_is_named_with_what_it_does(monkeypatch):

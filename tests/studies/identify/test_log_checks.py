@@ -273,13 +273,13 @@ AROUND = {
         f"refused {SPEED}: lift .* they look like rpm",
     ),
     "at rest": (
-        quiet(0.06, 0.0),
-        quiet(0.04, 0.0),
+        quiet(0.0502, 0.0),
+        quiet(0.0498, 0.0),
         f"refused {SPEED}: lift 1 of the weight: the flight never took off",
     ),
     "still": (
-        quiet(0.01, 0.03),
-        quiet(0.01, 0.01),
+        quiet(0.01, 0.0201),
+        quiet(0.01, 0.0199),
         f"refused {SPEED}: lift 1 of the weight: the flight never took off",
     ),
 }
