@@ -146,11 +146,11 @@ def test_numbers_are_doubted_and_refused_from_some_times_the_start_s_on(name, ti
 @pytest.mark.parametrize(
     ("name", "value", "told"),
     [
-        ("delay", 0.059, []),
-        ("delay", 0.061, [(REFUSED, "delay")]),
-        ("delay", -0.061, [(WARNED, "delay"), (REFUSED, "delay")]),
-        ("accelerometer_delay", -0.059, []),
-        ("accelerometer_delay", -0.061, [(REFUSED, "accelerometer_delay")]),
+        ("delay", 0.0598, []),
+        ("delay", 0.0602, [(REFUSED, "delay")]),
+        ("delay", -0.0602, [(WARNED, "delay"), (REFUSED, "delay")]),
+        ("accelerometer_delay", -0.0598, []),
+        ("accelerometer_delay", -0.0602, [(REFUSED, "accelerometer_delay")]),
         ("drives.elbow.latency", 0.2, []),
     ],
 )

@@ -18,23 +18,23 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import attitude_at
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.log_checks import COMMANDS, REFUSED, UNIT, WARNED
+from skyarm.studies.identify.log_checks import COMMANDS, IMU, REFUSED, UNIT, WARNED
 from skyarm.studies.identify.logged_commands import highest_speeds
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
-LEFT_OUT, CHANGED, FREE, WHOLE = 0.35, 0.003, 0.02, 0.1
-"""Prices of a channel left out, of each column that a change moves, of one by any amount, and of such of all clocks or
-axes.
+PRICE_OUT, PRICE_COLUMN, PRICE_AMOUNT, PRICE_WHOLE = 0.35, 0.003, 0.02, 0.1
+"""Prices in the cost: of a channel left out, of each column that a change moves, of a change by any amount, and of such
+a change of all clocks or axes.
 """
 
 MAP = "map its columns, their signs or its frame in columns.toml"
 SHIFTED = "stamps are off by {:+.0f} ms, + is late"
 CLOCK, LEAVE = "check the clocks", "leave it out, or take that of this flight"
-ORDER = "order the columns as the vehicle's rotors, or the rotors of the vehicle file as the columns"
-JOINT = "order the columns as the vehicle's joints, and check their signs"
+ORDER_ROTORS = "order the columns as the vehicle's rotors, or the rotors of the vehicle file as the columns"
+ORDER_JOINTS = "order the columns as the vehicle's joints, and check their signs"
 
-IMU, JOINTS = ("gyro", "accelerometer"), ("joint_positions", "joint_rates")
-ROTORS = "rotor commands"
+JOINTS = ("joint_positions", "joint_rates")
+ROTOR_COMMANDS = "rotor commands"
 """Name of the channel, whichever it is."""
 
 OFF = (0.65, 0.8, 0.92, 1.09, 1.25, 1.5)
@@ -83,7 +83,7 @@ def by_time(function: Callable[[Array, float], Array], own: Channels, amount: fl
     return {name: dataclasses.replace(each, time=function(each.time, amount)) for name, each in own.items()}
 
 
-SCALED = partial(by_rows, lambda rows, times: rows / times)
+RESCALED = partial(by_rows, lambda rows, times: rows / times)
 MOVED = partial(by_time, lambda time, late: time - 1e-3 * late)
 STRETCHED = partial(by_time, lambda time, times: time / times)
 
@@ -99,21 +99,21 @@ def channel_changes(flight: FlightData, start: Vehicle) -> Iterator[Change]:
     for words, meant in READINGS.items():
         yield Change("quaternion", words, MAP, ("quaternion",), partial(by_rows, meant))
     for name, unit, times in OTHER_UNITS:
-        yield Change(name, f"it looks like {unit}", UNIT, (name,), SCALED, (times,))
+        yield Change(name, f"it looks like {unit}", UNIT, (name,), RESCALED, (times,))
     for name in (*IMU, "velocity", "position"):
-        yield Change(name, "is {:.4g} times what fits", UNIT, (name,), SCALED, OFF, True, FREE)
+        yield Change(name, "is {:.4g} times what fits", UNIT, (name,), RESCALED, OFF, True, PRICE_AMOUNT)
     if "velocity" in flight and "quaternion" in flight:
         yield Change("velocity", "is in axes of the base", MAP, ("velocity", "quaternion"), _in_world)
     speeds = (0.5, *OFF, 2.0)
-    yield Change("time", "runs {:.3g} times as fast", CLOCK, tuple(flight), STRETCHED, speeds, True, WHOLE)
+    yield Change("time", "runs {:.3g} times as fast", CLOCK, tuple(flight), STRETCHED, speeds, True, PRICE_WHOLE)
     uneven = "stamps are late by more or less than even ones"
     yield Change("pose", uneven, CLOCK, POSE, partial(by_time, _straight), severity=WARNED)
     late: Mapping[str, tuple[str, ...]] = {"pose": POSE, "velocity": ("velocity",), "joint_positions": JOINTS}
-    for name, names in {**late, ROTORS: COMMANDS}.items():
-        yield Change(name, SHIFTED, CLOCK, names, MOVED, SHIFTS, True, FREE)
+    for name, names in {**late, ROTOR_COMMANDS: COMMANDS}.items():
+        yield Change(name, SHIFTED, CLOCK, names, MOVED, SHIFTS, True, PRICE_AMOUNT)
     for name, part in {"pose": 1.0, "velocity": 0.5, "joint_rates": 0.5, "joint_efforts": 1.0}.items():
         names = POSE if name == "pose" else (name,)
-        yield Change(name, "does not belong to this flight", LEAVE, names, leave_out, price=part * LEFT_OUT)
+        yield Change(name, "does not belong to this flight", LEAVE, names, leave_out, price=part * PRICE_OUT)
     yield from _of_rotors(flight, start.rotors)
     yield from _of_joints([link.joint.name for link in start.links])
 
@@ -122,7 +122,7 @@ def _map_columns(channel: str, words: str, remedy: str, names: tuple[str, ...], 
     """Change of the values by a map (k, k) of their columns, at a price for each that it moves."""
     moved = int((mapping != np.eye(len(mapping))).any(axis=1).sum())
     make = partial(by_rows, lambda rows, _: rows @ mapping.T)
-    return Change(channel, words, remedy, names, make, price=moved * CHANGED)
+    return Change(channel, words, remedy, names, make, price=moved * PRICE_COLUMN)
 
 
 def _straight(time: Array, _: float) -> Array:
@@ -199,18 +199,18 @@ def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[Change]:
     lift = 0.5 * math.pi * np.cross(thrust, [0.0, 0.0, 1.0]) if thrust[2] >= 0.0 else [math.pi, 0.0, 0.0]
     make = partial(_base_turned, Quaternion.of_rotation_vector(Vec3(*lift)))
     turned = "axes look turned by {:.0f} deg about z"
-    whole = ROTORS, "turn the vehicle as if it stood {:.0f} deg about z from its rotors' places"
+    whole = ROTOR_COMMANDS, "turn the vehicle as if it stood {:.0f} deg about z from its rotors' places"
     board = "gyro", f"and accelerometer: {turned}"
-    turns, price = [45.0, -45.0, 90.0, -90.0, 180.0], WHOLE
+    turns, price = [45.0, -45.0, 90.0, -90.0, 180.0], PRICE_WHOLE
     if not upright:
         words = f"axes look like forward, right, down or others, and the accelerometer {along}: turned by {{:.0f}} deg"
         whole = board = "gyro", f"{words} about z"
-        turns, price = [0.0, 90.0, -90.0, 180.0], CHANGED
+        turns, price = [0.0, 90.0, -90.0, 180.0], PRICE_COLUMN
     # without an attitude the board and the vehicle turn alike
     for (name, words), names in [(board, IMU)] * attitude + [(whole, (*IMU, "quaternion"))]:
         yield Change(name, words, remedy, names, make, (*turns,), upright, price)
     if upright:
-        yield Change("quaternion", turned, MAP, ("quaternion",), make, (*turns,), True, FREE)
+        yield Change("quaternion", turned, MAP, ("quaternion",), make, (*turns,), True, PRICE_AMOUNT)
 
 
 def _base_turned(up: Quaternion, own: Channels, degrees: float) -> Channels:
@@ -260,12 +260,14 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
         if len(moved) == 2:
             words = f"rotors {' and '.join(moved)} look exchanged"
         if moved:
-            yield _map_columns(ROTORS, known.get(order, words), ORDER, COMMANDS, np.eye(len(plain))[list(order)])
+            yield _map_columns(
+                ROTOR_COMMANDS, known.get(order, words), ORDER_ROTORS, COMMANDS, np.eye(len(plain))[list(order)]
+            )
     full = highest_speeds(rotors) if "rotor_speed_commands" in flight else np.ones(len(plain))
     if np.isfinite(full).all():
         words, remedy = "begin at {:.0f} % of the full signal: their range is another", "state low and high"
         lowered, percent = partial(by_rows, partial(_less, 0.01 * full)), (-15.0, -6.0, 6.0, 15.0)
-        yield Change(ROTORS, words, f"{remedy} in columns.toml", COMMANDS, lowered, percent, True, FREE)
+        yield Change(ROTOR_COMMANDS, words, f"{remedy} in columns.toml", COMMANDS, lowered, percent, True, PRICE_AMOUNT)
 
 
 def _exchanges(plain: Sequence[int]) -> Iterator[tuple[int, ...]]:
@@ -285,11 +287,11 @@ def _of_joints(names: Sequence[str]) -> Iterator[Change]:
         maps[f"the sign of {' and '.join(names[i] for i in turned)} looks turned"] = np.diag(signs)
     for words, mapping in maps.items():
         for group in (JOINTS, ("joint_rates",), ("joint_efforts",)):
-            yield _map_columns(group[0], words, JOINT, group, mapping)
+            yield _map_columns(group[0], words, ORDER_JOINTS, group, mapping)
     for name, column in zip(names, plain, strict=True):
         moved, zeros = partial(by_rows, partial(_less, column)), (-0.5, -0.15, 0.15, 0.5)
         words = f"zero of {name} is off by {{:.3g}}"
-        yield Change("joint_positions", words, JOINT, ("joint_positions",), moved, zeros, True, FREE)
+        yield Change("joint_positions", words, ORDER_JOINTS, ("joint_positions",), moved, zeros, True, PRICE_AMOUNT)
 
 
 def _less(unit: Array, rows: Array, amount: float) -> Array:

@@ -24,8 +24,8 @@ from skyarm.studies.identify.channel_changes import (
     CLOCK,
     JOINTS,
     MAP,
-    ORDER,
-    ROTORS,
+    ORDER_ROTORS,
+    ROTOR_COMMANDS,
     SHIFTED,
     Change,
     channel_changes,
@@ -89,7 +89,7 @@ ALARM, DOUBTFUL, ODD = 1.3, 3.0, 200.0
 squares of the numbers' distances from the start beyond which they explain what no vehicle does.
 """
 
-GAIN, CLEAR = 0.3, 0.1
+GAIN, AHEAD = 0.3, 0.1
 """Of the cost: least fall by which a change is named that does not make all white; and what it must be better by than
 changes of other channels to be named alone.
 """
@@ -113,7 +113,7 @@ SECONDS, FLOWN, COARSE = 30.0, (20.0, 1e4), 4e-3
 """s of a flight that are looked at; Hz, of a gyroscope whose windows are flown; s, of a step at most in a first search.
 """
 
-LATE = 0.05
+LATE_POSE = 0.05
 """s, by which a pose is late that is reported although it is aligned."""
 
 BESIDE = {
@@ -152,11 +152,11 @@ def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> 
     """
     found = check_log(flight, start)
     if not any(each.severity == REFUSED for each in found):
-        found += faults_of(flight.file, _unexplained(flight, start, [each.channel for each in found], isolate))
+        found += faults_of(flight.file, _isolate(flight, start, [each.channel for each in found], isolate))
     return tuple(sorted(found, key=lambda each: each.severity != REFUSED))
 
 
-def _unexplained(flight: FlightData, start: Vehicle, told: Sequence[str], search: bool) -> Iterator[Found]:
+def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str], search: bool) -> Iterator[Found]:
     """Yield a late pose, and what the model leaves of a flight that has no other fault."""
     try:
         student_quantile()
@@ -166,7 +166,11 @@ def _unexplained(flight: FlightData, start: Vehicle, told: Sequence[str], search
     begin = flying_spans(commanded_speeds(flight, start), start)[0][0] - 1.0
     flights = flight.section(begin, begin + SECONDS), aligned.section(begin, begin + SECONDS)
     found = list(_verdict(flights, start, told, search))
-    if clock is not None and abs(clock.offset) - clock.offset_error > LATE and "pose" not in [row[1] for row in found]:
+    if (
+        clock is not None
+        and abs(clock.offset) - clock.offset_error > LATE_POSE
+        and "pose" not in [row[1] for row in found]
+    ):
         way, off = ("late" if clock.offset < 0.0 else "early"), 1e3 * abs(clock.offset)
         finding = f"is {off:.0f} ± {1e3 * clock.offset_error:.0f} ms {way} against the gyro"
         yield WARNED, "quaternion", finding, "identify aligns it (skyarm.flight_data.clocks.align_poses)"
@@ -181,7 +185,7 @@ def _verdict(flights: Flights, start: Vehicle, told: Sequence[str], search: bool
     bad = [name for name in sorted(sizes, key=lambda name: -sizes[name]) if sizes[name] >= ALARM and name not in told]
     if not bad and abs(before.delay) > LONGEST_DELAY:
         finding = SHIFTED.format(-1e3 * (before.delay - USUAL_DELAY))
-        yield REFUSED, ROTORS, f"{finding}: they act {1e3 * before.delay:.0f} ms after they are stamped", CLOCK
+        yield REFUSED, ROTOR_COMMANDS, f"{finding}: they act {1e3 * before.delay:.0f} ms after they are stamped", CLOCK
     elif bad or before.unusual > ODD:
         if best := _best_changes(left, flights, start, before) if search else []:
             yield _name_fault(best, before)
@@ -228,7 +232,11 @@ def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left
         if not bad & {*around} or not any(name in flight for name in change.names):
             continue
         # an attitude tells axes of sensors from an order of rotors: no other change would do as well
-        sure = (attitude or change.remedy not in (MAP, ORDER)) and not change.between and change.make is not leave_out
+        sure = (
+            (attitude or change.remedy not in (MAP, ORDER_ROTORS))
+            and not change.between
+            and change.make is not leave_out
+        )
         for amount in change.amounts:
             tried += (now := trial(change, amount, how))
             if sure and now and now[0].cost < hopeful:
@@ -246,7 +254,7 @@ def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left
     worth = [each for each in finals if each.cost < most - (0.0 if each.left.largest < ALARM else GAIN)]
     best = sorted(worth, key=cost)
     rivals = [
-        each for each in best if each.change.channel != best[0].change.channel and each.cost < best[0].cost + CLEAR
+        each for each in best if each.change.channel != best[0].change.channel and each.cost < best[0].cost + AHEAD
     ]
     named = [*best[:1], *rivals[:1]]
     # nothing but an attitude tells them apart

@@ -52,10 +52,10 @@ class Fault:
 Found: TypeAlias = tuple[str, str, str, str]
 """Severity, channel, finding, remedy."""
 
-NEEDED, COMMANDS = ("gyro", "accelerometer"), ("rotor_commands", "rotor_speed_commands")
+IMU, COMMANDS = ("gyro", "accelerometer"), ("rotor_commands", "rotor_speed_commands")
 """Channels without which nothing is identified; commands to the rotors, of which one is needed."""
 
-USED = (*NEEDED, *COMMANDS, "joint_positions")
+USED = (*IMU, *COMMANDS, "joint_positions")
 """Channels whose damage spoils numbers."""
 
 CUT, UNIT = "cut the flight to sections without it", "state its unit in columns.toml"
@@ -149,10 +149,10 @@ def _spikes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
 def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """Yield the channels that are not there or have not the columns of the vehicle."""
     told = [name for name in COMMANDS[::-1] if name in flight][:1]
-    wanted = dict.fromkeys(NEEDED, ("is", "log it, or map its columns"))
+    wanted = dict.fromkeys(IMU, ("is", "log it, or map its columns"))
     if flight.facts.get("vehicle") == SIMULATED:
         imu = 'name an inertial unit in the scenario ([sensors] imu = { kind = "imu" }) and fly it again'
-        wanted = dict.fromkeys(NEEDED, ("is", imu))
+        wanted = dict.fromkeys(IMU, ("is", imu))
     wanted |= {} if told else {COMMANDS[0]: ("are", "log them, or map their columns")}
     wanted |= {"joint_positions": ("are", "log them: they move its mass")} if start.n else {}
     for name, (verb, remedy) in wanted.items():
@@ -229,7 +229,7 @@ def _damaged_shares(flight: FlightData) -> Iterator[Found]:
 WEIGHTS = (0.4, 2.5)
 """Mean thrust over the weight that a wrong thrust curve explains."""
 
-MOVING, RESTING, BRIEF = 0.05, 0.02, 1.0
+MOVING, RESTING, SHORTEST_FLIGHT = 0.05, 0.02, 1.0
 """rad/s, deviation of the gyro, and m of the position, of a vehicle that flies; s of a flight in the air at least."""
 
 SPEED_UNITS = {"rpm": 30.0 / np.pi, "Hz": 0.5 / np.pi, "rad/s of a motor behind a gear, or of poles": 7.0}
@@ -255,11 +255,11 @@ def _ground(flight: FlightData, start: Vehicle, spans: Sequence[tuple[float, flo
         looks = [unit for unit, scale in SPEED_UNITS.items() if 0.6 < share / scale**2 < 1.6]
         finding += f": they look like {looks[0]}" if looks and name == COMMANDS[1] else ""
         yield REFUSED, name, finding, "check mass, thrust curve and units of the commands"
-    elif (airborne := sum(b - a for a, b in spans)) < BRIEF:
+    elif (airborne := sum(b - a for a, b in spans)) < SHORTEST_FLIGHT:
         yield REFUSED, "flight", f"{airborne:.2g} s in the air: too short, or cut off", "take a flight of 10 s or more"
 
 
-GAP, HELD_GAP, FEWEST = 0.1, 0.5, 20
+SENSOR_GAP, HELD_GAP, FEWEST_SAMPLES = 0.1, 0.5, 20
 """Shortest gap of a sensor and of a held command, s, that is reported; samples of a channel whose rate is known."""
 
 DROPPED, EARLY = 0.03, 1.0
@@ -268,29 +268,29 @@ DROPPED, EARLY = 0.03, 1.0
 
 def channel_gaps(name: str, channel: Channel) -> list[tuple[float, float]]:
     """Gaps of a channel of some quantity: begin and length, s."""
-    if channel.time.size < FEWEST:
+    if channel.time.size < FEWEST_SAMPLES:
         return []
     steps, held = np.diff(channel.time), QUANTITIES[name].held
-    most = max(HELD_GAP if held else GAP, (20.0 if held else 5.0) * float(np.median(steps)))
+    most = max(HELD_GAP if held else SENSOR_GAP, (20.0 if held else 5.0) * float(np.median(steps)))
     return [(float(channel.time[i]), float(steps[i])) for i in np.flatnonzero(steps > most)]
 
 
 def _gaps(flight: FlightData, inside: FlightData) -> Iterator[Found]:
     """Yield gaps, missing samples, and channels that end early."""
     gaps = {name: channel_gaps(name, inside[name]) for name in inside}
-    every = [name for name in gaps if name in (*NEEDED, *COMMANDS)]
+    every = [name for name in gaps if name in (*IMU, *COMMANDS)]
 
     def all_begin(when: float, names: Sequence[str]) -> bool:
-        return all(any(abs(when - other) < GAP for other, _ in gaps[name]) for name in names)
+        return all(any(abs(when - other) < SENSOR_GAP for other, _ in gaps[name]) for name in names)
 
     for when, long in [each for each in gaps.get("gyro", []) if all_begin(each[0], every)][:3]:
         finding = f"jumps by {long:.3g} s at {when:.4g} s in all channels"
         yield WARNED, "time", finding, "the stretches before and after it are taken apart"
     for name, rows in gaps.items():
         steps = np.diff(inside[name].time)
-        if not QUANTITIES[name].held and steps.size >= FEWEST:
+        if not QUANTITIES[name].held and steps.size >= FEWEST_SAMPLES:
             usual = float(np.median(steps))
-            lost = float(np.maximum(np.round(steps[steps < GAP] / usual) - 1.0, 0.0).sum())
+            lost = float(np.maximum(np.round(steps[steps < SENSOR_GAP] / usual) - 1.0, 0.0).sum())
             if (share := lost / (steps.size + lost)) > DROPPED:
                 finding = f"{100.0 * share:.2g} % of the samples are missing, at {1.0 / usual:.4g} Hz"
                 yield WARNED, name, finding, "log fewer channels, or at a lower rate"
@@ -317,7 +317,7 @@ AT_LIMIT = 5
 MANY = 100
 """Rows of a sensor that is checked."""
 
-SENSORS = (*NEEDED, "quaternion", "position", "velocity", "rotor_speeds", "joint_positions")
+NEVER_STILL = (*IMU, "quaternion", "position", "velocity", "rotor_speeds", "joint_positions")
 """Channels whose noise or motion never repeats a row for long."""
 
 
@@ -330,20 +330,20 @@ def _within(channel: Channel, spans: Sequence[tuple[float, float]]) -> Mask:
 def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
     """Yield: a channel freezes in the air, was filled up, or saturates."""
     command = name in (*COMMANDS, "joint_efforts")
-    if not (command or name in SENSORS) or channel.time.size < (FEWEST if command else MANY):
+    if not (command or name in NEVER_STILL) or channel.time.size < (FEWEST_SAMPLES if command else MANY):
         return
     same = (channel.values[1:] == channel.values[:-1]) & aloft[:, None]
     whole = same.all(axis=1)
     share = float(whole.sum()) / max(1, int(aloft.sum()))
     severity = _severity(name)
     runs = [("", whole, STUCK if command else FROZEN)]
-    runs += [(f"axis {axis} ", column, ALONE) for axis, column in zip("xyz", same.T, strict=False) if name in NEEDED]
+    runs += [(f"axis {axis} ", column, ALONE) for axis, column in zip("xyz", same.T, strict=False) if name in IMU]
     for axis, rows, most in runs:
         long, when = _longest_run(rows, channel.time)
         if long > most and not (command and share > BUSY):
             yield REFUSED if command else severity, name, f"{axis}is frozen for {long:.3g} s at {when:.4g} s", CUT
             return
-    if name not in (*NEEDED, "joint_positions"):
+    if name not in (*IMU, "joint_positions"):
         return
     sampled = command_samples(channel).rate
     if share > REPEATED:
@@ -353,7 +353,7 @@ def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
     elif 0.0 < sampled < SPARSE * channel.rate:
         finding = f"is on straight lines between samples of {sampled:.3g} Hz, rather than of {channel.rate:.3g} Hz"
         yield WARNED, name, finding, "log it as it was sampled, without interpolation"
-    for axis, column in zip("xyz", channel.values[1:][~whole].T, strict=False) if name in NEEDED else ():
+    for axis, column in zip("xyz", channel.values[1:][~whole].T, strict=False) if name in IMU else ():
         for limit in (column.max(), column.min()):
             at = (column == limit).astype(int)
             triples = np.convolve(at, np.ones(3, dtype=int), "valid") == 3

@@ -9,23 +9,23 @@ import numpy as np
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.studies.identify.identified_numbers import Identified
-from skyarm.studies.identify.log_checks import BRIEF, REFUSED, WARNED, Fault, Found, faults_of
+from skyarm.studies.identify.log_checks import REFUSED, SHORTEST_FLIGHT, WARNED, Fault, Found, faults_of
 from skyarm.studies.identify.logged_commands import commanded_speeds, time_constants
 from skyarm.vehicle.vehicle_records import Vehicle
 
-FAR, IMPOSSIBLE = 4.0, 8.0
+FAR_OFF, IMPOSSIBLE = 4.0, 8.0
 """Times by which a number that a flight shows may be off the start before it is doubted; and a firm one is refused.
 
 Units that are mixed up are off by 9.55 (rpm), 9.81 (g) and more.
 """
 
-FIRM = ("rotors.thrust_coefficient", "base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
+FIRM_NUMBERS = ("rotors.thrust_coefficient", "base.inertia.xx", "base.inertia.yy", "base.inertia.zz")
 """Numbers that drawing and scale tell better than by a factor of 8, and that a wrong mass puts off all alike."""
 
-DOUBTED = (*FIRM, "rotors.moment_coefficient", "rotors.time_constant_up", "rotors.time_constant_down")
+DOUBTED = (*FIRM_NUMBERS, "rotors.moment_coefficient", "rotors.time_constant_up", "rotors.time_constant_down")
 """Numbers above 0 that are compared with those of the start."""
 
-ALIKE = 1.45
+ALL_OFF = 1.45
 """Times by which the firm numbers are off the start's on the mean, all to one side, before the mass is doubted."""
 
 LONGEST_DELAY, SHORT = 0.06, 5.0
@@ -70,12 +70,16 @@ def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix:
     moments = [float(getattr(base.inertia, axis)) for axis in ("xx", "yy", "zz")]
     places = [base.com, *(each.position for each in start.rotors)]
     size = max(math.sqrt(max(moments) / mass), *(math.hypot(*map(float, each)) for each in places))
-    longest = float(time_constants(start.rotors).max(initial=BRIEF))
+    longest = float(time_constants(start.rotors).max(initial=SHORTEST_FLIGHT))
     for name, value in known.items():
         if name.startswith("base.inertia."):
-            most, unit, why = FAR * mass * size**2, "kg m^2", f"{FAR:g} times the mass times the square of {size:.3g} m"
+            most, unit, why = (
+                FAR_OFF * mass * size**2,
+                "kg m^2",
+                f"{FAR_OFF:g} times the mass times the square of {size:.3g} m",
+            )
         elif name.startswith(LENGTHS):
-            most, unit, why = FAR * size, "m", f"{FAR:g} times the vehicle's size, {size:.3g} m"
+            most, unit, why = FAR_OFF * size, "m", f"{FAR_OFF:g} times the vehicle's size, {size:.3g} m"
         elif name in TIMES or name.endswith(".latency"):
             most, unit, why = longest, "s", "the shortest flight that counts"
         elif name.startswith("links.") and name.endswith(".mass"):
@@ -119,12 +123,12 @@ def _far_numbers(found: Identified) -> Iterator[Found]:
         elif each.name in DOUBTED and each.start > 0.0:
             ratios[each.name] = max(each.value, 1e-300) / each.start
             times = max(ratios[each.name], 1.0 / ratios[each.name])
-            if times > FAR:
+            if times > FAR_OFF:
                 finding = f"is {each.value:.4g} {each.unit}, {each.value / each.start:.3g} times the start vehicle's"
-                severity = REFUSED if times > IMPOSSIBLE and each.name in FIRM else WARNED
+                severity = REFUSED if times > IMPOSSIBLE and each.name in FIRM_NUMBERS else WARNED
                 yield severity, each.name, finding, "check the channels' units, and mass and numbers of the vehicle"
-    logs = np.log([ratios[name] for name in FIRM if name in ratios])
-    if len(logs) == len(FIRM) and abs(logs.mean()) > math.log(ALIKE) and np.ptp(np.sign(logs)) == 0.0:
+    logs = np.log([ratios[name] for name in FIRM_NUMBERS if name in ratios])
+    if len(logs) == len(FIRM_NUMBERS) and abs(logs.mean()) > math.log(ALL_OFF) and np.ptp(np.sign(logs)) == 0.0:
         finding = f"thrust and inertia are {math.exp(logs.mean()):.3g} times the start vehicle's alike, as by its mass"
         yield WARNED, "mass", finding, "weigh the vehicle: a flight shows forces per mass only"
 
