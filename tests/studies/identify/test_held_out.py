@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 
@@ -26,6 +27,7 @@ from skyarm.studies.identify.held_out import (
     fading,
     learn_from_past,
     noises_of,
+    one_step_errors,
     past_windows,
     predict_held_out,
     rotations,
@@ -218,6 +220,19 @@ def test_errors_are_mean_distances_and_angles_between_attitudes():
     nothing = errors_of(ends(0), WHOLE)
     assert nothing.begins == 0
     assert math.isnan(nothing.position)
+
+
+def test_means_of_a_step_count_where_two_of_them_are_flown_without_a_gap():
+    """Of an accelerometer of four steps a sample: begins less than eight steps before the end show nothing."""
+    loop, _ = loop_of(noise=1.0)
+    (parts,), slow = loop.flights, copy.copy(loop)
+    end = int(np.flatnonzero(parts.usable)[-1]) + 1
+    slow.averaged = 4
+    far = np.arange(end - 100, end - 7, 10)
+    period, model, spread = one_step_errors(slow, [far])
+    assert period == pytest.approx(4 * STEP)
+    assert one_step_errors(slow, [np.append(far, range(end - 7, end))]) == (period, model, spread)
+    assert one_step_errors(slow, [np.append(far, end - 8)])[1] != model
 
 
 def test_rotations_go_the_shorter_way_whatever_the_signs():

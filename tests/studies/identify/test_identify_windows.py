@@ -11,7 +11,12 @@ import pytest
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.identified_numbers import NOT_SHOWN
 from skyarm.studies.identify.identified_parts import vehicle_with
-from skyarm.studies.identify.identify_windows import _without_lines, explained_shares, identify_by_windows
+from skyarm.studies.identify.identify_windows import (
+    _without_lines,
+    explained_shares,
+    first_fits,
+    identify_by_windows,
+)
 from skyarm.studies.identify.unknowns import second_moments, unknowns_of
 from skyarm.studies.identify.windows import Samples
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -143,6 +148,60 @@ def test_what_is_explained_is_beyond_white_noise(monkeypatch):
     bends = np.mean((swing[:40, 0] - np.polyval(np.polyfit(time, swing[:40, 0], 1), time)) ** 2)
     assert explained == {"rate.x": pytest.approx(1.0 - 0.08 / (bends - 0.01))}
     assert deviation == {"rate.x": pytest.approx(0.3)}
+
+
+class HalvedErrors:
+    """Errors of a method of second order: what its steps add to the second row falls with their number's square."""
+
+    def __init__(self, substeps, size):
+        self.replay, self.windows = SimpleNamespace(substeps=substeps), SimpleNamespace(owners=np.array([0, 1, 1]))
+        self.size, self.samples, self.taken = size, f"samples of {substeps}", f"delays of {substeps}"
+
+    def errors_at(self, values, states):
+        """Half of the steps move; windows of the second flight ten times as far as those of the first."""
+        assert states == f"states of {self.samples}"
+        moved = np.zeros((4, 3, 2))
+        moved[::2, :, 1] = self.size / self.replay.substeps**2 * np.array([1.0, 10.0, 10.0])
+        return 0.3 + moved, np.ones_like(moved, dtype=bool)
+
+
+def halved(monkeypatch, size, name="links.arm.joint.coulomb", least=1):
+    """Integration steps of the result of the first fits, and those of all fits to windows of the whole length."""
+    fits = []
+
+    def fitted(errors, begin, *, noise=None, spread=None, progress=None):
+        fits.append((errors.replay.substeps, begin))
+        values, states = f"fit {len(fits)}", f"states of {errors.samples}"
+        found = SimpleNamespace(values=values, states=states, noise=np.array([[1.0, 2.0], [10.0, 20.0]]), spread=None)
+        found.errors, _ = errors.errors_at(values, states)
+        return found
+
+    def errors(seconds, most, before=None, finer=1):
+        assert before is None or finer == 1
+        return HalvedErrors(max(least, finer), size)
+
+    monkeypatch.setattr("skyarm.studies.identify.identify_windows.fit_windows", fitted)
+    unknowns = [SimpleNamespace(name="base.com.x"), SimpleNamespace(name=name)]
+    search = SimpleNamespace(unknowns=unknowns, begin="start", first=0.06, whole=0.25, errors=errors)
+    some, fit = first_fits(search)
+    assert [begin for _, begin in fits] == ["start", *(f"fit {i}" for i in range(1, len(fits)))]
+    assert fit.values == f"fit {len(fits)}"
+    # the samples are placed on the clock by the fit, not anew by each halving
+    assert some.samples == f"samples of {least}"
+    assert some.taken == f"delays of {least}"
+    return some.replay.substeps, [substeps for substeps, _ in fits[1:]]
+
+
+def test_integration_steps_are_halved_until_that_moves_no_row_by_a_twentieth_of_its_noise(monkeypatch):
+    """A halving takes away three quarters of an error; in the root mean square here 0.265 of it over the noise of 2."""
+    once = 0.75 * 0.5**0.5 / 2.0
+    for substeps, times in ((1, 0.0), (1, 0.99), (2, 1.01), (2, 3.99), (4, 4.01), (8, 63.9), (16, 64.1), (16, 1e9)):
+        found, fits = halved(monkeypatch, times * 0.05 / once)
+        assert (found, fits[-1]) == (substeps, substeps)
+        assert fits == [2**i for i in range(substeps.bit_length())]
+    assert halved(monkeypatch, 1e9, least=4) == (16, [4, 8, 16])
+    # without dry friction the steps are those that the vehicle needs
+    assert halved(monkeypatch, 1e9, name="links.arm.joint.coulomb_rate") == (1, [1])
 
 
 @pytest.mark.thorough
