@@ -16,8 +16,10 @@ from skyarm.studies.identify.identify_windows import (
     explained_shares,
     first_fits,
     identify_by_windows,
+    search_of,
 )
 from skyarm.studies.identify.unknowns import second_moments, unknowns_of
+from skyarm.studies.identify.window_fit import WindowFit
 from skyarm.studies.identify.windows import Samples
 from skyarm.vehicle.thrust_table import ThrustTable
 from window_flights import ONE, QUAD, flown, measured, on_servo
@@ -94,6 +96,68 @@ def test_numbers_that_are_not_known_are_found_and_the_others_stay():
     assert found.period == pytest.approx(0.002)
     assert len(lines) > 8
     assert min(found.explained[f"rate.{axis}"] for axis in "xyz") > 0.95
+
+
+def given_fit(search, values, curvature):
+    """Errors of windows of a search, and a fit to them that leaves none; its numbers and their errors are given."""
+    errors, blocks = search.errors(search.whole), 8
+    shape = errors.windows.length, errors.windows.count, len(errors.rows)
+    information = np.linalg.inv(curvature)
+    fit = WindowFit(
+        values=values,
+        curvature=curvature,
+        covariance=curvature,
+        prior_information=np.zeros_like(curvature),
+        block_information=np.stack([information / blocks] * blocks),
+        stretch_information=information[None],
+        stretch_scores=np.zeros((1, len(values))),
+        noise=np.ones((1, len(errors.rows))),
+        spread=errors.push,
+        errors=np.zeros(shape),
+        counted=np.ones(shape, dtype=bool),
+        states=errors.first_states(),
+        settled=True,
+    )
+    return errors, fit
+
+
+@pytest.mark.parametrize("every", [1, 50])
+def test_lags_that_commands_at_ten_hertz_do_not_show_go_back_to_their_starts(every, monkeypatch):
+    """The rest is fitted to these: its mean where they are as before; the dead time stands for all that is late."""
+    module = "skyarm.studies.identify.identify_windows"
+    for name in ("WHOLE", "SLOW"):
+        monkeypatch.setattr(f"{module}.{name}", 0.2)
+    flight = measured(flown(QUAD, 2.0, DELAY), without=("position", "quaternion", "velocity"))
+    speeds = flight["rotor_speed_commands"]
+    slow = dataclasses.replace(speeds, time=speeds.time[::every], values=speeds.values[::every])
+    lags = ["rotors.time_constant_up", "rotors.time_constant_down"]
+    names = ["rotors.thrust_coefficient", *lags, "delay", *(f"gyro_bias.{axis}" for axis in "xyz")]
+    options = {"known": known_but(QUAD, names)}
+    search = search_of([flight.with_channels({"rotor_speed_commands": slow})], QUAD, **options)
+    assert search.slow == (every == 50)
+    assert [each.name for each in search.unknowns] == names
+    correlation = np.eye(7)
+    correlation[0, 1] = correlation[1, 0] = 0.5
+    correlation[2, 3] = correlation[3, 2] = -0.9
+    sizes = np.array([0.01, 0.02, 0.03, 2e-4, 1e-4, 1e-4, 1e-4])
+    values = search.begin + np.array([0.1, 0.2, 0.3, 0.004, 0.0, 0.0, 0.0])
+    made = given_fit(search, values, correlation * np.outer(sizes, sizes))
+    monkeypatch.setattr(f"{module}.first_fits", lambda *_: made)
+    monkeypatch.setattr(f"{module}.fit_windows", lambda *_, **__: made[1])
+    found = identify_by_windows([flight.with_channels({"rotor_speed_commands": slow})], QUAD, **options)
+    wanted = values.copy()
+    if every == 50:
+        wanted -= np.array([0.5 * 0.01 / 0.02 * 0.2, 0.2, 0.3, -0.9 * 2e-4 / 0.03 * 0.3, 0.0, 0.0, 0.0])
+    for each, value, fitted in zip(search.unknowns, wanted.tolist(), values.tolist(), strict=True):
+        assert found.searched[each.name] == pytest.approx(each.value(value), rel=1e-9)
+        assert found[each.name].value == pytest.approx(each.value(fitted), rel=1e-9)
+        assert found[each.name].reason.startswith(NOT_SHOWN) == (every == 50 and each.name in (*lags, "delay"))
+    rotor = found.vehicle.rotors[0]
+    for lag in (*lags, names[0]):
+        assert getattr(rotor, lag.partition(".")[2]) == pytest.approx(found.searched[lag])
+    assert found.surroundings.delay == found.searched["delay"]
+    windows = made[0].windows
+    assert found.seconds == pytest.approx(windows.count * 0.2, abs=1e-9)
 
 
 def short(**more):

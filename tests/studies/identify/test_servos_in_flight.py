@@ -25,6 +25,14 @@ def test_a_joint_without_a_drive_gets_a_servo():
     # 20 rad/s, critically damped
     assert math.sqrt(first.stiffness / first.inertia) == pytest.approx(20.0)
     assert first.damping == pytest.approx(2.0 * math.sqrt(first.stiffness * first.inertia))
+    # which turns what lies behind the joint: at rest both links about one axis, the second one about the other
+    (one, two), motor = (each.body for each in NOMINAL.links), [each.joint.armature for each in NOMINAL.links]
+    about = two.inertia.yy + two.mass * (two.com.x**2 + two.com.z**2) + motor[1]
+    away = [a + b for a, b in zip(NOMINAL.links[1].joint.position, two.com, strict=True)]
+    whole = one.inertia.yy + one.mass * (one.com.x**2 + one.com.z**2) + motor[0]
+    whole += two.inertia.yy + two.mass * (away[0] ** 2 + away[2] ** 2)
+    both = with_servos(dataclasses.replace(NOMINAL, drives=()), [True, True])
+    assert [servo_of(both, i).inertia for i in (0, 1)] == pytest.approx([whole, about])
     name = NOMINAL.links[0].joint.name
     spinning = MountedDrive(name=name, drive=VelocityServo(gain=0.1, inertia=1e-3))
     with pytest.raises(ValueError, match=f"^drives.{name}: must be a position_servo, or none: joint_commands"):
