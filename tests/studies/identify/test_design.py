@@ -15,10 +15,20 @@ from skyarm.algebra.frames import turn_vectors
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.reference.reference_tables import trajectory_from
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.studies.identify.design import DesignLimits, design_segments, fitted_segment, volume_gain
+from skyarm.studies.identify.design import (
+    DesignLimits,
+    design_segments,
+    fitted_segment,
+    information_of,
+    measured_noise,
+    volume_gain,
+)
 from skyarm.studies.identify.designed_flight import broken_axes, design_flight, scenario_document, scenario_text
+from skyarm.studies.identify.identify_windows import first_fits, search_of
 from skyarm.studies.identify.multisines import axes_of, draw_segment, mutate_segment, reference_table
 from skyarm.studies.identify.required_flight import arm_clearance, required_flight
+from skyarm.studies.identify.unknowns import unknowns_of
+from window_flights import QUAD, flown, measured
 
 VEHICLE = skyarm.load_vehicle("hummingbird_arm2_rotors")
 GRAVITY, PERIOD, LENGTH = 9.81, 0.01, 10.0
@@ -101,14 +111,19 @@ def test_a_range_is_that_of_box_and_joint_about_its_rest():
 def test_amplitudes_fall_with_a_drawn_power_of_the_frequency_between_none_and_two():
     """All of them are drawn: equal amplitudes, equal accelerations and what lies between."""
     draw, times = np.random.default_rng(8), np.linspace(0.0, LENGTH, 21)
-    segments = [draw_segment(AXES, LENGTH, draw) for _ in range(20)]
+    segments = [draw_segment(AXES, LENGTH, draw) for _ in range(30)]
     logs = [(np.log(each.frequencies), np.log(each.amplitudes)) for each in segments]
     powers = np.concatenate([(a[:, 0] - a[:, -1]) / (f[:, -1] - f[:, 0]) for f, a in logs])
     assert (powers >= 0.0).all()
     assert (powers <= 2.0).all()
     assert np.quantile(powers, [0.1, 0.5, 0.9]) == pytest.approx([0.2, 1.0, 1.8], abs=0.25)
-    # on every axis four sines, each in a quarter of its own on the logarithm's scale
+    # on every axis four sines, each in a quarter of its own on the logarithm's scale, from 0.15 Hz on
     assert all((np.diff(f, axis=1) > 0.0).all() for f, _ in logs)
+    lowest, highest = (np.stack([each.frequencies[:, i] for each in segments]) for i in (0, -1))
+    assert lowest.min() == pytest.approx(0.15, rel=0.2)
+    assert lowest.min() >= 0.15
+    assert highest.max(axis=0) == pytest.approx(AXES.fastest, rel=0.25)
+    assert (highest <= AXES.fastest).all()
     factors = np.array([0.5, 1.0, 2.0, 0.0, 0.3, 0.7])
     segments[0] = dataclasses.replace(segments[0], offsets=np.array([0.1, -0.2, 0.3, 0.4, -0.5, 0.6]))
     scaled = segments[0].scale(factors).motion(times)
@@ -305,6 +320,113 @@ def test_a_required_flight_is_read_as_another_one_was():
     lag = np.where(change > 0.0, VEHICLE.rotors[0].time_constant_up, VEHICLE.rotors[0].time_constant_down)
     ahead = np.interp(4.0 + 0.005, TIMES, speeds + lag * change)
     assert found["rotor_speed_commands"].values[k, 0] == pytest.approx(ahead)
+
+
+def test_a_flight_is_flown_with_less_until_it_stays_in_the_limits(monkeypatch):
+    """The first flight breaks limits of y and the second joint, whose swings shrink; what is told is of the last one.
+
+    Each number's half width is 2 in the undesigned flight and 1 in the designed one.
+    """
+    segments, tried, told = [draw_segment(AXES, LENGTH, np.random.default_rng(9)) for _ in range(2)], [], []
+    plain, flights = flown_log(), [flown_log(position=AXES.rest[:3] + np.eye(3)[[0, 0, 1, 2, 2]] * k) for k in (9, 3)]
+    flights[1].quaternion[2] = [math.cos(0.1), 0.0, math.sin(0.1), 0.0]
+    flights[1].rotor_commands[:2] = 838.0
+    flights[1].joints[4] = [0.0, math.pi]  # the tip in the base
+    still_broken = False
+
+    def fly(scenario):
+        tried.append(scenario)
+        return plain if len(tried) == 1 else flights[min(len(tried) - 2, 1)]
+
+    def broken(log, vehicle, axes, limits):
+        found = np.zeros(6, dtype=bool)
+        found[[1, 5]] = log is flights[0] or still_broken
+        return found
+
+    def designed(vehicle, measured, axes, limits, *, candidates, seed, progress):
+        assert measured == ("noise of", plain)
+        assert axes.rest[2] == pytest.approx(height)
+        progress(candidates - 1, candidates, "last")
+        return segments
+
+    module, limits = "skyarm.studies.identify.designed_flight", DesignLimits(seconds=20.0, box=2.0)
+    height = math.ceil(10.0 * (1.0 + 0.33 + 0.1)) / 10.0  # an arm of 0.33 m
+    fakes = {
+        "run": fly,
+        "broken_axes": broken,
+        "design_segments": designed,
+        "measured_noise": lambda log, vehicle: ("noise of", log),
+        "_flight_data": lambda log: log,
+        "expected_numbers": lambda logs, vehicle: [SimpleNamespace(half_width=2.0 if logs[0] is plain else 1.0)],
+    }
+    for name, fake in fakes.items():
+        monkeypatch.setattr(f"{module}.{name}", fake)
+
+    def flight():
+        words = {"candidates": 12, "seed": 5, "progress": lambda *each: told.append(each)}
+        return design_flight(VEHICLE, "hummingbird_arm2_rotors", limits, **words)
+
+    found = flight()
+    assert len(tried) == 3
+    assert [each.ratio for each in found.numbers] == [2.0]
+    shrunk = [each.scale(np.array([1.0, 0.85, 1.0, 1.0, 1.0, 0.85])) for each in segments]
+    axes = axes_of(VEHICLE, 2.0, height)
+    assert found.document == scenario_document(VEHICLE, "hummingbird_arm2_rotors", shrunk, axes, 20.0, 5)
+    assert tried[2] == scenario_from(found.document)
+    assert tomllib.loads(found.text()) == found.document
+    assert found.tilt == pytest.approx(0.2)
+    assert found.box == pytest.approx((3.0, 3.0, 3.0))
+    assert found.clearance == pytest.approx(0.0, abs=1e-9)
+    assert found.saturated == pytest.approx(0.4)
+    assert {total for _, total, _ in told} == {14}
+    assert [done for done, _, _ in told] == [0, 12, 13, 13, 14]
+    still_broken = True
+    monkeypatch.setattr(f"{module}.FLIGHTS", 2)
+    tried.clear()
+    with pytest.raises(ValueError, match=r"no flight stays in the limits; widen them$"):
+        flight()
+    assert len(tried) == 1 + 2
+    tried.clear()
+    plain.info["status"] = "crashed"
+    with pytest.raises(ValueError, match=r"the law centroidal_joint does not fly it \(crashed\)$"):
+        flight()
+
+
+def test_information_of_a_flight_is_that_of_the_fit_to_its_windows(monkeypatch):
+    """At the vehicle that flew: of the fit to all its windows, under the noise and the spread that it found."""
+    fits = []
+
+    def fitted(search):
+        fits.append(first_fits(search))
+        return fits[-1]
+
+    def few_numbers(flights, vehicle):
+        every = {
+            each.name: each.start for each in unknowns_of(vehicle, curve=False, velocity=True, voltage=False, driven=[])
+        }
+        searched = ("rotors.thrust_coefficient", "base.com.x", "delay")
+        known = {**every, "delay": 0.0033}
+        return search_of(flights, vehicle, known={name: value for name, value in known.items() if name not in searched})
+
+    monkeypatch.setattr("skyarm.studies.identify.design.search_of", few_numbers)
+    monkeypatch.setattr("skyarm.studies.identify.design.first_fits", fitted)
+    for name, few in (("FEW", 6), ("WHOLE", 0.2), ("FIRST", 0.03)):
+        monkeypatch.setattr(f"skyarm.studies.identify.identify_windows.{name}", few)
+    flight = measured(flown(QUAD, 2.0, 0.0033), noise=1.0)
+    found = measured_noise(flight, QUAD)
+    ((errors, fit),) = fits
+    assert found.plant is errors
+    assert found.noise is fit.noise
+    assert found.loose[errors.wrench] == pytest.approx(fit.spread)
+    others = [i for i in range(len(errors.free)) if i not in errors.wrench]
+    assert found.loose[others].tolist() == errors.loose[others].tolist()
+    unknowns = found.search.unknowns
+    assert found.prior.tolist() == [each.spread for each in unknowns]
+    names = [each.name for each, inside in zip(unknowns, found.in_vehicle, strict=True) if inside]
+    assert names == ["rotors.thrust_coefficient", "base.com.x"]
+    size = np.sqrt(np.diag(fit.stretch_information[0]))
+    off = (information_of(flight, found) - fit.stretch_information[0]) / np.outer(size, size)
+    assert np.abs(off).max() < 0.1
 
 
 @pytest.mark.thorough

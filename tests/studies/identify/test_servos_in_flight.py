@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from planted_servos import NOMINAL, fly_servos, planted_numbers, servo_numbers
+from skyarm.dynamics.actuators.drive import LaggedTorque
 from skyarm.dynamics.actuators.servo import VelocityServo
 from skyarm.studies.identify.identified_parts import vehicle_with
 from skyarm.studies.identify.identify_windows import identify_by_windows
@@ -47,6 +48,10 @@ def test_numbers_of_a_servo_are_put_into_the_vehicle():
     assert made.drives[1].drive == dataclasses.replace(NOMINAL.drives[1].drive, stiffness=5.0, latency=0.0)
     assert made.links[1].joint.coulomb == 0.0
     assert vehicle_with(NOMINAL, numbers).drives[1].drive.latency == -0.001
+    # of another drive no number is one of a position servo
+    drives = (NOMINAL.drives[0], MountedDrive(name=name, drive=LaggedTorque(time_constant=0.02)))
+    lagging = dataclasses.replace(NOMINAL, drives=drives)
+    assert vehicle_with(lagging, numbers, checked=True).drives == drives
 
 
 @pytest.mark.thorough
