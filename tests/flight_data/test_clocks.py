@@ -313,6 +313,33 @@ def test_stamps_are_straightened_unless_they_fit_the_gyro_better_by_a_tenth(
     assert clock == (clock_of(1.0) if straightened else before)
 
 
+@pytest.mark.parametrize(
+    ("offset", "drift", "moves"),
+    [
+        (2e-3, 0.0, True),
+        (-2e-3, 0.0, True),
+        (0.9e-3, 0.0, False),
+        (0.0, 1e-4, True),  # of 28 s: 1.4 ms at both ends
+        (0.0, -1e-4, True),
+        (0.0, 6e-5, False),
+    ],
+)
+def test_a_clock_changes_what_it_moves_by_more_than_a_millisecond_somewhere(
+    offset: float, drift: float, moves: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = flight(2)
+    clock = dataclasses.replace(clock_of(5e-4), offset=offset, drift=drift, drift_error=1e-5, middle=15.0)
+    monkeypatch.setattr("skyarm.flight_data.clocks._clock_of_attitude", lambda _: clock)
+    found, used = align_poses(given)
+    assert used is (clock if moves else None)
+    late = found["position"].time - given["position"].time
+    assert late == pytest.approx(moves * (offset + drift * (given["position"].time - 15.0)), abs=1e-12)
+    # neither of them counts within its own interval
+    sure = dataclasses.replace(clock, offset_error=abs(offset) + 1e-9, drift_error=abs(drift) + 1e-9)
+    monkeypatch.setattr("skyarm.flight_data.clocks._clock_of_attitude", lambda _: sure)
+    assert align_poses(given) == (given, None)
+
+
 def clock_of(error: float) -> ClockOffset:
     """A clock that is 10 s late, known within an error."""
     return ClockOffset("gyro", "quaternion", 10.0, error, 0.0, 1e-9, 0.0, 0.0, 0.9)
