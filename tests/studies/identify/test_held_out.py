@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,11 +18,13 @@ from skyarm.studies.identify.held_out import (
     HOLD,
     IDENTIFIED,
     LASTING,
+    MEMORIES,
     NOTHING,
     PAST,
     START,
     WHOLE,
     Ends,
+    HorizonErrors,
     end_of_past,
     errors_of,
     fading,
@@ -32,6 +35,7 @@ from skyarm.studies.identify.held_out import (
     predict_held_out,
     rotations,
     shares_of,
+    thin_places,
 )
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identified_parts import Surroundings
@@ -266,6 +270,43 @@ def test_of_pasts_the_best_in_flights_of_the_fit_is_chosen(monkeypatch):
         chosen.append(learn_from_past(loop, errors, (0.1, 0.25)))
     assert all(each.smoothed and each.seconds == 0.2 and len(each.shares) == 2 for each in chosen)
     assert chosen[0].memory == chosen[1].memory
+
+
+@pytest.mark.parametrize(("horizons", "by"), [((0.1, 0.2), 0.2), ((0.1, 0.19), 0.1), ((0.1, 0.2, 0.3), 0.3)], ids=str)
+def test_a_past_is_chosen_by_far_horizons_if_there_are_any(horizons, by, monkeypatch):
+    """From 0.2 s on. Each horizon has another best memory, and the longer one's error is the more so."""
+    best = {0.1: MEMORIES[1], 0.19: MEMORIES[1], 0.2: MEMORIES[0], 0.3: MEMORIES[2]}
+
+    def errors_of(end, shares):
+        horizon, memory = end
+        size = 1.0 if memory == best[horizon] else 10.0 ** (1.0 + 20.0 * (horizon == 0.1) + 3.0 * (horizon == 0.3))
+        return HorizonErrors(horizon=horizon, begins=5, position=size, velocity=1.0, attitude=1.0, rate=1.0)
+
+    fakes = {
+        "past_windows": lambda loop, windows, seconds: SimpleNamespace(windows=None),
+        "noises_of": lambda before, begins: (None, None),
+        "end_of_past": lambda *_: ("state", "wrench"),
+        "fading": lambda wrench, windows, memory: memory,
+        "ends_of": lambda loop, errors, horizons, begins, memory: [(each, memory) for each in horizons],
+        "shares_of": lambda end: end,
+        "errors_of": errors_of,
+    }
+    for name, fake in fakes.items():
+        monkeypatch.setattr(held_out, name, fake)
+    loop, errors = SimpleNamespace(begins=lambda windows: "measured"), SimpleNamespace(windows=None)
+    chosen = learn_from_past(loop, errors, horizons)
+    assert chosen.memory == best[by]
+    assert [horizon for horizon, _ in chosen.shares] == list(horizons)
+
+
+def test_places_are_thinned_evenly_to_about_so_many():
+    """To less than one more a flight."""
+    places = [np.arange(100), np.zeros(0, int), 7 + np.arange(50)]
+    for most, every in ((150, 1), (149, 2), (50, 3), (30, 5)):
+        found = thin_places(places, most)
+        assert [each.tolist() for each in found] == [each[::every].tolist() for each in places]
+        assert sum(map(len, found)) < most + len(places)
+    assert [each.size for each in thin_places([places[1]], 5)] == [0]
 
 
 def test_flights_of_the_fit_without_poses_or_begins_without_a_past_show_none(monkeypatch):
