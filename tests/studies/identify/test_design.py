@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import tomllib
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -28,6 +29,7 @@ from skyarm.studies.identify.identify_windows import first_fits, search_of
 from skyarm.studies.identify.multisines import axes_of, draw_segment, mutate_segment, reference_table
 from skyarm.studies.identify.required_flight import arm_clearance, required_flight
 from skyarm.studies.identify.unknowns import unknowns_of
+from skyarm.studies.identify.window_fit import fit_windows
 from window_flights import QUAD, flown, measured
 
 VEHICLE = skyarm.load_vehicle("hummingbird_arm2_rotors")
@@ -405,12 +407,13 @@ def test_information_of_a_flight_is_that_of_the_fit_to_its_windows(monkeypatch):
             each.name: each.start for each in unknowns_of(vehicle, curve=False, velocity=True, voltage=False, driven=[])
         }
         searched = ("rotors.thrust_coefficient", "base.com.x", "delay")
-        known = {**every, "delay": 0.0033}
+        known = {**every, "delay": 0.0033, **{f"gyro_bias.{axis}": 0.0 for axis in "xyz"}, "pose_delay": 0.0}
         return search_of(flights, vehicle, known={name: value for name, value in known.items() if name not in searched})
 
     monkeypatch.setattr("skyarm.studies.identify.design.search_of", few_numbers)
     monkeypatch.setattr("skyarm.studies.identify.design.first_fits", fitted)
-    for name, few in (("FEW", 6), ("WHOLE", 0.2), ("FIRST", 0.03)):
+    quick = partial(fit_windows, turns=6)
+    for name, few in (("FEW", 6), ("WHOLE", 0.2), ("FIRST", 0.03), ("fit_windows", quick)):
         monkeypatch.setattr(f"skyarm.studies.identify.identify_windows.{name}", few)
     flight = measured(flown(QUAD, 2.0, 0.0033), noise=1.0)
     found = measured_noise(flight, QUAD)

@@ -26,6 +26,7 @@ from skyarm.studies.identify.held_out import (
     Ends,
     HorizonErrors,
     end_of_past,
+    ends_of,
     errors_of,
     fading,
     learn_from_past,
@@ -297,6 +298,20 @@ def test_a_past_is_chosen_by_far_horizons_if_there_are_any(horizons, by, monkeyp
     chosen = learn_from_past(loop, errors, horizons)
     assert chosen.memory == best[by]
     assert [horizon for horizon, _ in chosen.shares] == list(horizons)
+
+
+def test_rest_is_the_begin_s_pose_without_a_speed():
+    """Beside holding, whose velocity and rate go on for 0.1 s."""
+    loop, errors = loop_of()
+    begins = loop.begins(errors.windows)
+    (found,) = ends_of(loop, errors, (0.1,), begins)
+    rest, begins = found.off[:, 1], begins.at(np.flatnonzero(loop.left(errors.windows) >= round(0.1 / STEP)))
+    assert rest[0] == pytest.approx(-0.1 * begins.velocity, abs=1e-12)
+    assert rest[1] == pytest.approx(-begins.velocity, abs=1e-12)
+    assert rest[2] == pytest.approx(-0.1 * begins.rate, abs=1e-9)
+    assert rest[3] == pytest.approx(-begins.rate, abs=1e-12)
+    # holding itself is 0.1 s of a flight off, and the model hardly
+    assert np.abs(found.off[0, 0] - found.measured[0]).max() < 0.02 * np.abs(found.measured[0]).max()
 
 
 def test_places_are_thinned_evenly_to_about_so_many():
