@@ -455,6 +455,10 @@ def test_known_numbers_are_words_of_the_vehicle_file():
             ("swings.npz", "--vehicle", "hummingbird", "--begin", "9"),
             "--begin = 9: must be below 3.395 s, the end of swings",
         ),
+        (
+            ("swings.npz", "--vehicle", "hummingbird", "--begin", "3.395"),
+            "--begin = 3.395: must be below 3.395 s, the end of swings",
+        ),
         (("swings.npz", "--vehicle", "hummingbird", "--begin", "2.6"), "0 s in the air: too short"),
         (("swings.npz", "--vehicle", "hummingbird", "--known", "voltage=0"), "--known voltage = 0.0: must be above 0"),
         (

@@ -13,6 +13,8 @@ from skyarm.algebra.frames import turn_vectors
 from skyarm.flight_data.clocks import (
     ClockOffset,
     _is_inside,
+    _Pair,
+    _refine,
     _robust,
     align,
     align_poses,
@@ -242,7 +244,9 @@ def test_even_samples_that_a_log_stamps_on_its_rows_are_straightened_up_to_a_con
     rows, samples = np.arange(10001) / 500.0, 0.0031 + np.arange(1190) / 60.0
     stamps = stamped(samples, rows)
     assert np.ptp(stamps - samples) > 1e-3
-    assert np.ptp(straight_stamps(stamps, rows) - samples) < 1e-4
+    straight = straight_stamps(stamps, rows)
+    assert np.ptp(straight - samples) < 1e-4
+    assert straight.mean() == pytest.approx(stamps.mean(), abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -291,6 +295,71 @@ def test_a_pose_stamped_on_the_gyro_s_rows_is_straightened_with_what_has_its_tim
     for name in channels:
         assert np.ptp(found[name].time - samples) < 1e-4 + (0.0 if clock is None else 1e-3)
     assert found["gyro"] is given["gyro"]
+
+
+@pytest.mark.parametrize(("error", "straightened"), [(0.89, False), (0.9, False), (0.91, True), (None, True)])
+def test_stamps_are_straightened_unless_they_fit_the_gyro_better_by_a_tenth(
+    error: float | None, straightened: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Offset of the stamps as they are, known within an error or not at all, and of the straight ones within 1 s."""
+    given = flight(2)
+    rows = given["gyro"].time
+    stamps = stamped(np.arange(1.0, 28.9, 1.0 / 60.0), rows)
+    pose = Channel(time=stamps, values=np.zeros((stamps.size, 4)), source="")
+    before = None if error is None else clock_of(error)
+    clocks = iter((before, clock_of(1.0)))
+    monkeypatch.setattr("skyarm.flight_data.clocks._clock_of_attitude", lambda _: next(clocks))
+    found, clock = align_poses(given.with_channels({"quaternion": pose}))
+    assert ("straightened" in found.notes[0]) == straightened
+    assert clock == (clock_of(1.0) if straightened else before)
+
+
+@pytest.mark.parametrize(
+    ("offset", "drift", "moves"),
+    [
+        (2e-3, 0.0, True),
+        (-2e-3, 0.0, True),
+        (0.9e-3, 0.0, False),
+        (0.0, 1e-4, True),  # of 28 s: 1.4 ms at both ends
+        (0.0, -1e-4, True),
+        (0.0, 6e-5, False),
+    ],
+)
+def test_a_clock_changes_what_it_moves_by_more_than_a_millisecond_somewhere(
+    offset: float, drift: float, moves: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = flight(2)
+    clock = dataclasses.replace(clock_of(5e-4), offset=offset, drift=drift, drift_error=1e-5, middle=15.0)
+    monkeypatch.setattr("skyarm.flight_data.clocks._clock_of_attitude", lambda _: clock)
+    found, used = align_poses(given)
+    assert used is (clock if moves else None)
+    late = found["position"].time - given["position"].time
+    assert late == pytest.approx(moves * (offset + drift * (given["position"].time - 15.0)), abs=1e-12)
+    # neither of them counts within its own interval
+    sure = dataclasses.replace(clock, offset_error=abs(offset) + 1e-9, drift_error=abs(drift) + 1e-9)
+    monkeypatch.setattr("skyarm.flight_data.clocks._clock_of_attitude", lambda _: sure)
+    assert align_poses(given) == (given, None)
+
+
+def clock_of(error: float) -> ClockOffset:
+    """A clock that is 10 s late, known within an error."""
+    return ClockOffset("gyro", "quaternion", 10.0, error, 0.0, 1e-9, 0.0, 0.0, 0.9)
+
+
+def test_intervals_of_few_rows_are_wider_by_the_published_critical_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of Bartlett's kernel over a share b of the rows, at 97.5 %: Kiefer and Vogelsang (2005), table 1."""
+    given = flight(1, noise=0.0)
+    short = dataclasses.replace(given, channels={name: given[name].section(2.0, 5.0) for name in given})
+    pair = _Pair(short, "gyro", short, "quaternion")
+    rows, start = np.ones(pair.time.size, dtype=bool), np.zeros(2)
+    inside = pair.is_inside(pair.time).sum()
+    monkeypatch.setattr("skyarm.flight_data.clocks.MEMORY", 0.75 * inside * pair.width)
+    usual = _refine(pair, rows, start, 3.5)[1]
+    monkeypatch.setattr("skyarm.flight_data.clocks.NORMAL", 0.0)
+    less = _refine(pair, rows, start, 3.5)[1]
+    b = round(0.75 * inside) / inside
+    critical = 1.9600 + 2.9694 * b + 0.4160 * b**2 - 0.5324 * b**3
+    assert 1.959964 * usual / (usual - less) == pytest.approx([critical, critical], rel=0.06)
 
 
 def test_a_clock_in_words() -> None:

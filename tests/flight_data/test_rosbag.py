@@ -277,6 +277,16 @@ def test_a_bag_without_measurements_lists_its_topics(tmp_path: Path) -> None:
         load_flight(write("mcap", tmp_path, messages))
 
 
+def test_of_many_topics_without_measurements_twenty_are_listed(tmp_path: Path) -> None:
+    def messages(store: Any, kind: str) -> list[tuple[str, str, int, Any]]:
+        text = store.types["std_msgs/msg/String"](data="a")
+        return [(f"/text{i}", "std_msgs/msg/String", START, text) for i in range(25)]
+
+    with pytest.raises(ValueError, match="there is /text0 ") as error:
+        load_flight(write("mcap", tmp_path, messages))
+    assert str(error.value).count("/text") == 20
+
+
 def test_without_rosbags_the_extra_that_has_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.bag").write_bytes(b"#ROSBAG V2.0\n")
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)

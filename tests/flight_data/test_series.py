@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.series import attitude_at, columns_at, continuous, means_of, measured_at, rates_note
+from skyarm.flight_data.series import (
+    attitude_at,
+    columns_at,
+    continuous,
+    means_of,
+    measured_at,
+    rates_note,
+    thin_samples,
+)
 
 
 def channel(time: np.ndarray, *columns: np.ndarray) -> Channel:
@@ -52,6 +60,17 @@ def test_an_attitude_whose_sign_jumps_turns_as_one_whose_does_not() -> None:
     assert continuous(turn[:0]).shape == (0, 4)
     found = attitude_at(Channel(time=time, values=2.0 * jumps, source="made"), np.array([0.55, 1.0]))
     np.testing.assert_allclose(found, [[np.cos(a), np.sin(a), 0, 0] for a in (0.55, 1.0)], atol=1e-12)
+
+
+@pytest.mark.parametrize(("step", "every"), [(0.5, 5), (0.26, 3), (0.1, 1), (0.04, 1)])
+def test_samples_are_thinned_to_about_a_step_and_none_is_made(step: float, every: int) -> None:
+    time = 3.0 + np.arange(41) / 10.0
+    given = channel(time, time**2)
+    found, values = thin_samples(given, step)
+    np.testing.assert_array_equal(found, time[::every])
+    np.testing.assert_array_equal(values[:, 0], found**2)
+    assert given.duration == pytest.approx(4.0)
+    assert given.section(9.0, 10.0).duration == 0.0
 
 
 def test_what_is_averaged_is_said() -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,19 +18,24 @@ from skyarm.studies.identify.held_out import (
     HOLD,
     IDENTIFIED,
     LASTING,
+    MEMORIES,
     NOTHING,
     PAST,
     START,
     WHOLE,
     Ends,
+    HorizonErrors,
     end_of_past,
+    ends_of,
     errors_of,
     fading,
     learn_from_past,
     noises_of,
+    one_step_errors,
     past_windows,
     predict_held_out,
     shares_of,
+    thin_places,
 )
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identified_parts import Surroundings
@@ -219,6 +226,19 @@ def test_errors_are_mean_distances_and_angles_between_attitudes():
     assert math.isnan(nothing.position)
 
 
+def test_means_of_a_step_count_where_two_of_them_are_flown_without_a_gap():
+    """Of an accelerometer of four steps a sample: begins less than eight steps before the end show nothing."""
+    loop, _ = loop_of(noise=1.0)
+    (parts,), slow = loop.flights, copy.copy(loop)
+    end = int(np.flatnonzero(parts.usable)[-1]) + 1
+    slow.averaged = 4
+    far = np.arange(end - 100, end - 7, 10)
+    period, model, spread = one_step_errors(slow, [far])
+    assert period == pytest.approx(4 * STEP)
+    assert one_step_errors(slow, [np.append(far, range(end - 7, end))]) == (period, model, spread)
+    assert one_step_errors(slow, [np.append(far, end - 8)])[1] != model
+
+
 def test_the_past_of_a_flight_helps_where_the_model_lacks_a_torque():
     """Fit and prediction on flights with noise; the model has a torque too much."""
     wrong = dataclasses.replace(ABOUT, torque=(0.006, -0.003, 0.001))
@@ -242,6 +262,57 @@ def test_of_pasts_the_best_in_flights_of_the_fit_is_chosen(monkeypatch):
         chosen.append(learn_from_past(loop, errors, (0.1, 0.25)))
     assert all(each.smoothed and each.seconds == 0.2 and len(each.shares) == 2 for each in chosen)
     assert chosen[0].memory == chosen[1].memory
+
+
+@pytest.mark.parametrize(("horizons", "by"), [((0.1, 0.2), 0.2), ((0.1, 0.19), 0.1), ((0.1, 0.2, 0.3), 0.3)], ids=str)
+def test_a_past_is_chosen_by_far_horizons_if_there_are_any(horizons, by, monkeypatch):
+    """From 0.2 s on. Each horizon has another best memory, and the longer one's error is the more so."""
+    best = {0.1: MEMORIES[1], 0.19: MEMORIES[1], 0.2: MEMORIES[0], 0.3: MEMORIES[2]}
+
+    def errors_of(end, shares):
+        horizon, memory = end
+        size = 1.0 if memory == best[horizon] else 10.0 ** (1.0 + 20.0 * (horizon == 0.1) + 3.0 * (horizon == 0.3))
+        return HorizonErrors(horizon=horizon, begins=5, position=size, velocity=1.0, attitude=1.0, rate=1.0)
+
+    fakes = {
+        "past_windows": lambda loop, windows, seconds: SimpleNamespace(windows=None),
+        "noises_of": lambda before, begins: (None, None),
+        "end_of_past": lambda *_: ("state", "wrench"),
+        "fading": lambda wrench, windows, memory: memory,
+        "ends_of": lambda loop, errors, horizons, begins, memory: [(each, memory) for each in horizons],
+        "shares_of": lambda end: end,
+        "errors_of": errors_of,
+    }
+    for name, fake in fakes.items():
+        monkeypatch.setattr(held_out, name, fake)
+    loop, errors = SimpleNamespace(begins=lambda windows: "measured"), SimpleNamespace(windows=None)
+    chosen = learn_from_past(loop, errors, horizons)
+    assert chosen.memory == best[by]
+    assert [horizon for horizon, _ in chosen.shares] == list(horizons)
+
+
+def test_rest_is_the_begin_s_pose_without_a_speed():
+    """Beside holding, whose velocity and rate go on for 0.1 s."""
+    loop, errors = loop_of()
+    begins = loop.begins(errors.windows)
+    (found,) = ends_of(loop, errors, (0.1,), begins)
+    rest, begins = found.off[:, 1], begins.at(np.flatnonzero(loop.left(errors.windows) >= round(0.1 / STEP)))
+    assert rest[0] == pytest.approx(-0.1 * begins.velocity, abs=1e-12)
+    assert rest[1] == pytest.approx(-begins.velocity, abs=1e-12)
+    assert rest[2] == pytest.approx(-0.1 * begins.rate, abs=1e-9)
+    assert rest[3] == pytest.approx(-begins.rate, abs=1e-12)
+    # holding itself is 0.1 s of a flight off, and the model hardly
+    assert np.abs(found.off[0, 0] - found.measured[0]).max() < 0.02 * np.abs(found.measured[0]).max()
+
+
+def test_places_are_thinned_evenly_to_about_so_many():
+    """To less than one more a flight."""
+    places = [np.arange(100), np.zeros(0, int), 7 + np.arange(50)]
+    for most, every in ((150, 1), (149, 2), (50, 3), (30, 5)):
+        found = thin_places(places, most)
+        assert [each.tolist() for each in found] == [each[::every].tolist() for each in places]
+        assert sum(map(len, found)) < most + len(places)
+    assert [each.size for each in thin_places([places[1]], 5)] == [0]
 
 
 def test_flights_of_the_fit_without_poses_or_begins_without_a_past_show_none(monkeypatch):

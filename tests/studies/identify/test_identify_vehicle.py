@@ -316,6 +316,9 @@ def test_a_moment_of_inertia_is_put_back_though_it_is_a_sum_of_what_is_searched(
     assert {name: back[name] for name in back if "second" not in name} == {
         name: plain[name] for name in plain if "second" not in name
     }
+    # a body so thin that about z nothing is left for one of the others stays as it was found
+    thin = dict(plain, **{"base.second_moment.x": 3.0 * START.base.inertia.zz})
+    assert at_starts(thin, scale, [names.index("base.inertia.zz")], [each.name for each in unknowns]) == thin
 
 
 def test_damping_that_no_data_sheet_has_is_searched():

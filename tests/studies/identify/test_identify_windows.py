@@ -15,9 +15,12 @@ from skyarm.studies.identify.identify_windows import (
     SearchOptions,
     _without_lines,
     explained_shares,
+    first_fits,
     identify_by_windows,
+    search_of,
 )
 from skyarm.studies.identify.unknowns import second_moments, unknowns_of
+from skyarm.studies.identify.window_fit import WindowFit
 from skyarm.studies.identify.windows import Samples
 from skyarm.vehicle.thrust_table import ThrustTable
 from window_flights import ONE, QUAD, flown, measured, on_servo
@@ -96,6 +99,73 @@ def test_numbers_that_are_not_known_are_found_and_the_others_stay():
     assert min(found.explained[f"rate.{axis}"] for axis in "xyz") > 0.95
 
 
+def given_fit(search, values, curvature):
+    """Errors of windows of a search, and a fit to them that leaves none; its numbers and their errors are given."""
+    errors, blocks = search.errors(search.whole), 8
+    shape = errors.windows.length, errors.windows.count, len(errors.rows)
+    information = np.linalg.inv(curvature)
+    fit = WindowFit(
+        values=values,
+        curvature=curvature,
+        covariance=curvature,
+        prior_information=np.zeros_like(curvature),
+        block_information=np.stack([information / blocks] * blocks),
+        stretch_information=information[None],
+        stretch_scores=np.zeros((1, len(values))),
+        noise=np.ones((1, len(errors.rows))),
+        spread=errors.push,
+        errors=np.zeros(shape),
+        counted=np.ones(shape, dtype=bool),
+        states=errors.first_states(),
+        settled=True,
+    )
+    return errors, fit
+
+
+@pytest.mark.parametrize("every", [1, 50])
+def test_lags_that_commands_at_ten_hertz_do_not_show_go_back_to_their_starts(every, monkeypatch):
+    """The rest is fitted to these: its mean where they are as before; the dead time stands for all that is late.
+
+    So does a bias about x that is hardly known, beside which that about y is.
+    """
+    module = "skyarm.studies.identify.identify_windows"
+    for name in ("WHOLE", "SLOW"):
+        monkeypatch.setattr(f"{module}.{name}", 0.2)
+    flight = measured(flown(QUAD, 2.0, DELAY), without=("position", "quaternion", "velocity"))
+    speeds = flight["rotor_speed_commands"]
+    slow = dataclasses.replace(speeds, time=speeds.time[::every], values=speeds.values[::every])
+    lags = ["rotors.time_constant_up", "rotors.time_constant_down"]
+    names = ["rotors.thrust_coefficient", *lags, "delay", *(f"gyro_bias.{axis}" for axis in "xyz")]
+    options = SearchOptions(known=known_but(QUAD, names))
+    search = search_of([flight.with_channels({"rotor_speed_commands": slow})], QUAD, options)
+    assert search.slow == (every == 50)
+    assert [each.name for each in search.unknowns] == names
+    correlation = np.eye(7)
+    correlation[0, 1] = correlation[1, 0] = 0.5
+    correlation[2, 3] = correlation[3, 2] = -0.9
+    correlation[4, 5] = correlation[5, 4] = 0.5
+    sizes = np.array([0.01, 0.02, 0.03, 2e-4, 0.1, 1e-2, 1e-4])
+    values = search.begin + np.array([0.1, 0.2, 0.3, 0.004, 0.02, 0.03, 0.0])
+    made = given_fit(search, values, correlation * np.outer(sizes, sizes))
+    monkeypatch.setattr(f"{module}.first_fits", lambda *_: made)
+    monkeypatch.setattr(f"{module}.fit_windows", lambda *_, **__: made[1])
+    found = identify_by_windows([flight.with_channels({"rotor_speed_commands": slow})], QUAD, options)
+    wanted = values - np.array([0.0, 0.0, 0.0, 0.0, 0.02, 0.5 * 1e-2 / 0.1 * 0.02, 0.0])
+    if every == 50:
+        wanted -= np.array([0.5 * 0.01 / 0.02 * 0.2, 0.2, 0.3, -0.9 * 2e-4 / 0.03 * 0.3, 0.0, 0.0, 0.0])
+    for each, value, fitted in zip(search.unknowns, wanted.tolist(), values.tolist(), strict=True):
+        assert found.searched[each.name] == pytest.approx(each.value(value), rel=1e-9)
+        assert found[each.name].value == pytest.approx(each.value(fitted), rel=1e-9)
+        is_late = every == 50 and each.name in (*lags, "delay")
+        assert found[each.name].reason.startswith(NOT_SHOWN) == (is_late or each.name == "gyro_bias.x")
+    rotor = found.vehicle.rotors[0]
+    for lag in (*lags, names[0]):
+        assert getattr(rotor, lag.partition(".")[2]) == pytest.approx(found.searched[lag])
+    assert found.surroundings.delay == found.searched["delay"]
+    windows = made[0].windows
+    assert found.seconds == pytest.approx(windows.count * 0.2, abs=1e-9)
+
+
 def short(**more):
     """Two seconds of a quadrotor."""
     return measured(flown(QUAD, 2.0, DELAY), **more)
@@ -148,6 +218,60 @@ def test_what_is_explained_is_beyond_white_noise(monkeypatch):
     bends = np.mean((swing[:40, 0] - np.polyval(np.polyfit(time, swing[:40, 0], 1), time)) ** 2)
     assert explained == {"rate.x": pytest.approx(1.0 - 0.08 / (bends - 0.01))}
     assert deviation == {"rate.x": pytest.approx(0.3)}
+
+
+class HalvedErrors:
+    """Errors of a method of second order: what its steps add to the second row falls with their number's square."""
+
+    def __init__(self, substeps, size):
+        self.replay, self.windows = SimpleNamespace(substeps=substeps), SimpleNamespace(owners=np.array([0, 1, 1]))
+        self.size, self.samples, self.taken = size, f"samples of {substeps}", f"delays of {substeps}"
+
+    def errors_at(self, values, states):
+        """Half of the steps move; windows of the second flight ten times as far as those of the first."""
+        assert states == f"states of {self.samples}"
+        moved = np.zeros((4, 3, 2))
+        moved[::2, :, 1] = self.size / self.replay.substeps**2 * np.array([1.0, 10.0, 10.0])
+        return 0.3 + moved, np.ones_like(moved, dtype=bool)
+
+
+def halved(monkeypatch, size, name="links.arm.joint.coulomb", least=1):
+    """Integration steps of the result of the first fits, and those of all fits to windows of the whole length."""
+    fits = []
+
+    def fitted(errors, begin, *, noise=None, spread=None, progress=None):
+        fits.append((errors.replay.substeps, begin))
+        values, states = f"fit {len(fits)}", f"states of {errors.samples}"
+        found = SimpleNamespace(values=values, states=states, noise=np.array([[1.0, 2.0], [10.0, 20.0]]), spread=None)
+        found.errors, _ = errors.errors_at(values, states)
+        return found
+
+    def errors(seconds, most, before=None, finer=1):
+        assert before is None or finer == 1
+        return HalvedErrors(max(least, finer), size)
+
+    monkeypatch.setattr("skyarm.studies.identify.identify_windows.fit_windows", fitted)
+    unknowns = [SimpleNamespace(name="base.com.x"), SimpleNamespace(name=name)]
+    search = SimpleNamespace(unknowns=unknowns, begin="start", first=0.06, whole=0.25, errors=errors)
+    some, fit = first_fits(search)
+    assert [begin for _, begin in fits] == ["start", *(f"fit {i}" for i in range(1, len(fits)))]
+    assert fit.values == f"fit {len(fits)}"
+    # the samples are placed on the clock by the fit, not anew by each halving
+    assert some.samples == f"samples of {least}"
+    assert some.taken == f"delays of {least}"
+    return some.replay.substeps, [substeps for substeps, _ in fits[1:]]
+
+
+def test_integration_steps_are_halved_until_that_moves_no_row_by_a_twentieth_of_its_noise(monkeypatch):
+    """A halving takes away three quarters of an error; in the root mean square here 0.265 of it over the noise of 2."""
+    once = 0.75 * 0.5**0.5 / 2.0
+    for substeps, times in ((1, 0.0), (1, 0.99), (2, 1.01), (2, 3.99), (4, 4.01), (8, 63.9), (16, 64.1), (16, 1e9)):
+        found, fits = halved(monkeypatch, times * 0.05 / once)
+        assert (found, fits[-1]) == (substeps, substeps)
+        assert fits == [2**i for i in range(substeps.bit_length())]
+    assert halved(monkeypatch, 1e9, least=4) == (16, [4, 8, 16])
+    # without dry friction the steps are those that the vehicle needs
+    assert halved(monkeypatch, 1e9, name="links.arm.joint.coulomb_rate") == (1, [1])
 
 
 @pytest.mark.thorough

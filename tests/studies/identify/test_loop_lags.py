@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,9 +17,10 @@ from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.log.flight_log import rows_of
 from skyarm.scenario.scenario_record import JointDrive
 from skyarm.studies.identify.lag_report import lag_tables
-from skyarm.studies.identify.loop_lags import Estimated, LoopLags, loop_lags
+from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags, _control_period, loop_lags
 from skyarm.studies.identify.windows import Held, lagging
 from skyarm.studies.tune.excitation import of_vehicle, tuning_flight
+from skyarm.vehicle.vehicle_records import MountedDrive
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -232,6 +234,56 @@ def test_a_servo_of_the_flight_flies_in_the_model_and_its_joint_is_left_out():
     assert near(found.joints[0].together, DELAY + DRIVE, 2e-4)
     assert near(found.rotors.delay, DELAY, 2e-4)
     assert found.rotors.factor == pytest.approx((SLOWER, SLOWER), rel=0.01)
+
+
+def test_a_servo_of_the_flight_is_flown_with_and_the_other_drives_are_fitted(flown, monkeypatch):
+    """Joint 1 has a servo in the log alone. Of the rotors, the rise is found half as slow again and the fall twice."""
+    servo, fitted = PositionServo(inertia=0.001, stiffness=2.0, damping=0.09), SimpleNamespace()
+    flying = {"joint1": servo, "joint2": LaggedTorque(time_constant=DRIVE)}
+    up, down = 1.5 * VEHICLE.rotors[0].time_constant_up, 2.0 * VEHICLE.rotors[0].time_constant_down
+
+    def fit(flight, start, driven, searched, known, gravity):
+        fitted.__dict__.update(flight=flight, start=start, driven=driven, searched=searched, known=known)
+        return "errors", "fit"
+
+    def lag(name, searched, errors, fit, period):
+        assert (errors, fit) == ("errors", "fit")
+        values = {"together": 0.03, "delay": DELAY, "up": up, "down": down}
+        return Lag(name=name, explained=1.0, **{part: Estimated.of(each, 0.001) for part, each in values.items()})
+
+    module = "skyarm.studies.identify.loop_lags"
+    for name, each in (("drives_of", lambda info: flying), ("setpoints_of", lambda info: {"joint1": "rad or m"})):
+        monkeypatch.setattr(f"{module}.{name}", each)
+    for name, each in (("_fit", fit), ("_lag", lag)):
+        monkeypatch.setattr(f"{module}.{name}", each)
+    found = loop_lags(flown, VEHICLE)
+    assert fitted.start.drives == (MountedDrive(name="joint1", drive=servo),)
+    assert fitted.driven == [False, True]
+    assert list(fitted.searched) == ["joint2", "rotors"]
+    assert fitted.known["drives.joint2.hold"] == fitted.known["setpoint_hold"] == 1.0
+    assert found.rotors.factor == pytest.approx((1.5, 2.0))
+    assert [each.name for each in found.joints] == ["joint2"]
+    assert found.left_out == {"joint1": "its drive takes a setpoint, rad or m"}
+    assert (found.period, found.seconds) == pytest.approx((PERIOD, 2.0), abs=PERIOD)
+
+
+def test_an_interval_reaches_as_far_to_both_sides_but_not_below_what_is_possible():
+    assert Estimated.of(0.03, 0.01) == Estimated(value=0.03, low=pytest.approx(0.02), high=pytest.approx(0.04))
+    assert Estimated.of(0.03, 0.05) == Estimated(value=0.03, low=0.0, high=pytest.approx(0.08))
+    assert Estimated.of(-0.03, 0.05) == Estimated(value=0.0, low=0.0, high=pytest.approx(0.02))
+    assert Estimated.of(-0.03, 0.01) == Estimated(value=0.0, low=0.0, high=0.0)
+
+
+@pytest.mark.parametrize(("late", "even"), [(0.00996, True), (0.01004, False)])
+def test_instants_may_be_off_an_even_clock_by_a_hundredth_of_a_period(flown, late, even):
+    time = PERIOD * np.arange(len(flown.time))
+    time[200:] += late * PERIOD
+    log = dataclasses.replace(flown, time=time)
+    if even:
+        assert _control_period(log, VEHICLE) == pytest.approx(PERIOD)
+    else:
+        with pytest.raises(ValueError, match="time: must be evenly spaced"):
+            _control_period(log, VEHICLE)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from planted_servos import NOMINAL, fly_servos, planted_numbers, servo_numbers
+from skyarm.dynamics.actuators.drive import LaggedTorque
 from skyarm.dynamics.actuators.servo import VelocityServo
 from skyarm.studies.identify.identified_parts import vehicle_with
 from skyarm.studies.identify.identify_windows import identify_by_windows
@@ -25,6 +26,14 @@ def test_a_joint_without_a_drive_gets_a_servo():
     # 20 rad/s, critically damped
     assert math.sqrt(first.stiffness / first.inertia) == pytest.approx(20.0)
     assert first.damping == pytest.approx(2.0 * math.sqrt(first.stiffness * first.inertia))
+    # which turns what lies behind the joint: at rest both links about one axis, the second one about the other
+    (one, two), motor = (each.body for each in NOMINAL.links), [each.joint.armature for each in NOMINAL.links]
+    about = two.inertia.yy + two.mass * (two.com.x**2 + two.com.z**2) + motor[1]
+    away = [a + b for a, b in zip(NOMINAL.links[1].joint.position, two.com, strict=True)]
+    whole = one.inertia.yy + one.mass * (one.com.x**2 + one.com.z**2) + motor[0]
+    whole += two.inertia.yy + two.mass * (away[0] ** 2 + away[2] ** 2)
+    both = with_servos(dataclasses.replace(NOMINAL, drives=()), [True, True])
+    assert [servo_of(both, i).inertia for i in (0, 1)] == pytest.approx([whole, about])
     name = NOMINAL.links[0].joint.name
     spinning = MountedDrive(name=name, drive=VelocityServo(gain=0.1, inertia=1e-3))
     with pytest.raises(ValueError, match=f"^drives.{name}: must be a position_servo, or none: joint_commands"):
@@ -39,6 +48,10 @@ def test_numbers_of_a_servo_are_put_into_the_vehicle():
     assert made.drives[1].drive == dataclasses.replace(NOMINAL.drives[1].drive, stiffness=5.0, latency=0.0)
     assert made.links[1].joint.coulomb == 0.0
     assert vehicle_with(NOMINAL, numbers).drives[1].drive.latency == -0.001
+    # of another drive no number is one of a position servo
+    drives = (NOMINAL.drives[0], MountedDrive(name=name, drive=LaggedTorque(time_constant=0.02)))
+    lagging = dataclasses.replace(NOMINAL, drives=drives)
+    assert vehicle_with(lagging, numbers, checked=True).drives == drives
 
 
 @pytest.mark.thorough

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import math
 from functools import cache
 
 import numpy as np
 import pytest
 
+from skyarm.algebra import Vec3
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.unknowns import Unknown, unknowns_of
 from skyarm.studies.identify.window_errors import OUTLIER, WindowErrors, WindowStates, turn_attitudes
@@ -308,6 +310,38 @@ def test_errors_without_samples_do_not_count():
     column = errors.free.index(("rate", 0))
     assert whole.own[2, column, column] - normal.own[2, column, column] == pytest.approx(1.0, rel=0.1)
     assert whole.own[0] == pytest.approx(normal.own[0])
+
+
+def test_a_reading_counts_by_its_noise():
+    """A window's first position moves all of its readings as much: each gives one over the variance, and its error."""
+    errors, searched = errors_of("quadrotor")
+    errors.take_samples(searched)
+    states, noise = displaced(errors), np.full((1, len(errors.rows)), 1e9)
+    x = errors.free.index(("position", 0))
+    row = errors.rows.index(("position", 0))
+    noise[0, row] = 0.2
+    found, there, normal = errors.normal(searched, states, noise)
+    assert np.abs(found[:, :, row]).max() < 0.6  # no outlier
+    counts = there[:, :, row].sum(axis=0)
+    assert normal.own[:, x, x] == pytest.approx(counts / 0.04, rel=1e-9)
+    assert normal.of_rows[row, :, x, x] == pytest.approx(counts / 0.04, rel=1e-9)
+    assert normal.pull[:, x] == pytest.approx(-(found * there)[:, :, row].sum(axis=0) / 0.04, rel=1e-9, abs=1e-9)
+
+
+def test_what_nothing_explains_is_thought_of_by_the_weight_at_the_rotors_distance():
+    """Of rotors 0.17 m from the axis, whatever their height: a fortieth; of an effort that is not logged a quarter."""
+    raised = tuple(dataclasses.replace(each, position=Vec3(*each.position[:2], 0.4)) for each in QUAD.rotors)
+    errors, _ = errors_of("hats")
+    windows = errors.windows
+    assert math.hypot(*(float(each) for each in QUAD.rotors[0].position[:2])) == pytest.approx(0.17)
+    for vehicle in (ONE, dataclasses.replace(ONE, rotors=raised)):
+        found = WindowErrors(windows, vehicle, [], {}, [False], [False], GRAVITY)
+        weight = GRAVITY * float(ONE.mass)
+        assert found.push == pytest.approx(weight * np.array([1 / 15] * 3 + [0.17 / 40] * 3))
+        hats = found.loose[[name == "hats" for name, _ in found.free]]
+        assert hats == pytest.approx(np.full(found.hats, 0.25 * weight * 0.17))
+    none = [found.loose[found.free.index((name, 0))] for name in ("position", "velocity", "rate", "joint_rates")]
+    assert min(none) >= 1.0, "nothing is known of a state before"
 
 
 def test_windows_of_one_flight_have_its_noise():

@@ -218,7 +218,7 @@ def predict_held_out(
 
 
 def thin_places(places: Sequence[IntArray], most: int) -> list[IntArray]:
-    """At most so many of the first steps in several flights, evenly taken."""
+    """First steps in several flights, evenly thinned to so many, up to one more a flight."""
     every = -(-sum(map(len, places)) // most)
     return [each[:: max(1, every)] for each in places]
 

@@ -171,9 +171,11 @@ def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:
     pulled = np.abs((waves * (2.0 * math.pi * segment.frequencies[:, :, None]) ** 2).sum(axis=1)).max(axis=1)
     factor = np.ones(len(peak)) if size is None else size / peak
     factor[:3] = np.minimum(factor[:3], STRONGEST / pulled[:3])
-    room = np.minimum(axes.high - axes.rest - segment.offsets, segment.offsets + axes.rest - axes.low)
-    factor = np.minimum(factor, np.maximum(room, 0.0) / peak)
-    return dataclasses.replace(segment, amplitudes=segment.amplitudes * factor[:, None])
+    # another segment's offset may have grown beyond the range; at its end an axis rests, in this and in what follows it
+    offsets = np.clip(segment.offsets, axes.low - axes.rest, axes.high - axes.rest)
+    room = np.minimum(axes.high - axes.rest - offsets, offsets + axes.rest - axes.low)
+    factor = np.minimum(factor, np.maximum(room, 0.0) / np.maximum(peak, 1e-300))
+    return dataclasses.replace(segment, amplitudes=segment.amplitudes * factor[:, None], offsets=offsets)
 
 
 def reference_table(segments: Sequence[Segment], axes: Axes) -> dict[str, Any]:
