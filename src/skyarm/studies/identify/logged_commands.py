@@ -14,7 +14,7 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import values_at
 from skyarm.log.periods import runs_of
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 SLOWEST = 0.025
@@ -59,7 +59,7 @@ def command_samples(commands: Channel) -> Channel:
     time, values = commands.time, commands.values
     steps = np.diff(values, axis=0)
     changed = np.flatnonzero((steps != 0.0).any(axis=1))
-    if _even(changed):
+    if _is_regular(changed):
         kept = np.concatenate([[0], changed + 1])
         return replace(commands, time=time[kept], values=values[kept])
     bends = np.abs(np.diff(steps, axis=0))
@@ -71,7 +71,7 @@ def command_samples(commands: Channel) -> Channel:
     # a sample between two rows bends the lines at both: it lies where these meet
     first = first[np.diff(first, prepend=-2) > 1]
     share = sharp[first + 1] / (sharp[first] + sharp[first + 1])
-    if not _even(first + share):
+    if not _is_regular(first + share):
         return commands
     late = share * (time[first + 2] - time[first + 1])
     met = values[first + 1] + (late / (time[first + 1] - time[first]))[:, None] * steps[first]
@@ -82,8 +82,8 @@ def command_samples(commands: Channel) -> Channel:
     )
 
 
-def _even(places: Array) -> bool:
-    """True if most places among rows are alike far apart, and more than a row."""
+def _is_regular(places: Array | IntArray) -> bool:
+    """Tell if most places among rows are equally far apart, and by more than a row."""
     gaps = np.diff(places)
     usual = float(np.median(gaps)) if len(gaps) >= FEWEST else 1.0
     return usual > 1.0 and bool(np.mean(np.abs(gaps - usual) <= EVEN * usual) > REGULAR)

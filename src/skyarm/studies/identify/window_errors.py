@@ -291,8 +291,8 @@ class WindowErrors:
         at = self.windows.begins + steps
         return np.stack([(steps + self.samples[name].share[at]) * self.windows.step for name, _ in self.rows], axis=2)
 
-    def kept(self, there: Mask, memory: Array) -> Array:
-        """Shares (steps, W, rows) of the error before it, in the same window, that each sample's error keeps.
+    def shares_left(self, there: Mask, memory: Array) -> Array:
+        """Shares (steps, W, rows) that are left, at each sample, of the error of the sample before in its window.
 
         Args:
             there: (steps, W, rows) which samples count.
@@ -304,15 +304,15 @@ class WindowErrors:
             shares = np.exp((last - time) / memory[self.windows.owners])
         return np.where(np.isfinite(last) & there, np.nan_to_num(shares), 0.0)
 
-    def white(self, found: Array, there: Mask, memory: Array | None) -> Array:
-        """Errors (steps, W, rows) less what they keep of those before (Prais, Winsten 1954), of an unchanged size.
+    def whiten(self, found: Array, there: Mask, memory: Array | None) -> Array:
+        """Take what is left of the sample before off errors (steps, W, rows), of an unchanged size (Prais, Winsten 1954).
 
-        The arguments are those of :meth:`kept`; without a memory the errors themselves.
+        The arguments are those of :meth:`shares_left`; without a memory the errors themselves.
         """
         if memory is None:
             return found
         rows, last = np.zeros_like(found), np.zeros_like(found[0])
-        for k, share in enumerate(self.kept(there, memory)):
+        for k, share in enumerate(self.shares_left(there, memory)):
             rows[k] = (found[k] - share * last) / np.sqrt(1.0 - share**2)
             last = np.where(there[k], found[k], last)
         return rows
@@ -338,7 +338,7 @@ class WindowErrors:
         block, held, scale = np.zeros((count, CHUNK, m, size)), 0, 1.0 / noise[windows.owners]
         last, before = -1, np.zeros((count, m, size))
         counts = np.stack([self._counts(name, slice(None)) for name, _ in self.rows], axis=2)
-        kept = None if memory is None else self.kept(counts, memory)
+        kept = None if memory is None else self.shares_left(counts, memory)
 
         def add() -> None:
             flat = block.reshape(count, CHUNK * m, size)
@@ -381,10 +381,10 @@ class WindowErrors:
         """Windows (W,) in which a sensor has a sample in step k, or (steps, W) of a slice of the steps."""
         steps = np.arange(self.windows.length)[:, None][k]
         samples, at = self.samples[name], self.windows.begins + steps
-        if name != "accelerometer":
-            return samples.there[at]
-        # a mean over a sample's period that begins before the window is not flown
-        return samples.there[at] & (steps + samples.share[at] > self.averaged[self.windows.owners] - 1e-9)
+        there: Mask = samples.there[at]
+        if name == "accelerometer":  # a mean over a sample's period that begins before the window is not flown
+            there = there & (steps + samples.share[at] > self.averaged[self.windows.owners] - 1e-9)
+        return there
 
     def _directions(self) -> list[Direction]:
         """Unknowns whose slopes need a simulated lane, with the differences; the slopes of others are known."""
