@@ -196,7 +196,7 @@ def test_slopes_are_central_differences_of_the_errors(setup, names, memory):
     assert len(names) == len(errors.names) or np.max(sizes, axis=0).min() > 1e-12, "every one of some shows"
     if memory:  # each sample's less what it keeps of the one before
         memory = np.full((1, len(errors.rows)), memory)
-        slopes = np.stack([errors.whiten(each, there, memory) for each in np.moveaxis(slopes, -1, 0)], axis=-1)
+        slopes = np.stack([errors.innovations(each, there, memory) for each in np.moveaxis(slopes, -1, 0)], axis=-1)
         sizes = [np.abs(slopes[:, :, i]).max(axis=(0, 1)) for i in range(len(errors.rows))]
         free = slopes[..., : free.shape[-1]]
     for sensor in errors.samples:

@@ -78,7 +78,7 @@ class Toy:
         found = self.data - np.einsum("twrx,wx->twr", part, free) - self.bend(at @ values)[0]
         return found, np.ones(found.shape, dtype=bool)
 
-    def whiten(self, found, there, memory):
+    def innovations(self, found, there, memory):
         return found
 
     def normal(self, values, states, noise, memory=None):
@@ -209,8 +209,8 @@ def test_the_memory_of_errors_is_found_and_taken_off():
     memory = new_memory(errors, 0.2 * errors.found, errors.there, np.full((2, 3), 0.2))
     assert memory[:, :2] == pytest.approx(np.full((2, 2), 0.08), rel=0.25)
     assert (memory[:, 2] < 0.005).all()
-    assert errors.whiten(errors.found, errors.there, None) is errors.found
-    white = errors.whiten(errors.found, errors.there, memory)
+    assert errors.innovations(errors.found, errors.there, None) is errors.found
+    white = errors.innovations(errors.found, errors.there, memory)
     assert np.std(white[errors.there]) == pytest.approx(np.std(errors.found[errors.there]), rel=0.1)
     both = errors.there[1:] & errors.there[:-1]
     for rows, least, most in ((errors.found, 0.75, 1.0), (white, -0.05, 0.05)):

@@ -304,8 +304,8 @@ class WindowErrors:
             shares = np.exp((last - time) / memory[self.windows.owners])
         return np.where(np.isfinite(last) & there, np.nan_to_num(shares), 0.0)
 
-    def whiten(self, found: Array, there: Mask, memory: Array | None) -> Array:
-        """Take what is left of the sample before off errors (steps, W, rows), of an unchanged size (Prais, Winsten 1954).
+    def innovations(self, found: Array, there: Mask, memory: Array | None) -> Array:
+        """Errors (steps, W, rows) less what is left of those before, of an unchanged size (Prais, Winsten 1954).
 
         The arguments are those of :meth:`shares_left`; without a memory the errors themselves.
         """

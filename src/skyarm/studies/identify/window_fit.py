@@ -212,12 +212,12 @@ def _search(
         cost = Cost(there, noise[errors.windows.owners], start, prior, loose)
         # no number goes by more than what is known of it before
         length = min(1.0, 1.0 / max(1e-9, float(np.abs(step / prior).max())))
-        before = cost.at(errors.whiten(found, there, memory), values, states)
+        before = cost.at(errors.innovations(found, there, memory), values, states)
         for _ in range(TRIES):
             change = length * step
             moved, free = values + change, states.moved_by(-length * reduced.shift - reduced.slopes @ change)
             left, _ = errors.errors_at(moved, free)
-            after = cost.at(errors.whiten(left, there, memory), moved, free)
+            after = cost.at(errors.innovations(left, there, memory), moved, free)
             if math.isfinite(after) and after < before * (1.0 + 1e-9):
                 break
             length *= SHORTER
@@ -230,7 +230,7 @@ def _search(
         sizes = np.abs(step) / np.sqrt(np.diag(np.linalg.inv(reduced.total)))
         if progress is not None:
             progress(f"turn {turn + 1} of at most {turns}: by at most {sizes.max():.2g} standard deviations")
-        noise = new_noise(errors, errors.whiten(left, there, memory), there, noise, normal, reduced.inverse)
+        noise = new_noise(errors, errors.innovations(left, there, memory), there, noise, normal, reduced.inverse)
         memory = new_memory(errors, left, there, noise) if lasting else None
         if turn:
             spread = new_spread(errors, states, spread, reduced.inverse)
