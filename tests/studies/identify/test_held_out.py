@@ -127,7 +127,7 @@ def test_commands_at_ten_hertz_and_a_slow_gyro_are_predicted_on_steps_of_the_sho
         )
     found = predict_held_out(identified(), heavier(), [flight.with_channels(slow)], horizons=(0.01, 0.1))
     assert found.period == pytest.approx(0.0133, abs=0.002)
-    assert found.errors[IDENTIFIED][1].position < 0.5 * found.errors[START][1].position
+    assert found.errors[IDENTIFIED][1].position < 0.25 * found.errors[HOLD][1].position
 
 
 def test_a_flight_that_is_too_short_is_refused():

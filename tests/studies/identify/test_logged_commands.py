@@ -14,7 +14,7 @@ from skyarm.studies.identify.logged_commands import (
     flying_spans,
     period_note,
     sampling_period,
-    straight_lines,
+    smooth_commands,
 )
 
 VEHICLE = skyarm.load_vehicle("hummingbird")
@@ -52,9 +52,26 @@ def test_samples_are_found_among_rows_that_repeat_them(every, period, straight):
     assert bool(period_note(flight(given), VEHICLE)) == (period > 0.0)
     if period:
         assert f"period = {period:g} s" in period_note(flight(given), VEHICLE)
-        seldom, middles = TIME[::every], TIME[100:-100] + 0.001
-        for told, each in zip(straight_lines(given, middles).T, swinging(seldom).T, strict=True):
-            np.testing.assert_allclose(told, np.interp(middles, seldom, each), atol=1e-2)
+        middles = TIME[200:-200] + 0.001
+        np.testing.assert_allclose(smooth_commands(given, middles), swinging(middles), atol=0.1)
+
+
+def test_samples_between_rows_are_found_where_lines_meet():
+    """Each bends the lines at two rows; straight lines between the samples would be 0.8 rad/s off."""
+    seldom = 3.0137 + 0.1 * np.arange(60)
+    given = commands(np.stack([np.interp(TIME, seldom, each) for each in swinging(seldom).T], axis=1))
+    assert sampling_period(given) == pytest.approx(0.1)
+    inside = TIME[200:-300]
+    np.testing.assert_allclose(smooth_commands(given, inside), swinging(inside), atol=0.05)
+
+
+def test_samples_on_a_line_are_as_far_apart_as_others():
+    """From 4 to 5 s nothing bends: a curve through the samples of the swing alone would leave the line."""
+    seldom = TIME[::50]
+    rows = np.where(((seldom < 4.0) | (seldom > 5.0))[:, None], swinging(seldom), HOVER)
+    given = commands(np.stack([np.interp(TIME, seldom, each) for each in rows.T], axis=1))
+    inside = TIME[(TIME > 4.4) & (TIME < 4.6)]
+    np.testing.assert_allclose(smooth_commands(given, inside), HOVER, atol=0.1)
 
 
 def test_single_steps_are_no_slow_samples():

@@ -169,15 +169,17 @@ SOME = (
 
 
 @pytest.mark.parametrize(
-    ("setup", "names"),
+    ("setup", "names", "memory"),
     [
-        ("servo", SOME),
-        ("torques", ("joint_delay", "links.link1.joint.damping")),
-        *(pytest.param(each, None, marks=pytest.mark.thorough) for each in SETUPS),
+        ("servo", SOME, None),
+        ("torques", ("joint_delay", "links.link1.joint.damping"), 0.02),
+        *(pytest.param(each, None, None, marks=pytest.mark.thorough) for each in SETUPS),
     ],
-    ids=lambda each: each if isinstance(each, str) else "all numbers" if each is None else f"{len(each)} numbers",
+    ids=lambda each: (
+        each if isinstance(each, str) else f"{len(each)} numbers" if isinstance(each, tuple) else f"{each or 0} s"
+    ),
 )
-def test_slopes_are_central_differences_of_the_errors(setup, names):
+def test_slopes_are_central_differences_of_the_errors(setup, names, memory):
     """Of one sensor after the other, whose rows the others' noise hides: products of slopes, and with errors.
 
     Of a force that is hardly there, as the drag of the body, rounding moves the slope by some hundredths.
@@ -194,11 +196,16 @@ def test_slopes_are_central_differences_of_the_errors(setup, names):
     hidden, shown = 1e12, 1e3  # the least is so great that nothing is an outlier
     sizes = [np.abs(slopes[:, :, i]).max(axis=(0, 1)) for i in range(len(errors.rows))]
     assert len(names) == len(errors.names) or np.max(sizes, axis=0).min() > 1e-12, "every one of some shows"
+    if memory:  # each sample's less what it keeps of the one before
+        memory = np.full((1, len(errors.rows)), memory)
+        slopes = np.stack([errors.innovations(each, there, memory) for each in np.moveaxis(slopes, -1, 0)], axis=-1)
+        sizes = [np.abs(slopes[:, :, i]).max(axis=(0, 1)) for i in range(len(errors.rows))]
+        free = slopes[..., : free.shape[-1]]
     for sensor in errors.samples:
         rows = [i for i, (name, _) in enumerate(errors.rows) if name == sensor]
         noise = np.full((1, len(errors.rows)), hidden)
         noise[0, rows] = shown
-        again, counted, normal = errors.normal(searched, states, noise)
+        again, counted, normal = errors.normal(searched, states, noise, memory=memory)
         assert np.array_equal(again, found)
         assert np.array_equal(counted, there)
         wanted = np.einsum("twri,twrj->wij", slopes[:, :, rows], slopes[:, :, rows])

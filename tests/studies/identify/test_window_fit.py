@@ -20,6 +20,7 @@ from skyarm.studies.identify.window_fit import (
     bounded_step,
     first_noise,
     fit_windows,
+    new_memory,
     new_noise,
     reduce,
 )
@@ -77,7 +78,10 @@ class Toy:
         found = self.data - np.einsum("twrx,wx->twr", part, free) - self.bend(at @ values)[0]
         return found, np.ones(found.shape, dtype=bool)
 
-    def normal(self, values, states, noise):
+    def innovations(self, found, there, memory):
+        return found
+
+    def normal(self, values, states, noise, memory=None):
         self.given.append(noise.copy())
         found, there = self.errors_at(values, states)
         part, at = np.split(self.slopes, [OWN + WRENCH], axis=-1)
@@ -180,6 +184,37 @@ def test_outliers_make_little_noise():
     found = new_noise(errors, 2.0 * noise * z, there, noise, taken, np.eye(2)[None])
     assert found[0, 2] == 0.3
     assert found[0, 0] == pytest.approx(0.2)
+
+
+class Lasting(WindowErrors):
+    """Errors of 40 windows at uneven times, of which those of all rows but the last fade within 80 ms."""
+
+    def __init__(self):
+        draw = np.random.default_rng(8)
+        self.windows = SimpleNamespace(owners=np.repeat([0, 1], 20))
+        self.when = np.cumsum(draw.uniform(0.002, 0.018, size=(100, 40, 3)), axis=0)
+        self.there = draw.uniform(size=self.when.shape) < 0.8
+        self.found = draw.normal(size=self.when.shape)
+        for k in range(1, 100):
+            left = np.exp((self.when[k - 1] - self.when[k]) / [0.08, 0.08, 1e-9])
+            self.found[k] = left * self.found[k - 1] + np.sqrt(1.0 - left**2) * self.found[k]
+
+    def times(self):
+        return self.when
+
+
+def test_the_memory_of_errors_is_found_and_taken_off():
+    """What is left is as large as the errors, and of none of them anything is left in the next one."""
+    errors = Lasting()
+    memory = new_memory(errors, 0.2 * errors.found, errors.there, np.full((2, 3), 0.2))
+    assert memory[:, :2] == pytest.approx(np.full((2, 2), 0.08), rel=0.25)
+    assert (memory[:, 2] < 0.005).all()
+    assert errors.innovations(errors.found, errors.there, None) is errors.found
+    white = errors.innovations(errors.found, errors.there, memory)
+    assert np.std(white[errors.there]) == pytest.approx(np.std(errors.found[errors.there]), rel=0.1)
+    both = errors.there[1:] & errors.there[:-1]
+    for rows, least, most in ((errors.found, 0.75, 1.0), (white, -0.05, 0.05)):
+        assert least < np.mean((rows[1:] * rows[:-1])[..., :2][both[..., :2]]) < most
 
 
 def test_first_noise_is_the_white_part_of_the_samples():

@@ -211,15 +211,18 @@ def test_commands_are_bounded_and_a_position_leaves_out_the_velocity():
     assert "velocity" in on_clock(alone, QUAD, STEP).channels
 
 
-def test_commands_at_ten_hertz_are_on_straight_lines():
-    """Their samples lie on a ramp, which steps of 0.1 s would leave by half a sample."""
+def test_commands_at_ten_hertz_are_on_a_smooth_curve():
+    """Steps of 0.1 s would leave their swing of 1 Hz by 6 rad/s, and straight lines by 1 rad/s."""
     time = np.arange(0.0, 4.0, 0.1)
-    ramp = channel(time, 400.0 + 20.0 * time[:, None] * np.ones(4))
-    given = flight().with_channels({"rotor_speed_commands": ramp})
+
+    def swing(time):
+        return 400.0 + 20.0 * np.sin(2.0 * np.pi * time)[:, None] * np.ones(4)
+
+    given = flight().with_channels({"rotor_speed_commands": channel(time, swing(time))})
     clocked = on_clock(given, QUAD, STEP)
     at = clocked.edges[:-1] + 0.5 * STEP
-    inside = at < 3.8
-    assert clocked.speeds.values[inside, 0] == pytest.approx(400.0 + 20.0 * at[inside], abs=2e-3)
+    inside = (at > 0.5) & (at < 3.4)
+    assert clocked.speeds.values[inside] == pytest.approx(swing(at[inside]), abs=0.05)
 
 
 def test_the_voltage_is_over_that_of_the_rotors_data():

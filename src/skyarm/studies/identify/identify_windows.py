@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -194,9 +195,10 @@ def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = No
     that hardly moves what is flown.
     """
     short = search.errors(search.first, FEW)
-    near = fit_windows(short, search.begin, progress=progress)
+    near = fit_windows(short, search.begin, lasting=search.slow, progress=progress)
     some = search.errors(search.whole, SOME, short)
-    fit = fit_windows(some, near.values, noise=near.noise, spread=near.spread, progress=progress)
+    options: dict[str, Any] = {"lasting": search.slow, "progress": progress}
+    fit = fit_windows(some, near.values, noise=near.noise, spread=near.spread, **options)
     while any(each.name.endswith(".coulomb") for each in search.unknowns) and some.replay.substeps < FINEST:
         finer = search.errors(search.whole, SOME, finer=2 * some.replay.substeps)
         finer.samples, finer.taken = some.samples, some.taken
@@ -204,7 +206,7 @@ def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = No
         if np.sqrt(np.mean(moved**2, axis=(0, 1))).max() < UNMOVED:
             break
         some = finer
-        fit = fit_windows(some, fit.values, noise=fit.noise, spread=fit.spread, progress=progress)
+        fit = fit_windows(some, fit.values, noise=fit.noise, spread=fit.spread, **options)
     return some, fit
 
 
@@ -228,7 +230,7 @@ def identify_by_windows(
     search = search_of(flights, start, options)
     some, near = first_fits(search, progress)
     errors = search.errors(search.whole, before=some)
-    fit = fit_windows(errors, near.values, noise=near.noise, progress=progress)
+    fit = fit_windows(errors, near.values, noise=near.noise, lasting=search.slow, progress=progress)
     start, unknowns, windows = with_servos(start, search.servoed), search.unknowns, errors.windows
     scale, unseen = search.scale(fit), search.hidden_lags()
     free, correlation = identified_numbers(fit, scale, search.sample, [each.name for each in search.flights])

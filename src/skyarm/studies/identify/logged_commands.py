@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
+from skyarm.compile.machine_code import missing_extra
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import values_at
 from skyarm.log.periods import runs_of
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, IntArray
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 SLOWEST = 0.025
@@ -45,25 +47,46 @@ def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
 
 
 def command_samples(commands: Channel) -> Channel:
-    """Rows at which a command was logged: of commands that were sampled up, held or on straight lines, one in several.
+    """Samples at which a command was logged: of commands that were sampled up, held or on straight lines, fewer.
 
     Args:
         commands: of the rotors.
 
     Returns:
-        The rows at even times at which any command changes, or bends; all rows if there are no such times.
+        Those at even times at which any command changes, or bends, which may lie between two rows; all rows if there
+        are no such times.
     """
-    steps = np.diff(commands.values, axis=0)
+    time, values = commands.time, commands.values
+    steps = np.diff(values, axis=0)
+    changed = np.flatnonzero((steps != 0.0).any(axis=1))
+    if _is_regular(changed):
+        kept = np.concatenate([[0], changed + 1])
+        return replace(commands, time=time[kept], values=values[kept])
     bends = np.abs(np.diff(steps, axis=0))
-    nought = NOUGHT * bends.max(axis=0, initial=0.0)
-    straight = np.maximum(ROUNDED * np.where(bends > nought, bends, np.inf).min(axis=0, initial=np.inf), nought)
-    for rows in (np.flatnonzero((steps != 0.0).any(axis=1)), np.flatnonzero((bends > straight).any(axis=1))):
-        gaps = np.diff(rows)
-        usual = float(np.median(gaps)) if len(gaps) >= FEWEST else 1.0
-        if usual > 1.0 and np.mean(np.abs(gaps - usual) <= EVEN * usual) > REGULAR:
-            kept = np.concatenate([[0], rows + 1])
-            return replace(commands, time=commands.time[kept], values=commands.values[kept])
-    return commands
+    most = bends.max(axis=0, initial=0.0)
+    least = np.where(bends > NOUGHT * most, bends, np.inf).min(axis=0, initial=np.inf)
+    straight = np.maximum(ROUNDED * least, NOUGHT * most)
+    sharp = np.append(np.where(bends > straight, bends / np.maximum(most, 1e-300), 0.0).sum(axis=1), 0.0)
+    first = np.flatnonzero(sharp)
+    # a sample between two rows bends the lines at both: it lies where these meet
+    first = first[np.diff(first, prepend=-2) > 1]
+    share = sharp[first + 1] / (sharp[first] + sharp[first + 1])
+    if not _is_regular(first + share):
+        return commands
+    late = share * (time[first + 2] - time[first + 1])
+    met = values[first + 1] + (late / (time[first + 1] - time[first]))[:, None] * steps[first]
+    return replace(
+        commands,
+        time=np.concatenate([time[:1], time[first + 1] + late, time[-1:]]),
+        values=np.concatenate([values[:1], met, values[-1:]]),
+    )
+
+
+def _is_regular(places: Array | IntArray) -> bool:
+    """Tell if most places among rows are equally far apart, and by more than a row."""
+    gaps = np.diff(places)
+    usual = float(np.median(gaps)) if len(gaps) >= FEWEST else 1.0
+    return usual > 1.0 and bool(np.mean(np.abs(gaps - usual) <= EVEN * usual) > REGULAR)
 
 
 def sampling_period(commands: Channel) -> float:
@@ -72,9 +95,29 @@ def sampling_period(commands: Channel) -> float:
     return 1.0 / rate if 0.0 < rate < 1.0 / SLOWEST else 0.0
 
 
-def straight_lines(commands: Channel, time: Array) -> Array:
-    """Commands (N, rotors) at given times (s), on straight lines between the samples."""
-    return values_at(command_samples(commands), time)
+def smooth_commands(commands: Channel, time: Array) -> Array:
+    """Commands (N, rotors) at given times (s), on a smooth curve through the samples (cubic spline).
+
+    Straight lines would cut off the tops of what a controller commands: of a sine of a fifth of the samples' rate an
+    eighth.
+
+    Raises:
+        ValueError: one line: SciPy is missing.
+    """
+    try:
+        from scipy.interpolate import CubicSpline
+    except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
+        raise missing_extra("identify") from error
+    samples = command_samples(commands)
+    usual = 1.0 / samples.rate
+    # where lines did not bend at a sample it is on them
+    parts = [
+        np.linspace(first, last, max(1, round((last - first) / usual)), endpoint=False)
+        for first, last in pairwise(samples.time)
+    ]
+    knots = np.concatenate([*parts, samples.time[-1:]])
+    curve = CubicSpline(knots, values_at(samples, knots))
+    return np.asarray(curve(np.clip(time, knots[0], knots[-1])))
 
 
 def period_note(flight: FlightData, start: Vehicle) -> str:
@@ -83,7 +126,7 @@ def period_note(flight: FlightData, start: Vehicle) -> str:
     if not period:
         return ""
     return (
-        f"{flight.name}: period = {period:.3g} s, of the rotor commands, which are on straight lines between: "
+        f"{flight.name}: period = {period:.3g} s, of the rotor commands, between which a smooth curve is taken: "
         "lags do not show, and what the commands did in between may put numbers beside their intervals"
     )
 

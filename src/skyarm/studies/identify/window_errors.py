@@ -289,12 +289,50 @@ class WindowErrors:
                 found[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
         return found, there
 
+    def times(self) -> Array:
+        """Times (steps, W, rows), s, of the samples after the begins of their windows."""
+        steps = np.arange(self.windows.length)[:, None]
+        at = self.windows.begins + steps
+        return np.stack([(steps + self.samples[name].share[at]) * self.windows.step for name, _ in self.rows], axis=2)
+
+    def shares_left(self, there: Mask, memory: Array) -> Array:
+        """Shares (steps, W, rows) that are left, at each sample, of the error of the sample before in its window.
+
+        Args:
+            there: (steps, W, rows) which samples count.
+            memory: (flights, rows) s, in which errors fade to 1 / e; 0 of those that are independent.
+        """
+        time, last = self.times(), np.full(there.shape, -np.inf)
+        last[1:] = np.maximum.accumulate(np.where(there, time, -np.inf), axis=0)[:-1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = np.exp((last - time) / memory[self.windows.owners])
+        return np.where(np.isfinite(last) & there, np.nan_to_num(shares), 0.0)
+
+    def innovations(self, found: Array, there: Mask, memory: Array | None) -> Array:
+        """Errors (steps, W, rows) less what is left of those before, of an unchanged size (Prais, Winsten 1954).
+
+        The arguments are those of :meth:`shares_left`; without a memory the errors themselves.
+        """
+        if memory is None:
+            return found
+        rows, last = np.zeros_like(found), np.zeros_like(found[0])
+        for k, share in enumerate(self.shares_left(there, memory)):
+            rows[k] = (found[k] - share * last) / np.sqrt(1.0 - share**2)
+            last = np.where(there[k], found[k], last)
+        return rows
+
     def normal(
-        self, searched: Array, states: WindowStates, noise: Array, outlier: float = OUTLIER
+        self,
+        searched: Array,
+        states: WindowStates,
+        noise: Array,
+        outlier: float = OUTLIER,
+        memory: Array | None = None,
     ) -> tuple[Array, Mask, Normal]:
         """Errors (steps, W, rows), which of them count, and the normal equations under noise (flights, rows).
 
-        Beyond ``outlier`` standard deviations an error counts by its size only.
+        Beyond ``outlier`` standard deviations an error counts by its size only; with a memory (flights, rows), s, so
+        does what it is beyond that which it keeps of the one before.
         """
         windows, x, size = self.windows, len(self.free), len(self.free) + len(self.names) + 1
         directions = self._directions()
@@ -302,7 +340,9 @@ class WindowErrors:
         (found, there), count, m = self._nothing(), windows.count, len(self.rows)
         sums, of_rows = np.zeros((count, size, size)), np.zeros((m, count, x, x))
         block, held, scale = np.zeros((count, CHUNK, m, size)), 0, 1.0 / noise[windows.owners]
-        last = -1
+        last, before = -1, np.zeros((count, m, size))
+        counts = np.stack([self._counts(name, slice(None)) for name, _ in self.rows], axis=2)
+        kept = None if memory is None else self.shares_left(counts, memory)
 
         def add() -> None:
             flat = block.reshape(count, CHUNK * m, size)
@@ -322,6 +362,10 @@ class WindowErrors:
             part[:, :, columns] = np.moveaxis((error[:, 1:] - error[:, :1]) / steps, 2, 0)
             self._known_slopes(part, name, slope)
             part[:, :, -1] = error[:, 0].T
+            if kept is not None:
+                now, share = part.copy(), kept[k, :, rows, None]
+                part[:] = (now - share * before[:, rows]) / np.sqrt(1.0 - share**2)
+                before[has, rows] = now[has]
             size_of = np.abs(part[:, :, -1]) * scale[:, rows]
             part *= (np.sqrt(np.minimum(1.0, outlier / np.maximum(size_of, 1e-300))) * scale[:, rows] * has[:, None])[
                 :, :, None
@@ -336,6 +380,15 @@ class WindowErrors:
         """Empty errors (steps, W, rows), and the mask of those that count."""
         shape = self.windows.length, self.windows.count, len(self.rows)
         return np.zeros(shape), np.zeros(shape, dtype=bool)
+
+    def _counts(self, name: str, k: int | slice) -> Mask:
+        """Windows (W,) in which a sensor has a sample in step k, or (steps, W) of a slice of the steps."""
+        steps = np.arange(self.windows.length)[:, None][k]
+        samples, at = self.samples[name], self.windows.begins + steps
+        there: Mask = samples.there[at]
+        if name == "accelerometer":  # a mean over a sample's period that begins before the window is not flown
+            there = there & (steps + samples.share[at] > self.averaged[self.windows.owners] - 1e-9)
+        return there
 
     def _directions(self) -> list[Direction]:
         """Unknowns whose slopes need a simulated lane, with the differences; the slopes of others are known."""
@@ -385,9 +438,7 @@ class WindowErrors:
             if not k:
                 before["accelerometer"] = now["accelerometer"]
             for name, samples in self.samples.items():
-                has = samples.there[at]
-                if name == "accelerometer":  # a mean over a sample's period that begins before the window is not flown
-                    has = has & (k + samples.share[at] > averaged - 1e-9)
+                has = self._counts(name, k)
                 if not has.any():
                     continue
                 error, slope = _error(name, before[name], now[name], now["gyro"][:, 0], samples, at, step)

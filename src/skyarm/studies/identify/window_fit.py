@@ -37,6 +37,9 @@ FIRM, SLOWLY = 1e-3, 5.0
 TOLD = 0.3
 """Least share of a row's samples that a window's free numbers must leave for its noise to be seen."""
 
+FAINT, LONGEST = 0.05, 0.999
+"""Least share of an error that the next one is seen to keep, and the most that it is thought to."""
+
 BLOCK = 2.0
 """s, of a block of the jackknife."""
 
@@ -152,6 +155,7 @@ def fit_windows(
     spread: Array | None = None,
     block: float = BLOCK,
     turns: int = TURNS,
+    lasting: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> WindowFit:
     """Fit vehicle parameters to windows, with a normal prior around those of the start vehicle.
@@ -163,11 +167,12 @@ def fit_windows(
         spread: (6,) of the wrench, to begin with.
         block: s, of a block of the jackknife.
         turns: of the search at most.
+        lasting: whether errors last from sample to sample: what commands did between rare samples is not known.
         progress: called with one line a turn of the search.
     """
     student_quantile()  # whose absence is no news for after the search
     with _one_thread():
-        return _search(errors, begin, noise, spread, block, turns, progress)
+        return _search(errors, begin, noise, spread, block, turns, lasting, progress)
 
 
 def _one_thread() -> Any:
@@ -186,6 +191,7 @@ def _search(
     spread: Array | None,
     block: float,
     turns: int,
+    lasting: bool,
     progress: Callable[[str], None] | None,
 ) -> WindowFit:
     """Gauss-Newton search for parameters and noise; the arguments are those of :func:`fit_windows`."""
@@ -194,10 +200,10 @@ def _search(
     noise = first_noise(errors) if noise is None else noise
     spread = errors.push if spread is None else spread
     errors.take_samples(values)
-    states, settled = errors.first_states(), False
+    states, settled, memory = errors.first_states(), False, None
     for turn in range(turns):
         errors.take_samples(values)
-        found, there, normal = errors.normal(values, states, noise)
+        found, there, normal = errors.normal(values, states, noise, memory=memory)
         loose = errors.loose.copy()
         loose[errors.wrench] = spread
         reduced = reduce(normal, states.beside, loose, prior)
@@ -205,12 +211,13 @@ def _search(
         step = bounded_step(reduced.total, uphill, least - values)
         cost = Cost(there, noise[errors.windows.owners], start, prior, loose)
         # no number goes by more than what is known of it before
-        length, before = min(1.0, 1.0 / max(1e-9, float(np.abs(step / prior).max()))), cost.at(found, values, states)
+        length = min(1.0, 1.0 / max(1e-9, float(np.abs(step / prior).max())))
+        before = cost.at(errors.innovations(found, there, memory), values, states)
         for _ in range(TRIES):
             change = length * step
             moved, free = values + change, states.moved_by(-length * reduced.shift - reduced.slopes @ change)
             left, _ = errors.errors_at(moved, free)
-            after = cost.at(left, moved, free)
+            after = cost.at(errors.innovations(left, there, memory), moved, free)
             if math.isfinite(after) and after < before * (1.0 + 1e-9):
                 break
             length *= SHORTER
@@ -223,7 +230,8 @@ def _search(
         sizes = np.abs(step) / np.sqrt(np.diag(np.linalg.inv(reduced.total)))
         if progress is not None:
             progress(f"turn {turn + 1} of at most {turns}: by at most {sizes.max():.2g} standard deviations")
-        noise = new_noise(errors, left, there, noise, normal, reduced.inverse)
+        noise = new_noise(errors, errors.innovations(left, there, memory), there, noise, normal, reduced.inverse)
+        memory = new_memory(errors, left, there, noise) if lasting else None
         if turn:
             spread = new_spread(errors, states, spread, reduced.inverse)
         settled = turn + 1 >= SOONEST and bool((sizes < SETTLED).all())
@@ -322,6 +330,25 @@ def new_noise(errors: WindowErrors, found: Array, there: Mask, noise: Array, nor
         size = np.sqrt(square[own].sum(axis=0) / np.maximum(left, 1.0))
         rows.append(np.maximum(before * np.where(left > TOLD * np.maximum(total, 1), size, 1.0), least))
     return np.stack(rows)
+
+
+def new_memory(errors: WindowErrors, found: Array, there: Mask, noise: Array) -> Array:
+    """Times (flights, rows), s, in which errors fade, from those of samples that follow each other in a window.
+
+    Where few samples tell what a vehicle was commanded, its errors last: as independent ones they would be taken for
+    more than they tell, and outweigh what is known of the numbers and of the unexplained wrench.
+    """
+    owners, time, memory = errors.windows.owners, errors.times(), np.zeros_like(noise)
+    sizes = np.clip(np.where(there, found / noise[owners], 0.0), -OUTLIER, OUTLIER)
+    for i, j in np.ndindex(*noise.shape):
+        (windows, steps), own = np.nonzero(there[:, :, j].T & (owners == i)[:, None]), np.s_[:, :, j]
+        rows, when = sizes[own][steps, windows], time[own][steps, windows]
+        follow = np.diff(windows) == 0
+        square = float(np.mean(rows**2)) if follow.any() else 0.0
+        if square > 0.0:
+            kept = min(float(np.mean((rows[1:] * rows[:-1])[follow])) / square, LONGEST)
+            memory[i, j] = -float(np.mean(np.diff(when)[follow])) / math.log(kept) if kept > FAINT else 0.0
+    return memory
 
 
 def new_spread(errors: WindowErrors, states: WindowStates, spread: Array, inverse: Array) -> Array:

@@ -23,7 +23,7 @@ from skyarm.studies.identify.logged_commands import (
     flying_spans,
     highest_speeds,
     sampling_period,
-    straight_lines,
+    smooth_commands,
     time_constants,
 )
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
@@ -141,7 +141,7 @@ def on_clock(
     edges = begin + step * np.arange(size + 1, dtype=float)
     if sampling_period(speeds):
         middles = edges[:-1] + 0.5 * step
-        speeds = Channel(time=edges[:-1], values=straight_lines(speeds, middles), source=speeds.source)
+        speeds = Channel(time=edges[:-1], values=smooth_commands(speeds, middles), source=speeds.source)
     limits = highest_speeds(start.rotors)
     speeds = Channel(time=speeds.time, values=np.clip(speeds.values, 0.0, limits), source=speeds.source)
     aloft = flying_spans(speeds, start) or list(sections)
