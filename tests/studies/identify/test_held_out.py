@@ -271,24 +271,54 @@ def test_a_past_is_chosen_by_far_horizons_if_there_are_any(horizons, by, monkeyp
 
     def errors_of(end, shares):
         horizon, memory = end
-        size = 1.0 if memory == best[horizon] else 10.0 ** (1.0 + 20.0 * (horizon == 0.1) + 3.0 * (horizon == 0.3))
+        size = (
+            1e30
+            if memory is None
+            else 1.0
+            if memory == best[horizon]
+            else 10.0 ** (1.0 + 20.0 * (horizon == 0.1) + 3.0 * (horizon == 0.3))
+        )
         return HorizonErrors(horizon=horizon, begins=5, position=size, velocity=1.0, attitude=1.0, rate=1.0)
 
+    _learn_by(errors_of, monkeypatch)
+    chosen = learn_from_past(*FAKES, horizons)
+    assert chosen.memory == best[by]
+    assert [horizon for horizon, _ in chosen.shares] == list(horizons)
+
+
+FAKES = SimpleNamespace(begins=lambda windows: "measured"), SimpleNamespace(windows=None)
+"""Loop and errors of which nothing is read."""
+
+
+def _learn_by(errors_of, monkeypatch, key=lambda smoothed, memory: memory):
+    """Let the choice of a past see errors that are given by horizon and choice; None is without a past."""
     fakes = {
         "past_windows": lambda loop, windows, seconds: SimpleNamespace(windows=None),
         "noises_of": lambda before, begins: (None, None),
         "end_of_past": lambda *_: ("state", "wrench"),
         "fading": lambda wrench, windows, memory: memory,
-        "ends_of": lambda loop, errors, horizons, begins, memory: [(each, memory) for each in horizons],
+        "_replace_fields": lambda states, others, names: names,
+        "ends_of": lambda loop, errors, horizons, begins, memory=None: [
+            (each, None if begins == "measured" else key(begins, memory)) for each in horizons
+        ],
         "shares_of": lambda end: end,
         "errors_of": errors_of,
     }
     for name, fake in fakes.items():
         monkeypatch.setattr(held_out, name, fake)
-    loop, errors = SimpleNamespace(begins=lambda windows: "measured"), SimpleNamespace(windows=None)
-    chosen = learn_from_past(loop, errors, horizons)
-    assert chosen.memory == best[by]
-    assert [horizon for horizon, _ in chosen.shares] == list(horizons)
+
+
+@pytest.mark.parametrize(("attitude", "place", "kept"), [(1e-3, 1.1, True), (1e-3, 1.005, False), (0.5, 0.5, False)])
+def test_a_past_that_makes_attitudes_better_and_positions_worse_is_not_taken(attitude, place, kept, monkeypatch):
+    """States of the window that only help where they harm nothing, up to a hundredth; else the measured ones."""
+
+    def errors_of(end, shares):
+        horizon, smoothed = end
+        sizes = (place, attitude) if smoothed else (1.0, 0.9) if smoothed == () else (1.0, 1.0)
+        return HorizonErrors(horizon=horizon, begins=5, position=sizes[0], velocity=1.0, attitude=sizes[1], rate=1.0)
+
+    _learn_by(errors_of, monkeypatch, key=lambda smoothed, memory: smoothed)
+    assert (learn_from_past(*FAKES, (0.5,)).smoothed == ()) == kept
 
 
 def test_rest_is_the_begin_s_pose_without_a_speed():

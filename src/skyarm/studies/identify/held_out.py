@@ -60,6 +60,12 @@ PASTS, MEMORIES = (0.1, 0.35), (0.0, 0.1, 1.0)
 from.
 """
 
+SMOOTHED = ((), ("position", "velocity"), ("quaternion", "rate"), FIELDS)
+"""Fields of a state that are those of the past's window, to choose from: any may be measured better than it tells."""
+
+WORSE = 1.01
+"""Times the error of a prediction without the past, up to which one with it is as good."""
+
 FAR = 0.2
 """s, of horizons by which is chosen, if there are any: over less, much of an error is the noise of what is measured."""
 
@@ -339,7 +345,7 @@ class Past:
     Attributes:
         seconds: s, of the window before each begin that tells the unexplained wrench.
         noise: (flights, rows) of the sensors. spread: (6,) of the wrench, N and N m.
-        smoothed: whether predictions begin with the window's state, in place of the measured one.
+        smoothed: fields of the state with which predictions begin that are the window's; others are as measured.
         memory: s, in which what is beside the wrench's mean over :data:`LASTING` fades; 0 leaves it out.
         shares: over each horizon, of the model and of rest beside holding, as of :func:`shares_of`.
     """
@@ -347,38 +353,47 @@ class Past:
     seconds: float
     noise: Array
     spread: Array
-    smoothed: bool
+    smoothed: tuple[str, ...]
     memory: float
     shares: Sequence[Array]
 
     def begins(self, loop: OpenLoop, errors: WindowErrors) -> tuple[BaseStates, Callable[[float], Array]]:
         """States at the begins of windows, and the wrench some time (s) after."""
         state, wrench = end_of_past(loop, errors, self.seconds, self.noise, self.spread)
-        begins = state if self.smoothed else loop.begins(errors.windows)
+        begins = _replace_fields(loop.begins(errors.windows), state, self.smoothed)
         return begins, fading(wrench, errors.windows, self.memory)
+
+
+def _replace_fields(states: BaseStates, others: BaseStates, names: Sequence[str]) -> BaseStates:
+    """States with some fields of others."""
+    return dataclasses.replace(states, **{name: getattr(others, name) for name in names})
 
 
 def learn_from_past(loop: OpenLoop, errors: WindowErrors, horizons: Sequence[float]) -> Past:
     """Choose how the past counts, by the least mean logarithm of position and attitude errors in flights of the fit.
+
+    What makes neither of them larger than without a past goes before what does.
 
     Args:
         loop: of all flights.
         errors: of windows in the flights of the fit.
         horizons: s.
     """
-    chosen, least = list[Past](), math.inf
+    chosen, least = list[Past](), (True, math.inf)
+    without = [errors_of(each, WHOLE) for each in ends_of(loop, errors, horizons, loop.begins(errors.windows))]
     for seconds in PASTS:
         before = past_windows(loop, errors.windows, seconds)
         noise, spread = noises_of(before, loop.begins(before.windows))
         state, wrench = end_of_past(loop, errors, seconds, noise, spread)
-        for smoothed, memory in product((False, True), MEMORIES):
-            begins = state if smoothed else loop.begins(errors.windows)
+        for smoothed, memory in product(SMOOTHED, MEMORIES):
+            begins = _replace_fields(loop.begins(errors.windows), state, smoothed)
             ends = ends_of(loop, errors, horizons, begins, fading(wrench, errors.windows, memory))
             shares = [shares_of(each) for each in ends]
             rows = [errors_of(each, share) for each, share in zip(ends, shares, strict=True)]
-            counted = [each for each in rows if each.begins]
-            far = [each for each in counted if each.horizon >= FAR] or counted
-            score = sum(math.log(max(each.position * each.attitude, 1e-300)) for each in far)
+            counted = [pair for pair in zip(rows, without, strict=True) if pair[0].begins]
+            far = [pair for pair in counted if pair[0].horizon >= FAR] or counted
+            worse = any(a.position > WORSE * b.position or a.attitude > WORSE * b.attitude for a, b in far)
+            score = worse, sum(math.log(max(each.position * each.attitude, 1e-300)) for each, _ in far)
             if score < least:
                 chosen, least = [Past(seconds, noise, spread, smoothed, memory, shares)], score
     return chosen[0]
