@@ -171,6 +171,18 @@ def test_a_channel_is_left_out_only_if_that_is_worth_its_price(monkeypatch, size
     assert [each.channel for each in found] == channel
 
 
+def test_a_channel_is_left_out_however_little_one_turn_tells_of_that(monkeypatch):
+    foreign = rows_of("quaternion", columns(2, 1, 0, 3))(SOUND)
+
+    def sizes(flight):
+        if "quaternion" not in flight:
+            return {"gyro": 1e4} if isolate_fault.Leavings.calls[-1] == (12, 1) else {}
+        return {"quaternion": 90.0 if same(flight, foreign) else 80.0}
+
+    (fault,), _ = isolated(monkeypatch, sizes, foreign)
+    assert (fault.severity, fault.channel) == (REFUSED, "pose")
+
+
 def test_an_amount_between_those_of_the_table_is_found(monkeypatch):
     wrong = rows_of("gyro", times(*(1.15,) * 3))(SOUND)
 
@@ -272,12 +284,12 @@ def test_a_flight_that_cannot_be_flown_is_searched(monkeypatch):
 
 
 def test_the_search_takes_the_cheap_way_first(monkeypatch):
-    """Windows and turns: all changes with few, eight with more turns, four with many windows to the end."""
+    """Windows and turns: all changes with few, eight and those without a channel with more turns, four with many windows to the end."""
     wrong = rows_of("gyro", columns(2, 1, 0))(SOUND)
     _, fits = isolated(monkeypatch, lambda flight: {"gyro": 5.0}, wrong)
     kinds = [call for i, call in enumerate(fits.calls) if i == 0 or call != fits.calls[i - 1]]
     assert kinds == [(60, 40), (12, 1), (12, 4), (60, 40)]
-    assert fits.calls.count((12, 4)) == 8
+    assert fits.calls.count((12, 4)) == 8 + len(("pose", "joint_efforts"))
     assert fits.calls.count((60, 40)) == 1 + 4
     _, fits = isolated(monkeypatch, lambda flight: {"unexplained force": 5.0})
     assert (12, 1) not in fits.calls, "one turn tells little of a force between windows"

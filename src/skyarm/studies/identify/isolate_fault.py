@@ -244,7 +244,10 @@ def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left
                 finals += (done := trial(change, amount, LAST))
                 if done and done[0].left.largest < ALARM:
                     return done
-    for _, change, amount, _ in _each_best(tried)[:SECOND]:
+    ranked = _each_best(tried)
+    # a turn hardly tells a flight without a channel from one with it
+    out = [each for each in ranked[SECOND:] if each.change.make is leave_out]
+    for _, change, amount, _ in [*ranked[:SECOND], *out]:
         again += trial(change, _best_amount(trial, change, amount) if change.between else amount, SOON)
     for _, change, amount, _ in _each_best(again)[:FINAL]:
         if change not in [each.change for each in finals]:
