@@ -284,7 +284,7 @@ def test_a_flight_that_cannot_be_flown_is_searched(monkeypatch):
 
 
 def test_the_search_takes_the_cheap_way_first(monkeypatch):
-    """Windows and turns: all changes with few, eight and those without a channel with more turns, four with many windows to the end."""
+    """Windows and turns: all changes with few, with more turns eight and those without a channel, four to the end."""
     wrong = rows_of("gyro", columns(2, 1, 0))(SOUND)
     _, fits = isolated(monkeypatch, lambda flight: {"gyro": 5.0}, wrong)
     kinds = [call for i, call in enumerate(fits.calls) if i == 0 or call != fits.calls[i - 1]]
