@@ -239,7 +239,7 @@ def halved(monkeypatch, size, name="links.arm.joint.coulomb", least=1):
     """Integration steps of the result of the first fits, and those of all fits to windows of the whole length."""
     fits = []
 
-    def fitted(errors, begin, *, noise=None, spread=None, progress=None):
+    def fitted(errors, begin, *, noise=None, spread=None, lasting=False, progress=None):
         fits.append((errors.replay.substeps, begin))
         values, states = f"fit {len(fits)}", f"states of {errors.samples}"
         found = SimpleNamespace(values=values, states=states, noise=np.array([[1.0, 2.0], [10.0, 20.0]]), spread=None)
@@ -252,7 +252,7 @@ def halved(monkeypatch, size, name="links.arm.joint.coulomb", least=1):
 
     monkeypatch.setattr("skyarm.studies.identify.identify_windows.fit_windows", fitted)
     unknowns = [SimpleNamespace(name="base.com.x"), SimpleNamespace(name=name)]
-    search = SimpleNamespace(unknowns=unknowns, begin="start", first=0.06, whole=0.25, errors=errors)
+    search = SimpleNamespace(unknowns=unknowns, begin="start", slow=False, first=0.06, whole=0.25, errors=errors)
     some, fit = first_fits(search)
     assert [begin for _, begin in fits] == ["start", *(f"fit {i}" for i in range(1, len(fits)))]
     assert fit.values == f"fit {len(fits)}"

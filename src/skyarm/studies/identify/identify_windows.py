@@ -65,7 +65,7 @@ TURNING, LATE = 0.05, 0.005
 
 @immutable(eq=False)
 class SearchOptions:
-    """What is searched in flights, and how much of them counts.
+    """Options of a search: what of the flights counts, and which numbers are searched.
 
     Attributes:
         curve: find a thrust curve of its own in place of the start's times a factor.
