@@ -27,7 +27,7 @@ from skyarm.studies.identify.window_fit import (
 from skyarm.studies.identify.windows import Windows, on_clock
 from window_flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
 
-pytest.importorskip("scipy", reason="needs the extra 'identify'")
+sqrtm = pytest.importorskip("scipy.linalg", reason="needs the extra 'identify'").sqrtm
 
 OWN, WRENCH, COUNT = 3, 6, 4
 """Free numbers of a window beside its wrench, of the wrench, and numbers of all windows."""
@@ -256,7 +256,18 @@ def test_the_spread_of_the_wrench_is_that_over_the_windows():
         assert np.mean(found.spread / spread) == pytest.approx(1.0, abs=0.08)
 
 
-def test_intervals_are_those_of_leaving_out_blocks():
+def by_blocks(found, moves, centred):
+    """Covariance by blocks (CR2), and that without what the estimate follows of them, from fits that leave one out."""
+    total, identity = np.linalg.inv(found.curvature), np.eye(COUNT)
+    scores = [(total - part) @ move for part, move in zip(found.block_information, moves, strict=True)]
+    scores = np.array(scores) - centred * np.mean(scores, axis=0)
+    kept = [np.linalg.inv(sqrtm(identity - part @ found.curvature)) for part in found.block_information]
+    rows = np.array([found.curvature @ share @ score for share, score in zip(kept, scores, strict=True)])
+    plain = scores @ found.curvature
+    return rows.T @ rows, plain.T @ plain
+
+
+def test_intervals_are_by_the_errors_of_blocks():
     """Errors that hang together in a block: its fit is refitted without it, by the dense problem, for every block."""
     toy = Toy(windows=32, steps=6, noise=0.02, per_block=4)
     blocks = blocks_of(toy.windows)
@@ -268,7 +279,9 @@ def test_intervals_are_those_of_leaving_out_blocks():
     found = fit(toy)
     whole, _ = dense(toy, toy.given[-1], found.spread, np.arange(32))
     moves = [dense(toy, toy.given[-1], found.spread, np.setdiff1d(np.arange(32), block))[0] - whole for block in blocks]
-    wanted = np.einsum("bp,bq->pq", moves, moves) * 7.0 / 8.0
+    wanted, plain = by_blocks(found, moves, centred=False)
+    assert (np.diag(plain) < 0.9 * np.diag(wanted)).any()
+    assert (np.diag(wanted) < 0.9 * np.einsum("bp,bp->p", moves, moves)).any(), "less than the jackknife's"
     assert (np.diag(wanted) > np.diag(found.curvature)).all()
     assert found.covariance == pytest.approx(wanted, rel=0.05, abs=0.05 * np.diag(wanted).max())
     assert found.block_information.shape == (8, COUNT, COUNT)
@@ -282,10 +295,9 @@ def test_what_was_known_before_is_no_spread_of_blocks():
     whole, _ = dense(toy, toy.given[-1], found.spread, np.arange(32), 0.02)
     kept = [np.setdiff1d(np.arange(32), block) for block in blocks_of(toy.windows)]
     moves = np.stack([dense(toy, toy.given[-1], found.spread, each, 0.02)[0] - whole for each in kept])
-    centred = moves - moves.mean(axis=0)
-    wanted = centred.T @ centred * 7.0 / 8.0 + found.curvature @ known @ found.curvature
-    plain = moves.T @ moves * 7.0 / 8.0 + found.curvature @ known @ found.curvature
-    assert np.diag(found.covariance) == pytest.approx(np.maximum(np.diag(wanted), np.diag(found.curvature)), rel=0.1)
+    of_prior = found.curvature @ known @ found.curvature
+    wanted, plain = (by_blocks(found, moves, centred)[0] + of_prior for centred in (True, False))
+    assert np.diag(found.covariance) == pytest.approx(np.diag(wanted), rel=0.1)
     assert (np.diag(plain) > 1.2 * np.diag(found.covariance)).any()
 
 
@@ -303,8 +315,9 @@ def test_scores_of_flights_are_those_after_the_last_step(monkeypatch):
 def test_intervals_are_never_narrower_than_the_curvature():
     """Of data without noise the least noise of a sensor is left."""
     found = fit(Toy(windows=16, steps=8, noise=0.0))
-    assert (np.diag(found.covariance) >= np.diag(found.curvature) * (1.0 - 1e-9)).all()
-    assert np.diag(found.covariance) == pytest.approx(np.diag(found.curvature), rel=0.5)
+    assert (np.diag(found.covariance) < 0.01 * np.diag(found.curvature)).all()
+    # that of the noise is known by all samples, not by a few blocks
+    assert found.half_widths(np.eye(COUNT)) == pytest.approx(1.959964 * np.sqrt(np.diag(found.curvature)))
     assert found.noise[0] == pytest.approx([1e-4, 1e-4, 1e-4], rel=0.3)
 
 
@@ -320,10 +333,15 @@ def fit_with(block_information):
 
 def test_quantiles_are_wide_for_what_few_blocks_tell():
     rows = np.ones((1, 1))
-    assert fit_with([1.0] * 11).quantiles(rows) == pytest.approx(2.2281389)
+
+    def quantiles(blocks):
+        found = fit_with(blocks)
+        return found.half_widths(rows) / np.sqrt(found.covariance[0, 0])
+
+    assert quantiles([1.0] * 11) == pytest.approx(2.2281389)
     # ten blocks of which two tell all: two squares, of which the mean takes one part in ten
-    assert fit_with([1.0, 1.0] + [0.0] * 8).quantiles(rows) == pytest.approx(4.7948814)
-    assert fit_with([1.0] + [1e-9] * 9).quantiles(rows) == pytest.approx(12.706205)
+    assert quantiles([1.0, 1.0] + [0.0] * 8) == pytest.approx(4.7948814)
+    assert quantiles([1.0] + [1e-9] * 9) == pytest.approx(12.706205)
 
 
 def test_a_fit_to_expect_of_more_windows_is_sharper_by_the_root_of_their_number():
@@ -332,7 +350,7 @@ def test_a_fit_to_expect_of_more_windows_is_sharper_by_the_root_of_their_number(
     more = found.of_more(9.0)
     assert more.curvature[0, 0] == pytest.approx(found.curvature[0, 0] / 9.0)
     assert more.covariance[0, 0] == pytest.approx(4.0 * more.curvature[0, 0])
-    assert more.quantiles(np.ones((1, 1))) == pytest.approx(found.quantiles(np.ones((1, 1))))
+    assert more.half_widths(np.ones((1, 1))) == pytest.approx(found.half_widths(np.ones((1, 1))) / 3.0)
     known = dataclasses.replace(found, prior_information=np.array([[11.0]])).of_more(1.0)
     assert known.curvature[0, 0] == pytest.approx(1.0 / 22.0)
 
@@ -444,7 +462,7 @@ def test_a_planted_quadrotor_is_found_within_its_intervals():
     found = fit_windows(errors, np.array([each.begin for each in unknowns]))
     assert found.settled
     truth = np.array([np.log(PLANTED[u.name]) if u.positive else PLANTED[u.name] for u in unknowns])
-    halves = found.quantiles(np.eye(len(truth))) * np.sqrt(np.diag(found.covariance))
+    halves = found.half_widths(np.eye(len(truth)))
     assert (np.abs(found.values - truth) < 1.3 * halves).all()
     assert (halves < 0.01).all()
     wanted = np.array([NOISE[name] for name, _ in errors.rows])

@@ -17,7 +17,7 @@ from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
-from skyarm.studies.identify.window_fit import WindowFit
+from skyarm.studies.identify.window_fit import NORMAL, WindowFit
 from skyarm.vehicle.vehicle_records import Vehicle
 
 if TYPE_CHECKING:
@@ -37,9 +37,6 @@ SHOWN = 0.5
 
 LAGS = ("delay", "rotors.time_constant_up", "rotors.time_constant_down")
 """Numbers of the rotors' commands that samples below 40 Hz do not show."""
-
-NORMAL = 1.959964
-"""Standard deviations of half an interval of 95 % where the spread is known (normal distribution)."""
 
 
 @immutable
@@ -184,12 +181,11 @@ def identified_numbers(
     before = scale.before
     after = np.maximum(np.diag(covariance), np.diag(scale.rows @ found.curvature @ scale.rows.T))
     wider = disagreement(found, scale, after, flights)
-    after = np.minimum(after * wider**2, before)  # what the data blur is known as before
-    quantiles = found.quantiles(scale.rows)
-    # a number that few blocks tell is known as well as its interval is narrow
-    shares = 1.0 - np.minimum(after * np.maximum(quantiles / NORMAL, 1.0) ** 2, before) / before
+    # a number that few blocks tell is known as well as its interval is narrow; what the data blur, as before
+    halves = np.minimum(found.half_widths(scale.rows) * wider, NORMAL * np.sqrt(before))
+    shares = 1.0 - (halves / NORMAL) ** 2 / before
     sampling = np.array([0.5 * sample * (each.name == ACCELEROMETER) for each in scale.reported])
-    halves = np.hypot(quantiles * np.sqrt(after), sampling)
+    halves = np.hypot(halves, sampling)
     numbers = []
     for k, each in enumerate(scale.reported):
         value, half = float(scale.values[k]), float(halves[k])

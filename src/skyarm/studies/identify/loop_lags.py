@@ -271,7 +271,7 @@ def _lag(name: str, searched: list[Unknown], errors: WindowErrors, fit: WindowFi
     rows = np.zeros((1 + len(place), len(fit.values)))
     rows[0, place] = [1.0, *(swing**2 / (len(taus) * tau) for tau in taus)]
     rows[range(1, len(rows)), place] = [1.0, *taus]
-    halves = fit.quantiles(rows) * np.sqrt(np.einsum("kp,pq,kq->k", rows, fit.covariance, rows))
+    halves = fit.half_widths(rows)
     halves = np.hypot(halves, INSTANT * period + SHARE * (abs(delay) + swing))
     numbers = zip((delay + swing, delay, *taus), halves.tolist(), strict=True)
     together, alone, up, *more = (Estimated.of(value, half) for value, half in numbers)
