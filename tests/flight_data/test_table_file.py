@@ -177,6 +177,10 @@ def test_published_flights_obey_newton_s_and_euler_s_laws(name: str, least: floa
         (f"{GYRO}low = 3\n", "gyro.low = 3: unknown field"),
         ('[quaternion]\ncolumns = ["a", "b"]\n', "must be 4 names, or 3 of roll, pitch and yaw"),
         ('[rotor_commands]\ncolumns = ["a"]\nlow = 1\n', "rotor_commands.high = 1: must differ from low"),
+        (
+            '[rotor_commands]\ncolumns = ["a"]\nunit = "percent"\n',
+            "rotor_commands.unit = 'percent': must be left out: low and high tell its range",
+        ),
         ('[velocity]\ncolumns = ["a", "b", "c"]\nframe = "FLU"\nworld = "NED"\n', "must be left out beside 'world'"),
         ('[time]\nunit = "min"\n', "time.unit = 'min': must be"),
         ("gyro = 3\n", "gyro = 3: must be a table"),

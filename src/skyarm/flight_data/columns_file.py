@@ -163,6 +163,9 @@ def _signal(quantity: Quantity, fields: Fields) -> Signal:
             f"{fields.at('columns')} = {shown(list(columns))}: must be {quantity.width} names{euler_words}"
         )
     units = ANGLES if euler else quantity.units
+    if "unit" in fields.table and not any(units):
+        ranged = ": low and high tell its range" if quantity is QUANTITIES["rotor_commands"] else ""
+        raise ValueError(f"{fields.at('unit')} = {shown(fields.table['unit'])}: must be left out{ranged}")
     given: dict[str, Any] = {"unit": fields.choice("unit", tuple(units), next(iter(units)))}
     if quantity.axes in (BODY, ATTITUDE):
         given["frame"] = fields.choice("frame", FRAMES, FRAMES[0])

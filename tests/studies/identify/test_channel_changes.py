@@ -398,3 +398,21 @@ def test_a_change_leaves_all_other_channels_and_passes_over_those_that_are_not_t
 def test_only_stamps_that_are_not_even_are_no_reason_to_refuse_a_flight():
     for change in channel_changes(SOUND, VEHICLE):
         assert change.severity == (WARNED if "even ones" in change.words else REFUSED)
+
+
+@pytest.mark.parametrize("name", ["octo_coaxial_two_arms", "hummingbird", "tilted_hexarotor"])
+def test_every_order_of_rotors_is_a_permutation(name):
+    """Of rotors one above the other too: mirrored left for right, each stays in its plane."""
+    vehicle = skyarm.load_vehicle(name)
+    count = len(vehicle.rotors)
+    commands = np.arange(float(count)) * np.ones((800, 1))
+    flight = SOUND.with_channels({"rotor_speed_commands": dataclasses.replace(SOUND["gyro"], values=commands)})
+    changes = [each for each in channel_changes(flight, vehicle) if "ordered" in each.words or "mirrored" in each.words]
+    for each in changes:
+        (order,) = {tuple(rows) for rows in each.of(flight, 1.0)["rotor_speed_commands"].values}
+        assert sorted(order) == [*range(count)], each.words
+    places = [vehicle.rotors[i].position for i in range(count)]
+    for each in (each for each in changes if "mirrored" in each.words):
+        order = each.of(flight, 1.0)["rotor_speed_commands"].values[0].astype(int)
+        for place, other in zip(places, (places[i] for i in order), strict=True):
+            assert (other.x, other.y, other.z) == pytest.approx((place.x, -place.y, place.z), abs=1e-6)

@@ -321,6 +321,15 @@ def test_a_past_that_makes_attitudes_better_and_positions_worse_is_not_taken(att
     assert (learn_from_past(*FAKES, (0.5,)).smoothed == ()) == kept
 
 
+def test_a_past_whose_errors_are_no_numbers_is_not_taken(monkeypatch):
+    def errors_of(end, shares):
+        size = math.nan if end[1] == () else 1.0
+        return HorizonErrors(horizon=end[0], begins=5, position=size, velocity=1.0, attitude=1.0, rate=1.0)
+
+    _learn_by(errors_of, monkeypatch, key=lambda smoothed, memory: smoothed)
+    assert learn_from_past(*FAKES, (0.5,)).smoothed != ()
+
+
 def test_rest_is_the_begin_s_pose_without_a_speed():
     """Beside holding, whose velocity and rate go on for 0.1 s."""
     loop, errors = loop_of()

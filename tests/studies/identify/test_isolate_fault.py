@@ -78,6 +78,22 @@ def test_what_no_change_mends_is_said_of_the_model(monkeypatch):
     for size, channels in ((2.99, []), (3.01, ["model"])):
         found, _ = isolated(monkeypatch, lambda flight, size=size: {"position": size})
         assert [each.channel for each in found] == channels
+    (fault,), _ = isolated(monkeypatch, lambda flight: {"gyro": 5.0, "unexplained force": 4.2})
+    assert fault.finding == (
+        "does not explain gyro (5 times its noise) and leaves an unexplained force 4.2 times what is usual"
+    )
+
+
+def test_a_joint_s_name_may_hold_braces(monkeypatch):
+    first, *others = VEHICLE.links
+    named = dataclasses.replace(first, joint=dataclasses.replace(first.joint, name="arm{1}"))
+    vehicle = dataclasses.replace(VEHICLE, links=(named, *others))
+    wrong = rows_of("joint_positions", times(-1, 1))(SOUND)
+    fits = Fits(lambda flight: {"joint_positions": 9.0} if differs(flight, "joint_positions") else {})
+    monkeypatch.setattr(isolate_fault, "Leavings", fits)
+    monkeypatch.setattr(isolate_fault, "align_poses", lambda flight: (flight, None))
+    (fault,) = find_faults(wrong, vehicle)
+    assert fault.finding.startswith("the sign of arm{1} looks turned: ")
 
 
 def test_the_change_that_makes_all_white_is_named_with_what_it_does(monkeypatch):
@@ -209,7 +225,7 @@ def test_channels_that_a_check_names_alarm_no_more(monkeypatch):
 
 def test_a_force_that_nothing_explains_alarms(monkeypatch):
     (fault,), _ = isolated(monkeypatch, lambda flight: {"unexplained force": 5.0})
-    assert fault.finding == "does not explain unexplained force (5 times its noise)"
+    assert fault.finding == "leaves an unexplained force 5 times what is usual"
 
 
 def test_a_refused_log_is_not_flown(monkeypatch):
@@ -279,8 +295,8 @@ def test_a_flight_that_cannot_be_flown_is_searched(monkeypatch):
     (fault,), _ = isolated(monkeypatch, sizes, wrong)
     assert fault.channel == "joint_rates"
     assert fault.finding == "it looks like deg/s: the motion under the commands is no number without this change"
-    found, _ = isolated(monkeypatch, lambda flight: dict.fromkeys(flight, np.inf))
-    assert found == (), "the search says that the start vehicle does not fly"
+    (fault,), _ = isolated(monkeypatch, lambda flight: dict.fromkeys(flight, np.inf))
+    assert (fault.severity, fault.finding) == (WARNED, "flies to infinity under the commands")
 
 
 def test_the_search_takes_the_cheap_way_first(monkeypatch):

@@ -356,3 +356,22 @@ def test_a_flight_of_the_simulator_is_told_how_to_log_more():
     ours = dataclasses.replace(flight, facts={"vehicle": SIMULATED})
     remedies = {each.channel: each.remedy for each in check_log(ours, VEHICLE)}
     assert remedies["gyro"].startswith("name an inertial unit in the scenario")
+
+
+def test_a_position_or_velocity_without_an_attitude_is_not_used():
+    blind = dataclasses.replace(SOUND, channels={name: SOUND[name] for name in SOUND if name != "quaternion"})
+    assert "warned position: no attitude is measured beside it" in told(blind)
+    assert not any("attitude" in each for each in told(SOUND))
+
+
+def test_a_flight_below_a_second_is_short_rather_than_on_the_ground():
+    assert told(made(seconds=0.9)) == ["refused flight: 0.89 s: too short, or cut off"]
+
+
+def test_the_cure_of_commands_in_percent_is_their_range():
+    shares = SOUND["rotor_speed_commands"].values / MAX
+    percent = dataclasses.replace(SOUND["rotor_speed_commands"], values=100.0 * shares)
+    channels = {name: SOUND[name] for name in SOUND if name != SPEED} | {"rotor_commands": percent}
+    (fault,) = check_log(dataclasses.replace(SOUND, channels=channels), VEHICLE)
+    assert fault.finding.endswith("it looks like percent")
+    assert fault.remedy == "state low and high in columns.toml"

@@ -191,7 +191,7 @@ class Lasting(WindowErrors):
 
     def __init__(self):
         draw = np.random.default_rng(8)
-        self.windows = SimpleNamespace(owners=np.repeat([0, 1], 20))
+        self.windows = SimpleNamespace(owners=np.repeat([0, 1], 20), length=100, step=0.02)
         self.when = np.cumsum(draw.uniform(0.002, 0.018, size=(100, 40, 3)), axis=0)
         self.there = draw.uniform(size=self.when.shape) < 0.8
         self.found = draw.normal(size=self.when.shape)
@@ -201,6 +201,27 @@ class Lasting(WindowErrors):
 
     def times(self):
         return self.when
+
+
+def test_what_lasts_beyond_a_window_is_given_a_quarter_of_it():
+    """A random walk's size and memory would grow together, from turn to turn."""
+    errors = Lasting()
+    walk = np.cumsum(np.random.default_rng(1).normal(size=errors.found.shape), axis=0)
+    memory = new_memory(errors, walk, errors.there, np.full((2, 3), 5.0))
+    assert memory == pytest.approx(np.full((2, 3), 0.25 * 2.0))
+
+
+def test_squares_of_errors_less_what_is_left_are_those_of_their_whole_covariance():
+    """Of every window and row e' C^-1 e, where C = exp(-|t - t'| / memory), at uneven times."""
+    errors = Lasting()
+    memory = np.array([[0.03, 0.07, 0.4], [0.2, 0.01, 0.0005]])
+    white = errors.innovations(errors.found, errors.there, memory)
+    for window, row in ((0, 0), (7, 2), (19, 1), (20, 0), (39, 2)):
+        there = errors.there[:, window, row]
+        time, found = (each[there, window, row] for each in (errors.when, errors.found))
+        covariance = np.exp(-np.abs(time[:, None] - time) / memory[window // 20, row])
+        expected = found @ np.linalg.solve(covariance, found)
+        assert (white[there, window, row] ** 2).sum() == pytest.approx(expected, rel=1e-9)
 
 
 def test_the_memory_of_errors_is_found_and_taken_off():

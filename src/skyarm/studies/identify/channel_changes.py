@@ -18,7 +18,7 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import attitude_at
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.log_checks import COMMANDS, IMU, REFUSED, UNIT, WARNED
+from skyarm.studies.identify.log_checks import COMMANDS, IMU, RANGE, REFUSED, UNIT, WARNED
 from skyarm.studies.identify.logged_commands import highest_speeds
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
@@ -115,7 +115,8 @@ def channel_changes(flight: FlightData, start: Vehicle) -> Iterator[Change]:
         names = POSE if name == "pose" else (name,)
         yield Change(name, "does not belong to this flight", LEAVE, names, leave_out, price=part * PRICE_OUT)
     yield from _of_rotors(flight, start.rotors)
-    yield from _of_joints([link.joint.name for link in start.links])
+    # words are formats of an amount
+    yield from _of_joints([link.joint.name.replace("{", "{{").replace("}", "}}") for link in start.links])
 
 
 def _map_columns(channel: str, words: str, remedy: str, names: tuple[str, ...], mapping: Array) -> Change:
@@ -246,8 +247,10 @@ def _axes_words(mapping: Array) -> str:
 def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
     """Yield other orders and another range of the rotors' commands."""
     plain = tuple(range(len(rotors)))
-    places = np.array([[float(each.position.x), float(each.position.y)] for each in rotors])
-    mirrored = tuple(int(np.argmin(np.hypot(*(places - [x, -y]).T))) for x, y in places)
+    places = np.array([[float(c) for c in each.position] for each in rotors])
+    # one above the other are told apart by their height
+    mirrored = tuple(int(np.argmin(np.linalg.norm(places - each * [1.0, -1.0, 1.0], axis=1))) for each in places)
+    mirrored = mirrored if sorted(mirrored) == [*plain] else plain
     turned = [(plain[i:] + plain[:i])[::way] for i in plain for way in (1, -1)]
     known = {
         mirrored: "the rotors look mirrored, left for right",
@@ -265,9 +268,9 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
             )
     full = highest_speeds(rotors) if "rotor_speed_commands" in flight else np.ones(len(plain))
     if np.isfinite(full).all():
-        words, remedy = "begin at {:.0f} % of the full signal: their range is another", "state low and high"
+        words = "begin at {:.0f} % of the full signal: their range is another"
         lowered, percent = partial(by_rows, partial(_less, 0.01 * full)), (-15.0, -6.0, 6.0, 15.0)
-        yield Change(ROTOR_COMMANDS, words, f"{remedy} in columns.toml", COMMANDS, lowered, percent, True, PRICE_AMOUNT)
+        yield Change(ROTOR_COMMANDS, words, RANGE, COMMANDS, lowered, percent, True, PRICE_AMOUNT)
 
 
 def _exchanges(plain: Sequence[int]) -> Iterator[tuple[int, ...]]:

@@ -392,8 +392,8 @@ def learn_from_past(loop: OpenLoop, errors: WindowErrors, horizons: Sequence[flo
             rows = [errors_of(each, share) for each, share in zip(ends, shares, strict=True)]
             counted = [pair for pair in zip(rows, without, strict=True) if pair[0].begins]
             far = [pair for pair in counted if pair[0].horizon >= FAR] or counted
-            worse = any(a.position > WORSE * b.position or a.attitude > WORSE * b.attitude for a, b in far)
-            score = worse, sum(math.log(max(each.position * each.attitude, 1e-300)) for each, _ in far)
+            good = [a.position <= WORSE * b.position and a.attitude <= WORSE * b.attitude for a, b in far]
+            score = not all(good), sum(math.log(max(each.position * each.attitude, 1e-300)) for each, _ in far)
             if score < least:
                 chosen, least = [Past(seconds, noise, spread, smoothed, memory, shares)], score
     return chosen[0]

@@ -219,10 +219,11 @@ def _absent_line(channel: str, costs: Mapping[str, float]) -> str:
     """Numbers whose intervals a channel that was not logged would narrow most, and how much."""
     most = sorted((name for name in costs if costs[name] > WIDENED), key=lambda name: -costs[name])
     if not most:
-        return f"{channel}: is not logged, and no interval would be narrower by more than {WIDENED:g} times with it"
+        return f"{channel}: not logged; no interval would be narrower by more than {WIDENED:g} times with it"
     listed = ", ".join(f"{name} {costs[name]:.2g}" for name in most[:LISTED])
     more = f" and {len(most) - LISTED} more" if len(most) > LISTED else ""
-    return f"{channel}: is not logged; intervals are wider than with it, times: {listed}{more}"
+    beside = "one of motion capture" if channel in ("pose", "position") else "them"
+    return f"{channel}: not logged; intervals are wider than with {beside}, times about: {listed}{more}"
 
 
 def _apart_lines(numbers: Sequence[IdentifiedNumber]) -> list[str]:

@@ -260,7 +260,7 @@ def identify_by_windows(
         period=search.sample,
         absent={
             channel: dict(zip([each.name for each in scale.reported], ratios.tolist(), strict=True))
-            for channel, ratios in costs_of_absent(errors, fit, scale.rows).items()
+            for channel, ratios in (costs_of_absent(errors, fit, scale.rows) if fit.settled else {}).items()
         },
         counted=tuple(bool((windows.owners == i).any()) for i in range(len(search.flights))),
     )

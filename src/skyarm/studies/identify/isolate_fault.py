@@ -189,9 +189,14 @@ def _verdict(flights: Flights, start: Vehicle, told: Sequence[str], search: bool
     elif bad or before.unusual > ODD:
         if best := _best_changes(left, flights, start, before) if search else []:
             yield _name_fault(best, before)
-        elif bad and DOUBTFUL <= sizes[bad[0]] < math.inf:
-            finding = f"does not explain {', '.join(f'{name} ({sizes[name]:.2g} times its noise)' for name in bad)}"
-            remedy = "no change of a channel mends it: check the vehicle file, and expect no more of its numbers"
+        elif bad and sizes[bad[0]] >= DOUBTFUL:
+            noises = [f"{name} ({sizes[name]:.2g} times its noise)" for name in bad if name not in PUSHES]
+            pushes = [f"an {name} {sizes[name]:.2g} times what is usual" for name in bad if name in PUSHES]
+            told = f"does not explain {', '.join(noises)}" if noises else ""
+            finding = f"{told}{' and ' if told and pushes else ''}{'leaves ' if pushes else ''}{' and '.join(pushes)}"
+            if sizes[bad[0]] == math.inf:
+                finding = "flies to infinity under the commands"
+            remedy = "no change of a channel mends it: check the vehicle file; numbers may be wrong by as much"
             remedy = remedy if search else "skyarm show FLIGHT --vehicle FILE looks for the cause"
             yield WARNED, "model", finding, remedy
 

@@ -36,6 +36,10 @@ def nominal_model(log: Log, vehicle: str | None, gravity: float | None) -> tuple
             "--vehicle: is missing; the log does not say which vehicle flew (with --lags, for its lags alone)"
         )
     model = log.scenario.controller.par.model
+    if model.vehicle.planar:
+        raise ValueError(
+            f"--vehicle: is missing: the law's model, '{model.vehicle.name}', is of planar motion and cannot fly"
+        )
     return model.vehicle, float(model.gravity) if gravity is None else gravity
 
 

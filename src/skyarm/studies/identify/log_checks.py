@@ -59,6 +59,7 @@ USED = (*IMU, *COMMANDS, "joint_positions")
 """Channels whose damage spoils numbers."""
 
 CUT, UNIT = "cut the flight to sections without it", "state its unit in columns.toml"
+RANGE = "state low and high in columns.toml"
 
 
 def require_no_refusal(faults: Sequence[Fault]) -> None:
@@ -95,6 +96,9 @@ def _faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     if any(name in USED for name in empty):
         return
     flight = dataclasses.replace(flight, channels={name: flight[name] for name in flight if name not in empty})
+    aside = [name for name in ("position", "velocity") if name in flight and "quaternion" not in flight]
+    if aside:
+        yield WARNED, aside[0], "no attitude is measured beside it", "it is not used; log the quaternion"
     for check in (_lost_rows, _spikes, _missing, _sizes):
         yield from (found := list(check(flight, start)))
         if check is not _lost_rows and any(severity == REFUSED for severity, *_ in found):
@@ -204,7 +208,7 @@ def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
         finding = (
             f"is {size:.4g} on the median, and flights have {low:.3g} to {high:.4g}: {(looks or ['no unit fits'])[0]}"
         )
-        yield REFUSED, name, finding, UNIT
+        yield REFUSED, name, finding, RANGE if name == COMMANDS[0] else UNIT
     yield from _damaged_shares(flight)
     if not RATES[0] <= (rate := flight["gyro"].rate) <= RATES[1]:
         unit = ": times look like ms" if rate < RATES[0] else ""
@@ -246,6 +250,9 @@ def _ground(flight: FlightData, start: Vehicle, spans: Sequence[tuple[float, flo
     share = float(np.median(lift)) / weight if len(rows) else 0.0
     size = max(2, round(0.5 * gyro.rate))
     pieces = [gyro.values[i : i + size].std(axis=0).max() for i in range(0, max(1, gyro.time.size - size), size)]
+    if flight.duration < SHORTEST_FLIGHT:
+        yield REFUSED, "flight", f"{flight.duration:.2g} s: too short, or cut off", "take a flight of 10 s or more"
+        return
     rests = float(np.median(pieces)) < MOVING
     still = "position" in flight and float(np.ptp(flight["position"].values, axis=0).max()) < RESTING
     if (not spans and (rests or share < 1e-3)) or (rests and still):

@@ -316,9 +316,10 @@ class WindowErrors:
         if memory is None:
             return found
         rows, last = np.zeros_like(found), np.zeros_like(found[0])
-        for k, share in enumerate(self.shares_left(there, memory)):
-            rows[k] = (found[k] - share * last) / np.sqrt(1.0 - share**2)
-            last = np.where(there[k], found[k], last)
+        with np.errstate(invalid="ignore"):  # as where they are read
+            for k, share in enumerate(self.shares_left(there, memory)):
+                rows[k] = (found[k] - share * last) / np.sqrt(1.0 - share**2)
+                last = np.where(there[k], found[k], last)
         return rows
 
     def normal(

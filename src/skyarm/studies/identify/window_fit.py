@@ -38,8 +38,8 @@ FIRM, SLOWLY = 1e-3, 5.0
 TOLD = 0.3
 """Least share of a row's samples that a window's free numbers must leave for its noise to be seen."""
 
-FAINT, LONGEST = 0.05, 0.999
-"""Least share of an error that the next one is seen to keep, and the most that it is thought to."""
+FAINT, LASTS = 0.05, 0.25
+"""Least share of an error that the next one is seen to keep; of a window, the longest memory that it shows."""
 
 BLOCK = 2.0
 """s, of a block of data whose errors may depend on each other."""
@@ -354,9 +354,10 @@ def new_memory(errors: WindowErrors, found: Array, there: Mask, noise: Array) ->
         follow = np.diff(windows) == 0
         square = float(np.mean(rows**2)) if follow.any() else 0.0
         if square > 0.0:
-            kept = min(float(np.mean((rows[1:] * rows[:-1])[follow])) / square, LONGEST)
+            kept = min(float(np.mean((rows[1:] * rows[:-1])[follow])) / square, 1.0 - 1e-9)
             memory[i, j] = -float(np.mean(np.diff(when)[follow])) / math.log(kept) if kept > FAINT else 0.0
-    return memory
+    # of what lasts longer a window shows no end: its size and its memory would grow together
+    return np.minimum(memory, LASTS * errors.windows.length * errors.windows.step)
 
 
 def new_spread(errors: WindowErrors, states: WindowStates, spread: Array, inverse: Array) -> Array:
