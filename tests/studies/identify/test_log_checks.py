@@ -365,7 +365,7 @@ def test_a_position_or_velocity_without_an_attitude_is_not_used():
 
 
 def test_a_flight_below_a_second_is_short_rather_than_on_the_ground():
-    assert told(made(seconds=0.9)) == ["refused flight: 0.89 s: too short, or cut off"]
+    assert told(made(seconds=0.9)) == ["refused flight: 0 s in the air: too short, or cut off"]
 
 
 def test_the_cure_of_commands_in_percent_is_their_range():

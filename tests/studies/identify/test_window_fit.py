@@ -338,7 +338,10 @@ def test_intervals_are_never_narrower_than_the_curvature():
     found = fit(Toy(windows=16, steps=8, noise=0.0))
     assert (np.diag(found.covariance) < 0.01 * np.diag(found.curvature)).all()
     # that of the noise is known by all samples, not by a few blocks
-    assert found.half_widths(np.eye(COUNT)) == pytest.approx(1.959964 * np.sqrt(np.diag(found.curvature)))
+    many = dataclasses.replace(found, block_information=np.repeat(found.block_information / 10.0, 10, axis=0))
+    assert many.half_widths(np.eye(COUNT)) == pytest.approx(1.959964 * np.sqrt(np.diag(found.curvature)))
+    few = dataclasses.replace(found, block_information=np.repeat(found.block_information[:1], 9, axis=0))
+    assert (few.half_widths(np.eye(COUNT)) > 2.2 * np.sqrt(np.diag(found.curvature))).all()
     assert found.noise[0] == pytest.approx([1e-4, 1e-4, 1e-4], rel=0.3)
 
 

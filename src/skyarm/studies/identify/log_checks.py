@@ -250,20 +250,21 @@ def _ground(flight: FlightData, start: Vehicle, spans: Sequence[tuple[float, flo
     share = float(np.median(lift)) / weight if len(rows) else 0.0
     size = max(2, round(0.5 * gyro.rate))
     pieces = [gyro.values[i : i + size].std(axis=0).max() for i in range(0, max(1, gyro.time.size - size), size)]
-    if flight.duration < SHORTEST_FLIGHT:
-        yield REFUSED, "flight", f"{flight.duration:.2g} s: too short, or cut off", "take a flight of 10 s or more"
-        return
     rests = float(np.median(pieces)) < MOVING
     still = "position" in flight and float(np.ptp(flight["position"].values, axis=0).max()) < RESTING
-    if (not spans and (rests or share < 1e-3)) or (rests and still):
+    airborne = sum(b - a for a, b in spans)
+    brief = REFUSED, "flight", f"{airborne:.2g} s in the air: too short, or cut off", "take a flight of 10 s or more"
+    if flight.duration < SHORTEST_FLIGHT:
+        yield brief
+    elif (not spans and (rests or share < 1e-3)) or (rests and still):
         yield REFUSED, name, f"lift {share:.2g} of the weight: the flight never took off", "take a log of a flight"
     elif not WEIGHTS[0] < share < WEIGHTS[1]:
         finding = f"lift {share:.3g} times the weight of '{start.name}' ({float(start.mass):.3g} kg) in the air"
         looks = [unit for unit, scale in SPEED_UNITS.items() if 0.6 < share / scale**2 < 1.6]
         finding += f": they look like {looks[0]}" if looks and name == COMMANDS[1] else ""
         yield REFUSED, name, finding, "check mass, thrust curve and units of the commands"
-    elif (airborne := sum(b - a for a, b in spans)) < SHORTEST_FLIGHT:
-        yield REFUSED, "flight", f"{airborne:.2g} s in the air: too short, or cut off", "take a flight of 10 s or more"
+    elif airborne < SHORTEST_FLIGHT:
+        yield brief
 
 
 SENSOR_GAP, HELD_GAP, FEWEST_SAMPLES = 0.1, 0.5, 20

@@ -44,6 +44,9 @@ FAINT, LASTS = 0.05, 0.25
 BLOCK = 2.0
 """s, of a block of data whose errors may depend on each other."""
 
+MANY = 10
+"""Blocks by which it is seen whether the errors are the noise alone."""
+
 NORMAL = 1.959964
 """Standard deviations of half an interval of 95 % where the spread is known (normal distribution)."""
 
@@ -120,12 +123,16 @@ class WindowFit:
     settled: bool
 
     def half_widths(self, rows: Array) -> Array:
-        """Half widths (K,) of 95 % of sums (K, P) of the numbers: by the blocks, and no less than by the noise."""
+        """Half widths (K,) of 95 % of sums (K, P) of the numbers: by the blocks, and no less than by the noise.
+
+        Few blocks hardly tell that errors are the noise alone, and it counts by Student's t, too.
+        """
         blocks, noise = (
             np.sqrt(np.einsum("kp,pq,kq->k", rows, each, rows)) for each in (self.covariance, self.curvature)
         )
         students = student_quantiles(rows @ self.curvature, self.block_information)
-        return np.asarray(np.maximum(students * blocks, NORMAL * noise))
+        few = len(self.block_information) < MANY
+        return np.asarray(np.maximum(students * blocks, (students if few else NORMAL) * noise))
 
     def of_more(self, times: float) -> WindowFit:
         """Fit to expect of so many times as many windows alike."""
