@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 
+from skyarm.algebra import Sym3
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import written_part
@@ -12,6 +14,7 @@ from skyarm.records.files import printable
 from skyarm.records.files.toml import toml_key
 from skyarm.records.text_tables import Row, aligned_lines
 from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags
+from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -36,11 +39,20 @@ def nominal_model(log: Log, vehicle: str | None, gravity: float | None) -> tuple
             "--vehicle: is missing; the log does not say which vehicle flew (with --lags, for its lags alone)"
         )
     model = log.scenario.controller.par.model
-    if model.vehicle.planar:
-        raise ValueError(
-            f"--vehicle: is missing: the law's model, '{model.vehicle.name}', is of planar motion and cannot fly"
-        )
-    return model.vehicle, float(model.gravity) if gravity is None else gravity
+    return _solid(model.vehicle), float(model.gravity) if gravity is None else gravity
+
+
+def _solid(vehicle: Vehicle) -> Vehicle:
+    """Vehicle that can be flown: bodies of planar motion only have their largest moment of inertia about every axis."""
+
+    def whole(body: Body) -> Body:
+        if not body.planar:
+            return body
+        most = max(float(getattr(body.inertia, axis)) for axis in ("xx", "yy", "zz"))
+        return dataclasses.replace(body, inertia=Sym3(most, most, most), planar=False)
+
+    links = tuple(dataclasses.replace(each, body=whole(each.body)) for each in vehicle.links)
+    return dataclasses.replace(vehicle, base=whole(vehicle.base), links=links)
 
 
 def stated_delays(log: Log) -> dict[str, float | None]:
