@@ -17,7 +17,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "plot": ("flight.npz", "-o", "flight.png", "--kind", "tip"),
     "film": ("flight.npz", "-o", "flight.viser", "--fps", "5"),
     "export": ("flight.npz", "--to", "csv"),
-    "identify": ("flight.npz", "--end", "2"),
+    "identify": ("flight.npz", "--end", "8"),
     "margins": ("short.toml", "--instants", "0"),
     "tune": ("hummingbird", "--laws", "decoupled_pd", "--candidates", "64", "--plants", "4", "--out", "tuned"),
     "sweep": ("study.toml", "--out", "rows"),

@@ -84,7 +84,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("commands")
     (path / "short.toml").write_text(SHORT)
     (path / "study.toml").write_text(STUDY)
-    package.save_log(package.run(package.load_scenario("case3", duration=1.1)), path / "flight.npz")
+    package.save_log(package.run(package.load_scenario("case3", duration=8.0)), path / "flight.npz")
     return path
 
 

@@ -16,7 +16,7 @@ from skyarm.dynamics.actuators.drive import LaggedTorque
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.log.flight_log import rows_of
 from skyarm.scenario.scenario_record import JointDrive
-from skyarm.studies.identify.lag_report import lag_tables
+from skyarm.studies.identify.lag_report import _solid, lag_tables
 from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags, _control_period, loop_lags
 from skyarm.studies.identify.windows import Held, lagging
 from skyarm.studies.tune.excitation import of_vehicle, tuning_flight
@@ -301,3 +301,16 @@ def test_instants_may_be_off_an_even_clock_by_a_hundredth_of_a_period(flown, lat
 def test_a_log_that_does_not_fit_is_refused_in_a_line(flown, changed, message):
     with pytest.raises(ValueError, match=message):
         loop_lags(dataclasses.replace(flown, **changed(flown)), VEHICLE)
+
+
+def test_bodies_of_a_planar_model_have_their_largest_moment_about_every_axis():
+    planar, real = (skyarm.load_vehicle(name) for name in ("hummingbird_arm2", "hummingbird_arm2_rotors"))
+    assert planar.planar
+    found = _solid(planar)
+    assert not found.planar
+    for one, other in zip(found.links, planar.links, strict=True):
+        inertia, flat = one.body.inertia, other.body.inertia
+        assert inertia.xx == inertia.yy == inertia.zz == max(flat.xx, flat.yy, flat.zz) > 0.0
+        assert (inertia.xy, inertia.xz, inertia.yz) == (0.0, 0.0, 0.0)
+        assert (one.body.mass, one.body.com) == (other.body.mass, other.body.com)
+    assert _solid(real) == real
