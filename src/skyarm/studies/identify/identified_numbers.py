@@ -296,7 +296,7 @@ def condition_on_start(
         left = [i for i in group if shares[i] < SHOWN]
         while left:
             now = [1.0 - told[i] * float(rows[i] @ spread @ rows[i]) / before[i] for i in left]
-            least = int(np.argmin(now))
+            least = int(np.argmin(np.round(now, 6)))  # of those known alike the first, however they are rounded
             if now[least] >= SHOWN:
                 break
             row, shift = rows[left[least]], off[left[least]]

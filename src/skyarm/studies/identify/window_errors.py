@@ -45,8 +45,10 @@ SMALL = 1e-6
 of numbers of which the data hold none: at 1e-3 more than what was known before.
 """
 
-SAME = 0.1
-"""Of a step: by less a delay may change before samples are put on the clock anew; a slope stands for the rest."""
+SAME, SAMEST = 0.1, 0.5
+"""Of a step: by less a delay may change before samples are put on the clock anew, the first time, and so much more each
+time, up to the second number; a slope stands for the rest.
+"""
 
 CHUNK = 24
 """Steps whose slopes are held at once."""
@@ -185,7 +187,7 @@ class WindowErrors:
         """Take samples and free numbers of windows."""
         start, driven, servoed = self.start, self.driven, self.servoed
         self.windows = windows
-        self.samples, self.taken = self._samples({}), dict[str, float]()
+        self.samples, self.taken, self._placed = self._samples({}), dict[str, float](), 0
         n, servos = start.n if self.given is None else 0, [servo_of(start, i) for i in range(start.n) if servoed[i]]
         self.rows = [(name, i) for name in self.samples for i in range(n if name.startswith("joint") else 3)]
         self._first = {name: i for i, (name, column) in enumerate(self.rows) if not column}
@@ -255,9 +257,10 @@ class WindowErrors:
         numbers = self.numbers(searched)
         delays = {name: numbers.get(DELAY[name], 0.0) for name in self.samples if name in DELAY}
         # to and fro over the edge of a step a search would not come to rest
-        if all(abs(s - self.taken.get(name, math.inf)) < SAME * self.windows.step for name, s in delays.items()):
+        near = min(SAME * (1 + self._placed), SAMEST) * self.windows.step
+        if all(abs(s - self.taken.get(name, math.inf)) < near for name, s in delays.items()):
             return
-        self.taken = delays
+        self.taken, self._placed = delays, self._placed + 1
         # what is flown is the mean of a sample's period, what is read that in its middle
         late: dict[str, float | Array] = {**delays}
         if "accelerometer" in delays:
@@ -339,7 +342,7 @@ class WindowErrors:
         directions = self._directions()
         columns, steps = [place for place, _ in directions], np.array([step for _, step in directions])[:, None]
         (found, there), count, m = self._nothing(), windows.count, len(self.rows)
-        sums, of_rows = np.zeros((count, size, size)), np.zeros((m, count, x, x))
+        sums, of_rows = np.zeros((count, size - x, size)), np.zeros((m, count, x, x))
         block, held, scale = np.zeros((count, CHUNK, m, size)), 0, 1.0 / noise[windows.owners]
         last, before = -1, np.zeros((count, m, size))
         counts = np.stack([self._counts(name, slice(None)) for name, _ in self.rows], axis=2)
@@ -347,7 +350,7 @@ class WindowErrors:
 
         def add() -> None:
             flat = block.reshape(count, CHUNK * m, size)
-            sums[:] += np.matmul(flat.transpose(0, 2, 1), flat)
+            sums[:] += np.matmul(flat[..., x:].transpose(0, 2, 1), flat)
             own = np.ascontiguousarray(block[..., :x].transpose(2, 0, 1, 3))
             of_rows[:] += np.matmul(own.transpose(0, 1, 3, 2), own)
             block[:] = 0.0
@@ -372,10 +375,9 @@ class WindowErrors:
                 :, :, None
             ]
         add()
-        parts = np.split(sums, [x, size - 1], axis=1)
-        own, mixed, pull = np.split(parts[0], [x, size - 1], axis=2)
-        _, common, push = np.split(parts[1], [x, size - 1], axis=2)
-        return found, there, Normal(own, mixed, common, pull[..., 0], push[..., 0], of_rows)
+        mixed, common, push = np.split(sums[:, :-1], [x, size - 1], axis=2)
+        pull = sums[:, -1, :x]
+        return found, there, Normal(of_rows.sum(axis=0), mixed.transpose(0, 2, 1), common, pull, push[..., 0], of_rows)
 
     def _nothing(self) -> tuple[Array, Mask]:
         """Empty errors (steps, W, rows), and the mask of those that count."""
