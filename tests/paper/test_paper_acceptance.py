@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import fcntl
 import json
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, METRICS, PAPE
 from skyarm.paper.reproduce import Campaign, run_campaign
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Rates, run
+from skyarm.studies.flights.store import Store
 from skyarm.view.pages import markdown
 
 TABLE2 = Path(__file__).parents[1] / "data" / "table2.json"
@@ -23,9 +26,14 @@ PAGE = Path(__file__).parents[2] / "docs" / "the_paper.md"
 
 
 @pytest.fixture(scope="module")
-def stated() -> Campaign:
-    """The paper's twenty episodes, with settings as it states them."""
-    return run_campaign(PLANTS, sensitivity=False, inferred=False)
+def stated(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
+    """The paper's twenty episodes, with settings as it states them; flown once for all processes of these tests."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "stated"
+    folder.mkdir(exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        return run_campaign(PLANTS, sensitivity=False, inferred=False, store=Store.if_kept(folder))
 
 
 @pytest.fixture(scope="module")

@@ -25,13 +25,13 @@ from skyarm.simulate import Log, run
 def _few(plants: Any, **options: Any) -> Campaign:
     """The plain flights, and the variations that need no flight of their own."""
     campaign = run_campaign(plants, **options, sensitivity=False)
-    log = campaign.logs[plants[0]]
+    logs = campaign.logs[plants[0]]
+    numbers = {(case, law): metrics(case, log) for case, laws in logs.items() for law, log in laws.items()}
     for each in variations():
         for case in each.cases:
             for controller in ("CT", "PD"):
-                found = metrics(case, log[case][controller])
                 values = campaign.sensitivity.setdefault(each.group, {}).setdefault(each.value, {})
-                values.setdefault(case, {})[controller] = found
+                values.setdefault(case, {})[controller] = numbers[case, controller]
     return campaign
 
 

@@ -166,7 +166,7 @@ def test_an_interval_is_cut_off_at_the_bound_of_physics(low, high, least, after)
 
 def hovering(flight):
     """Even commands and a body that only trembles by the sensors' noise."""
-    flight = flight.section(2.0, 7.0)
+    flight = flight.section(2.0, 5.5)
     noise, hover = np.random.default_rng(1), np.sqrt(9.81 * START.mass / 4.0 / START.rotors[0].thrust_coefficient)
     rows = {
         "rotor_speed_commands": lambda size: np.full((size, 4), hover),

@@ -45,9 +45,9 @@ SMALL = 1e-6
 of numbers of which the data hold none: at 1e-3 more than what was known before.
 """
 
-SAME, SAMEST = 0.1, 0.5
-"""Of a step: by less a delay may change before samples are put on the clock anew, the first time, and so much more each
-time, up to the second number; a slope stands for the rest.
+SAME = 0.1
+"""Of a step: by less a delay may change before samples are put on the clock anew, the first time, and by so much more
+each time; a slope stands for the rest.
 """
 
 CHUNK = 24
@@ -257,7 +257,7 @@ class WindowErrors:
         numbers = self.numbers(searched)
         delays = {name: numbers.get(DELAY[name], 0.0) for name in self.samples if name in DELAY}
         # to and fro over the edge of a step a search would not come to rest
-        near = min(SAME * (1 + self._placed), SAMEST) * self.windows.step
+        near = SAME * (1 + self._placed) * self.windows.step
         if all(abs(s - self.taken.get(name, math.inf)) < near for name, s in delays.items()):
             return
         self.taken, self._placed = delays, self._placed + 1
