@@ -7,8 +7,9 @@ import fcntl
 import json
 import math
 import os
+import pickle
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -18,7 +19,6 @@ from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, METRICS, PAPE
 from skyarm.paper.reproduce import Campaign, run_campaign
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Rates, run
-from skyarm.studies.flights.store import Store
 from skyarm.view.pages import markdown
 
 TABLE2 = Path(__file__).parents[1] / "data" / "table2.json"
@@ -29,11 +29,15 @@ PAGE = Path(__file__).parents[2] / "docs" / "the_paper.md"
 def stated(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
     """The paper's twenty episodes, with settings as it states them; flown once for all processes of these tests."""
     own = tmp_path_factory.getbasetemp()
-    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "stated"
-    folder.mkdir(exist_ok=True)
-    with (folder / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        return run_campaign(PLANTS, sensitivity=False, inferred=False, store=Store.if_kept(folder))
+    shared = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "stated"
+    with shared.open("a+b") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        file.seek(0)
+        if content := file.read():
+            return cast(Campaign, pickle.loads(content))
+        campaign = run_campaign(PLANTS, sensitivity=False, inferred=False)
+        file.write(pickle.dumps(campaign))
+        return campaign
 
 
 @pytest.fixture(scope="module")
