@@ -12,6 +12,8 @@ import pytest
 from commanded import refused, skyarm
 from logged_vehicles import CRAZYFLIE_LOG, IRIS_LOG, TREFOIL_LOG, crazyflie, iris
 from skyarm.cli import flight_page
+from skyarm.studies.identify import identify_windows
+from skyarm.studies.identify.window_fit import fit_windows
 from skyarm.vehicle.vehicle_text import vehicle_text
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
@@ -45,12 +47,14 @@ def test_a_page_of_a_table_as_json():
 
 @pytest.fixture
 def unsearched(monkeypatch):
-    """Without the search for a change of a channel, which is tested elsewhere."""
-    monkeypatch.setattr(flight_page, "find_faults", partial(flight_page.find_faults, isolate=False))
+    """Without the search for faults, which is tested elsewhere."""
+    monkeypatch.setattr(flight_page, "find_faults", lambda *_: ())
 
 
 @pytest.mark.usefixtures("unsearched")
-def test_a_vehicle_s_numbers_are_excited_or_not_in_this_flight():
+def test_a_vehicle_s_numbers_are_excited_or_not_in_this_flight(monkeypatch):
+    # a few turns tell which are: accuracies are tested elsewhere
+    monkeypatch.setattr(identify_windows, "fit_windows", partial(fit_windows, turns=4))
     words = ("show", str(TREFOIL_LOG), "--vehicle", "crazyflie.toml")
     text = skyarm(*words, columns=200).out
     assert re.search(r"^thrust coefficient: +excited \(± \d\.\d %\) +rotors\.thrust_coefficient$", text, re.MULTILINE)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 
 import skyarm
 from commanded import skyarm as command
+from skyarm.paper import report_pages
 from skyarm.paper import reproduce as room
 from skyarm.paper.flights import metrics, results, settings
 from skyarm.paper.published import CASES, PRINTED, digits
@@ -20,6 +22,7 @@ from skyarm.paper.variations import variations
 from skyarm.records.files.writing import TakenError, one_writer
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log, run
+from skyarm.view.figures.style import image_bytes
 
 
 def _few(plants: Any, **options: Any) -> Campaign:
@@ -42,6 +45,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(room, "run_campaign", _few)
         patch.setattr(room, "DPI", 30)
+        patch.setattr(report_pages, "image_bytes", partial(image_bytes, dpi=30))
         table = skyarm.reproduce(folder, plants=("rigid_body",), note=notes.append)
     return folder, table, notes
 
