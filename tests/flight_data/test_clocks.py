@@ -19,6 +19,7 @@ from skyarm.flight_data.clocks import (
     align,
     align_poses,
     clock_offset,
+    fresh_poses,
     join_flights,
     straight_stamps,
 )
@@ -368,6 +369,61 @@ def test_a_clock_in_words() -> None:
         "offset +12.30 ms, +- 0.20, drift -50 ppm, +- 10, parts of the flight up to 1.1 ms from that, of quaternion "
         "against gyro (correlation 0.99)"
     )
+
+
+def rows_of(*names: str, count: int = 400) -> FlightData:
+    """Noise as a gyro and a pose, all on the gyro's rows."""
+    time, draw = 0.005 * np.arange(count), np.random.default_rng(0)
+    return FlightData(
+        name="rows",
+        file="rows.csv",
+        channels={name: Channel(time=time, values=draw.normal(size=(count, 3)), source=name) for name in names},
+    )
+
+
+def repeated(flight: FlightData, name: str, rows: np.ndarray) -> FlightData:
+    """The flight with, in each row of a channel, the values of another row."""
+    return flight.with_channels({name: dataclasses.replace(flight[name], values=flight[name].values[rows])})
+
+
+def test_of_a_pose_that_a_logger_held_the_new_rows_are_kept() -> None:
+    """Every fifth and, as the pose has a rate of its own, now and then every fourth or sixth."""
+    flight, new = rows_of("gyro", "position", "velocity"), np.arange(0, 400, 5)
+    new[3::7] += 1
+    new[5::11] -= 1
+    held = repeated(flight, "position", new[np.searchsorted(new, np.arange(400), "right") - 1])
+    found = fresh_poses(held)
+    np.testing.assert_array_equal(found["position"].time, flight["position"].time[new])
+    np.testing.assert_array_equal(found["position"].values, flight["position"].values[new])
+    assert found.notes == ("position: 320 rows repeat the one before: left out.",)
+    assert all(found[name] is held[name] for name in ("gyro", "velocity"))
+    aligned, clock = align_poses(held)
+    assert clock is None
+    np.testing.assert_array_equal(aligned["position"].time, flight["position"].time[new])
+
+
+def test_a_logger_that_holds_two_rows_is_one() -> None:
+    assert fresh_poses(repeated(rows_of("velocity"), "velocity", np.arange(400) // 2 * 2))["velocity"].time.size == 200
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        np.arange(400),
+        np.maximum(np.arange(400), 300),  # stands before it takes off
+        np.minimum(np.arange(400), 100),  # freezes
+        np.arange(400) // 60 * 60,  # too few rows to tell
+    ],
+)
+def test_rows_of_a_pose_that_is_not_held_evenly_stay(rows: np.ndarray) -> None:
+    flight = repeated(rows_of("position"), "position", rows)
+    assert fresh_poses(flight) is flight
+
+
+def test_a_pose_that_falls_out_for_more_than_some_rows_is_not_held_evenly() -> None:
+    new = np.append(np.arange(0, 200, 2), np.arange(200, 400, 10))
+    flight = repeated(rows_of("position"), "position", new[np.searchsorted(new, np.arange(400), "right") - 1])
+    assert fresh_poses(flight) is flight
 
 
 def test_a_velocity_without_an_attitude_shows_no_clock() -> None:

@@ -71,6 +71,9 @@ ITERATIONS, FEWEST = 30, 10
 WORSE = 0.9
 """Ratio of the offset's interval to that of straightened stamps below which the stamps are the true ones."""
 
+EVEN = 0.95
+"""Share of the new rows of a pose of which none comes later than two after the one before, of usual distances."""
+
 UNEVEN = 0.2
 """Part of the usual step by which one may differ whose difference counts."""
 
@@ -149,13 +152,31 @@ def align(flight: FlightData, found: ClockOffset, channels: Sequence[str]) -> Fl
     return flight.with_channels(moved, words)
 
 
+def fresh_poses(flight: FlightData) -> FlightData:
+    """Flight with those rows of its poses that are new, where a logger repeated each in its own rows until the next."""
+    for name in POSE:
+        if name not in flight:
+            continue
+        channel = flight[name]
+        new = np.flatnonzero(np.append(True, np.diff(channel.values, axis=0).any(axis=1)))
+        rows = np.diff(new)
+        # a vehicle that stands still repeats one row for long, and no other
+        if new.size >= FEWEST and np.median(rows) >= 2.0 and np.quantile(rows, EVEN) <= 2.0 * np.median(rows):
+            words = f"{name}: {len(channel.values) - new.size} rows repeat the one before: left out."
+            kept = replace(channel, time=channel.time[new], values=channel.values[new])
+            flight = flight.with_channels({name: kept}, words)
+    return flight
+
+
 def align_poses(flight: FlightData) -> tuple[FlightData, ClockOffset | None]:
     """Return a flight whose pose is on the gyro's clock, and its offset; the same flight if that shows none.
 
-    Stamps of the attitude that are even but for the gyro's rows are straightened before, where it then fits the gyro as
-    well. An offset and a drift that lie within their intervals, or move no sample by a millisecond, change nothing.
-    Channels with the very times of the attitude are of its clock, too, unless the gyro has these times as well.
+    Of poses that a logger held the new rows are kept (:func:`fresh_poses`). Stamps of the attitude that are even but
+    for the gyro's rows are straightened before, where it then fits the gyro as well. An offset and a drift that lie
+    within their intervals, or move no sample by a millisecond, change nothing. Channels with the very times of the
+    attitude are of its clock, too, unless the gyro has these times as well.
     """
+    flight = fresh_poses(flight)
     if "gyro" not in flight or "quaternion" not in flight:
         return flight, None
     rows, stamps = flight["gyro"].time, flight["quaternion"].time
