@@ -87,7 +87,13 @@ def several(**values):
 
 @pytest.mark.parametrize(
     ("factors", "doubted"),
-    [((1.7, 1.5, 1.6, 1.4), True), ((1.5, 1.4, 1.4, 1.3), False), ((2.4, 2.0, 2.0, 0.9), False), ((0.6,) * 4, True)],
+    [
+        ((1.7, 1.5, 1.6, 1.4), True),
+        ((1.5, 1.4, 1.4, 1.3), False),
+        ((2.4, 2.0, 2.0, 0.9), False),
+        ((0.6,) * 4, True),
+        ((0.82, 0.8, 0.81, 0.3), False),
+    ],
 )
 def test_a_mass_is_doubted_if_thrust_and_inertia_are_off_alike(factors, doubted):
     names = ("rotors__thrust_coefficient", *(f"base__inertia__{axis}" for axis in ("xx", "yy", "zz")))

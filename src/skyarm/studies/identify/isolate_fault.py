@@ -261,7 +261,8 @@ def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left
     # a change must be worth its price, too, unless no gyro reads what this one did
     most = math.inf if _beyond_range(flight) else before.cost()
     worth = [each for each in finals if each.cost < most - (0.0 if each.left.largest < ALARM else GAIN)]
-    best = sorted(worth, key=cost)
+    # without the channel at fault all else is explained; less to explain is left of a wrong model, too
+    best = sorted((each for each in worth if each.change.make is not leave_out or each.left.largest < ALARM), key=cost)
     rivals = [
         each for each in best if each.change.channel != best[0].change.channel and each.cost < best[0].cost + AHEAD
     ]
