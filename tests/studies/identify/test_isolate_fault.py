@@ -161,6 +161,15 @@ def test_a_channel_is_left_out_only_if_nothing_mends_it(monkeypatch):
     assert "is 20 times its noise, and without it all others are at most 1" in fault.finding
 
 
+@pytest.mark.parametrize(("left", "named"), [(1.29, "pose"), (1.31, "model")])
+def test_a_channel_is_left_out_only_if_all_else_is_then_explained(monkeypatch, left, named):
+    def sizes(flight):
+        return {"quaternion": 20.0, "gyro": 7.0} if "quaternion" in flight else {"gyro": left}
+
+    (fault,), _ = isolated(monkeypatch, sizes)
+    assert fault.channel == named
+
+
 def test_leaving_out_costs_more_than_a_change_that_leaves_little(monkeypatch):
     wrong = rows_of("velocity", times(1.25, 1.25, 1.25))(SOUND)
     left = float(np.exp(0.4 * 0.35 * 20 / 3.0))
@@ -351,11 +360,16 @@ def noted(change, flight, amount):
 @pytest.mark.parametrize("share", [0.75, 1.3])
 def test_a_dearer_change_must_leave_less_by_its_price(monkeypatch, cheap, dear, price, share):
     """The change is named that has less of both, what it leaves and its price."""
-    least = 1.0 - (share * price or 0.001 * (share - 1.0))
+    by = share * price or 0.001 * (share - 1.0)
+    # without a channel all else must be explained, or it is none at fault
+    most = 0.25 + by if dear.endswith("does not belong") else 1.0
 
     def sizes(flight):
         costs = [
-            cost for words, cost in ((cheap, 1.0), (dear, least)) for note in flight.notes if note.startswith(words)
+            cost
+            for words, cost in ((cheap, most), (dear, most - by))
+            for note in flight.notes
+            if note.startswith(words)
         ]
         return dict.fromkeys(SENSORS, float(np.exp(min(costs, default=3.0))))
 
