@@ -230,9 +230,7 @@ def identify_by_windows(
     search = search_of(flights, start, options)
     some, near = first_fits(search, progress)
     errors = search.errors(search.whole, before=some)
-    fit = fit_windows(
-        errors, near.values, noise=near.noise, spread=near.spread, lasting=search.slow, progress=progress
-    )
+    fit = fit_windows(errors, near.values, noise=near.noise, spread=near.spread, lasting=search.slow, progress=progress)
     start, unknowns, windows = with_servos(start, search.servoed), search.unknowns, errors.windows
     scale, unseen = search.scale(fit), search.hidden_lags()
     free, correlation = identified_numbers(fit, scale, search.sample, [each.name for each in search.flights])
