@@ -72,7 +72,7 @@ WORSE = 0.9
 """Ratio of the offset's interval to that of straightened stamps below which the stamps are the true ones."""
 
 EVEN = 0.95
-"""Share of the new rows of a pose of which none comes later than two after the one before, of usual distances."""
+"""Share of the distances between new rows of a pose, in rows, that are at most twice the usual one if it is held."""
 
 UNEVEN = 0.2
 """Part of the usual step by which one may differ whose difference counts."""
@@ -153,7 +153,7 @@ def align(flight: FlightData, found: ClockOffset, channels: Sequence[str]) -> Fl
 
 
 def fresh_poses(flight: FlightData) -> FlightData:
-    """Flight with those rows of its poses that are new, where a logger repeated each in its own rows until the next."""
+    """Flight without those rows of its poses in which a logger of a higher rate repeats the row before."""
     for name in POSE:
         if name not in flight:
             continue

@@ -409,6 +409,14 @@ def test_of_two_numbers_of_which_the_ratio_is_known_one_keeps_it():
     assert condition_on_start(*made, [[], []]).values.tolist() == [2.0, 3.0]
 
 
+@pytest.mark.parametrize("more", [0.0, 1e-9, -1e-9])
+def test_of_two_numbers_that_are_known_alike_the_first_goes_back_however_they_are_rounded(more):
+    spread = np.array([[0.51, 0.49], [0.49, 0.51 + more]])
+    shares = 1.0 - np.diag(spread) - 0.4
+    found = condition_on_start(np.ones(2), spread, np.eye(2), -np.ones(2), np.ones(2), shares, [[0, 1]])
+    assert found.replaced[0] == 0
+
+
 def test_what_the_told_shares_deny_goes_back_though_the_curvature_shows_it():
     """Scores that spread more than the curvature says hide a number: it is at its start, and the other follows."""
     spread = np.array([[0.2, 0.1], [0.1, 0.2]])

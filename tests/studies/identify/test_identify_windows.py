@@ -148,7 +148,8 @@ def test_lags_that_commands_at_ten_hertz_do_not_show_go_back_to_their_starts(eve
     values = search.begin + np.array([0.1, 0.2, 0.3, 0.004, 0.02, 0.03, 0.0])
     made = given_fit(search, values, correlation * np.outer(sizes, sizes))
     monkeypatch.setattr(f"{module}.first_fits", lambda *_: made)
-    monkeypatch.setattr(f"{module}.fit_windows", lambda *_, **__: made[1])
+    begun = list[dict[str, object]]()
+    monkeypatch.setattr(f"{module}.fit_windows", lambda *_, **given: (begun.append(given), made[1])[1])
     found = identify_by_windows([flight.with_channels({"rotor_speed_commands": slow})], QUAD, options)
     wanted = values - np.array([0.0, 0.0, 0.0, 0.0, 0.02, 0.5 * 1e-2 / 0.1 * 0.02, 0.0])
     if every == 50:
@@ -161,6 +162,8 @@ def test_lags_that_commands_at_ten_hertz_do_not_show_go_back_to_their_starts(eve
     rotor = found.vehicle.rotors[0]
     for lag in (*lags, names[0]):
         assert getattr(rotor, lag.partition(".")[2]) == pytest.approx(found.searched[lag])
+    # the last search goes on where the first ones ended
+    assert [(each["noise"] is made[1].noise, each["spread"] is made[1].spread) for each in begun] == [(True, True)]
     assert found.surroundings.delay == found.searched["delay"]
     windows = made[0].windows
     assert found.seconds == pytest.approx(windows.count * 0.2, abs=1e-9)

@@ -240,20 +240,36 @@ def test_a_delay_shifts_errors_by_the_slope_of_the_reading_until_samples_are_tak
     rows = [i for i, (name, _) in enumerate(errors.rows) if name in ("position", "quaternion")]
     late = searched.copy()
     late[place] += 3e-4
-    errors.take_samples(searched)
-    linear = errors.errors_at(late, states)[0][2:-2]
-    errors.take_samples(late)
-    exact = errors.errors_at(late, states)[0][2:-2]
-    errors.take_samples(searched)
-    kept = errors.samples
-    late[place] = searched[place] + 1e-4
-    errors.take_samples(late)
-    assert errors.samples is kept, "by a twentieth of a step they stay where they are"
+    by_truth, by_late = errors.over(errors.windows), errors.over(errors.windows)
+    by_truth.take_samples(searched)
+    by_late.take_samples(late)
+    linear, exact = (each.errors_at(late, states)[0][2:-2] for each in (by_truth, by_late))
+    assert not np.array_equal(by_truth.samples["position"].share, by_late.samples["position"].share)
     moved = np.abs(exact[:, :, rows]).max()
     assert moved > 3e-4
     assert linear[:, :, rows] == pytest.approx(exact[:, :, rows], abs=0.05 * moved)
     others = [i for i in range(len(errors.rows)) if i not in rows]
     assert np.array_equal(linear[:, :, others], exact[:, :, others])
+
+
+def test_samples_are_put_on_the_clock_anew_less_and_less_often():
+    """Of delays in steps: by more than a tenth for each time that they were put there, of these windows only."""
+    errors, searched = errors_of("quadrotor")
+    place = errors.names.index("pose_delay")
+
+    def taken(errors, steps):
+        late, before = searched.copy(), errors.samples
+        late[place] = steps * STEP
+        errors.take_samples(late)
+        at = errors.taken["position"] / STEP
+        assert (errors.samples is before) == (at != pytest.approx(steps))
+        return at
+
+    errors = errors.over(errors.windows)
+    delays = (0.0, 0.19, -0.19, 0.21, -0.08, 0.5, -0.1, 0.52, 0.13)
+    wanted = (0.0, 0.0, 0.0, 0.21, 0.21, 0.21, -0.1, 0.52, 0.52)
+    assert [taken(errors, each) for each in delays] == pytest.approx(list(wanted))
+    assert taken(errors.over(errors.windows), 0.01) == pytest.approx(0.01)
 
 
 def test_an_outlier_counts_by_its_size_only():

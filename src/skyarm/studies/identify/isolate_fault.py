@@ -17,7 +17,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from skyarm.flight_data.clocks import POSE, align_poses, fresh_poses
+from skyarm.flight_data.clocks import POSE, align_poses
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.channel_changes import (
@@ -162,7 +162,6 @@ def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str], search: bo
         student_quantile()
     except ValueError:  # of a page or a studio, which do not need it
         return
-    flight = fresh_poses(flight)
     aligned, clock = align_poses(flight)
     begin = flying_spans(commanded_speeds(flight, start), start)[0][0] - 1.0
     flights = flight.section(begin, begin + SECONDS), aligned.section(begin, begin + SECONDS)

@@ -46,8 +46,8 @@ of numbers of which the data hold none: at 1e-3 more than what was known before.
 """
 
 SAME = 0.1
-"""Of a step: by less a delay may change before samples are put on the clock anew, the first time, and by so much more
-each time; a slope stands for the rest.
+"""Of a step, for each time that samples were put on the clock: by less a delay may change before they are put there
+anew; a slope stands for the rest.
 """
 
 CHUNK = 24
@@ -187,7 +187,7 @@ class WindowErrors:
         """Take samples and free numbers of windows."""
         start, driven, servoed = self.start, self.driven, self.servoed
         self.windows = windows
-        self.samples, self.taken, self._placed = self._samples({}), dict[str, float](), 0
+        self.samples, self.taken, self._placed = self._samples({}), dict[str, float](), 1
         n, servos = start.n if self.given is None else 0, [servo_of(start, i) for i in range(start.n) if servoed[i]]
         self.rows = [(name, i) for name in self.samples for i in range(n if name.startswith("joint") else 3)]
         self._first = {name: i for i, (name, column) in enumerate(self.rows) if not column}
@@ -257,7 +257,7 @@ class WindowErrors:
         numbers = self.numbers(searched)
         delays = {name: numbers.get(DELAY[name], 0.0) for name in self.samples if name in DELAY}
         # to and fro over the edge of a step a search would not come to rest
-        near = SAME * (1 + self._placed) * self.windows.step
+        near = SAME * self._placed * self.windows.step
         if all(abs(s - self.taken.get(name, math.inf)) < near for name, s in delays.items()):
             return
         self.taken, self._placed = delays, self._placed + 1
