@@ -420,6 +420,14 @@ def test_rows_of_a_pose_that_is_not_held_evenly_stay(rows: np.ndarray) -> None:
     assert fresh_poses(flight) is flight
 
 
+def test_a_pose_is_new_where_one_of_its_columns_is() -> None:
+    flight = rows_of("position")
+    values = flight["position"].values[np.arange(400) // 5 * 5].copy()
+    values[:, 2] = flight["position"].values[:, 2]
+    moved = flight.with_channels({"position": dataclasses.replace(flight["position"], values=values)})
+    assert fresh_poses(moved) is moved
+
+
 def test_a_pose_that_falls_out_for_more_than_some_rows_is_not_held_evenly() -> None:
     new = np.append(np.arange(0, 200, 2), np.arange(200, 400, 10))
     flight = repeated(rows_of("position"), "position", new[np.searchsorted(new, np.arange(400), "right") - 1])
