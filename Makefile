@@ -10,14 +10,14 @@ OUT ?= out/paper
 BENCH ?= out/bench.json
 WORKERS ?= 2
 TESTS ?=
-GATES := types test docs thorough attack digests browser peers ray
+GATES := types test docs fresh thorough attack digests browser peers ray
 
 .PHONY: all reproduce test types pytest test-lowest docs films envelope fresh browser thorough attack digests mutants bench peers ray lint hooks clean help
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
 	@echo "make test         lint, and most tests (thorough, attack, digests: the rest); TESTS='tests/plant -k wind' runs these only"
-	@echo "make all          test, docs, thorough, attack, digests, browser, peers, ray, one after the other; a line for each: an hour or two"
+	@echo "make all          types, test, docs, fresh, thorough, attack, digests, browser, peers, ray, one after the other: an hour or two"
 	@echo "make pytest       these tests without lint; TESTS as above"
 	@echo "make test-lowest  every test on the lowest versions of pyproject.toml, in $(LOWEST); PYTHON must be 3.11"
 	@echo "make docs         build the documentation site, out/docs/site/index.html; run all that README, docs and examples show"

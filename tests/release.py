@@ -18,7 +18,7 @@ import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from shown_commands import ROOT, SHOWN, code_shown, words_to_run
+from shown_commands import ROOT, SHOWN, code_shown, needs_program, words_to_run
 
 DIST = ROOT / "dist"
 HEAVIEST = 450
@@ -114,7 +114,8 @@ def install() -> str | None:
             return f"the environment takes {weight:.0f} MB: must be {HEAVIEST} at most"
         (here / "work").mkdir()
         for line in SHOWN:
-            run(fresh, "-m", "skyarm", *words_to_run(line), cwd=here / "work")
+            words = words_to_run(line)
+            run(fresh, "-m", "skyarm", *words, *(["--help"] if needs_program(line) else []), cwd=here / "work")
         run(fresh, "-c", code_shown(), cwd=here / "work")
     return None
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import shlex
 import signal
@@ -51,6 +52,11 @@ ELSEWHERE: Mapping[str, str] = {
 
 QUICK = ("check", "new", "show", "run", "doctor")
 """Commands shown that take seconds in any environment, without extras and without each other's files."""
+
+
+def needs_program(line: str) -> bool:
+    """True for the command of an autopilot whose program, which is somebody's own, is not here."""
+    return "--autopilot px4" in line and not os.environ.get("SKYARM_PX4")
 
 
 def words_to_run(line: str) -> list[str]:

@@ -1,7 +1,6 @@
 """The front door says what is true: commands and code run, the tables behind it are what flights give."""
 
 import dataclasses
-import os
 import re
 import shlex
 
@@ -19,6 +18,7 @@ from shown_commands import (
     ROOT,
     SHOWN,
     code_shown,
+    needs_program,
     run_shown,
     words_to_run,
 )
@@ -91,11 +91,6 @@ def test_every_command_shown_is_understood(line, tmp_path, monkeypatch):
         return
     assert done.code == 0, done.err
     assert done.out.strip()
-
-
-def needs_program(line: str) -> bool:
-    """True for the command of an autopilot whose program is not here."""
-    return "--autopilot px4" in line and not os.environ.get("SKYARM_PX4")
 
 
 @pytest.mark.site

@@ -78,7 +78,7 @@ def test_every_gate_of_tests_is_among_all() -> None:
     marks = {"site": "docs"} | {mark: mark for mark in ("thorough", "attack", "digests")}
     options = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["pytest"]["ini_options"]
     assert {each.partition(":")[0] for each in options["markers"]} == set(marks)
-    assert set(gates.split()) == {"types", "test", "browser", "peers", "ray", *marks.values()}
+    assert set(gates.split()) == {"types", "test", "fresh", "browser", "peers", "ray", *marks.values()}
 
 
 @needs_make
