@@ -192,6 +192,9 @@ def test_a_centre_of_mass_off_by_half_of_the_rotors_distance_is_doubted(share, t
     arm = max(np.hypot(np.hypot(each.position.x, each.position.y), each.position.z) for each in START.rotors)
     assert faults(identified("base.com.x", sign * share * float(arm), 0.0)) == told
     assert faults(identified("base.com.x", sign * share * float(arm), 0.0, wide=1.1)) == [], "the drawing's is within"
+    # it is the way from the drawing's that counts
+    moved = identified("base.com.x", sign * (share + 1.0) * float(arm), sign * float(arm), wide=0.01)
+    assert faults(moved) == told
 
 
 @pytest.mark.parametrize(("turn", "told"), [(0.19, []), (0.21, [(WARNED, "joint_positions")])])
@@ -212,6 +215,27 @@ def test_a_zero_is_doubted_beyond_what_its_centre_of_mass_is_known_to(turn, told
     found = dataclasses.replace(identified("delay", 0.005, 0.005), numbers=tuple(numbers), correlation=np.eye(3))
     assert faults(found) == told
     assert faults(dataclasses.replace(found, numbers=tuple(numbers[:2]), correlation=np.eye(2))) == []
+
+
+@pytest.mark.parametrize(("turn", "told"), [(0.29, []), (0.31, [(WARNED, "joint_positions")])])
+@pytest.mark.parametrize("aside", [-0.2, 0.0, 0.2])
+def test_a_centre_of_mass_beside_its_joint_s_plane_looks_turned_by_the_same_angle(turn, aside, told):
+    """What lies along the joint does not turn; the widest interval counts, here of 0.1 rad along x."""
+    link, far = START.links[1], 0.1
+    at = far * np.array([np.sin(turn), aside / far, np.cos(turn)])
+    numbers = [
+        dataclasses.replace(
+            identified(f"links.{link.name}.com.{axis}", at[i], [0.0, aside, far][i]).numbers[0],
+            low=at[i] - off,
+            high=at[i] + off,
+        )
+        for i, (axis, off) in enumerate(zip("xyz", (0.1 * far, 1e-4, 1e-3), strict=True))
+    ]
+    found = dataclasses.replace(identified("delay", 0.005, 0.005), numbers=tuple(numbers), correlation=np.eye(3))
+    assert faults(found) == told
+    # a centre that the drawing has on the joint's axis tells no angle
+    bare = [dataclasses.replace(each, start=[0.0, aside, 0.0][i]) for i, each in enumerate(numbers)]
+    assert faults(dataclasses.replace(found, numbers=tuple(bare))) == []
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.94, [(WARNED, FULL)]), (0.96, [])])
