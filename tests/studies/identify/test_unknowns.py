@@ -75,6 +75,12 @@ def test_numbers_of_a_quadrotor_are_searched_in_the_units_of_its_file():
         "thrust.c": ("times", 1.0),
     }
     volts = every(others=["b"], voltage=True)
+    unbounded = [name for name, each in found.items() if each.least == -math.inf]
+    assert set(found) - {*unbounded} == {
+        "rotors.inertia",
+        "rotors.drag_coefficient",
+        *(f"drag.area.{axis}" for axis in "xyz"),
+    }
     assert set(found) - set(volts) == {"drift", "thrust.b", "thrust.c"}
     assert (volts["sag"].start, volts["sag"].unit) == (1.0, "")
     assert not any(name.startswith(("drag", "rotors.drag")) for name in every(velocity=False))
