@@ -239,6 +239,22 @@ def test_means_of_a_step_count_where_two_of_them_are_flown_without_a_gap():
     assert one_step_errors(slow, [np.append(far, end - 8)])[1] != model
 
 
+def test_holding_s_accelerations_are_off_by_what_is_measured_about_its_mean():
+    """Of the steps that are flown: the first two after each begin, and the turning of the first of them."""
+    flight = flight_of()
+    parts = on_clock(flight, QUAD, STEP)
+    loop = OpenLoop(QUAD, ABOUT, [flight], [parts], GRAVITY)
+    begins = places_of(parts, QUAD, 90)
+    period, _, spread = one_step_errors(loop, [begins])
+    # a sample is the mean of the step before it
+    force = flight["accelerometer"].values[begins[:, None] + [1, 2]].reshape(-1, 3)
+    rate = loop.measured.rate
+    turned = (rate[begins + 1] - rate[begins]) / STEP
+    for found, rows in ((spread.specific_force, force), (spread.angular_acceleration, turned)):
+        assert found == pytest.approx(math.sqrt(len(rows[0]) * ((rows - rows.mean(axis=0)) ** 2).mean()), rel=1e-9)
+    assert period == STEP
+
+
 def test_the_past_of_a_flight_helps_where_the_model_lacks_a_torque():
     """Fit and prediction on flights with noise; the model has a torque too much."""
     wrong = dataclasses.replace(ABOUT, torque=(0.006, -0.003, 0.001))

@@ -14,6 +14,7 @@ from skyarm.studies.identify.identified_numbers import (
     IdentifiedNumber,
     Scale,
     at_starts,
+    bound_number,
     condition_on_start,
     disagreement,
     identified_numbers,
@@ -223,6 +224,59 @@ def test_a_number_goes_back_up_to_half_of_its_information():
     made = np.array([2.0, 3.0]), np.diag([0.504, 0.3]), np.eye(2), np.array([-2.0, -3.0]), np.ones(2)
     assert condition_on_start(*made, np.array([0.496, 0.7]), [[0, 1]]).replaced == [0]
     assert condition_on_start(*made, np.array([0.5, 0.7]), [[0, 1]]).replaced == []
+
+
+@pytest.mark.parametrize("seed", [1, 3, 13])
+def test_what_goes_back_is_held_and_the_others_are_as_the_data_have_them_beside_it(seed):
+    """Of sums with shares of their own scale: the mean of a normal distribution under those conditions."""
+    draw = np.random.default_rng(seed)
+    root, rows = draw.normal(size=(4, 4)), draw.normal(size=(4, 4))
+    spread, values, off = root @ root.T, draw.normal(size=4), draw.normal(size=4)
+    variances = np.einsum("kp,pq,kq->k", rows, spread, rows)
+    before = variances / np.array([0.8, 0.2, 0.9, 0.3])
+    # told by blocks, whose scores spread twice as far
+    shares = 1.0 - 2.0 * variances / before
+    found = condition_on_start(values, spread, rows, off, before, shares, [range(4)])
+    replaced, now = list[int](), spread
+    for _ in range(4):
+        left = [i for i in range(4) if shares[i] < 0.5 and i not in replaced]
+        told = {i: 1.0 - 2.0 * float(rows[i] @ now @ rows[i]) / before[i] for i in left}
+        if not told or min(told.values()) >= 0.5:
+            break
+        replaced.append(min(told, key=told.__getitem__))
+        part = rows[replaced]
+        now = spread - spread @ part.T @ np.linalg.solve(part @ spread @ part.T, part @ spread)
+    assert list(found.replaced) == replaced
+    assert replaced[0] == 2
+    assert len(replaced) >= 2
+    # the rest shows beside that with which it hangs together most
+    sizes = np.sqrt(variances)
+    alike = np.abs(rows @ spread @ rows.T) / np.outer(sizes, sizes)
+    (left,) = {i for i in range(4) if shares[i] < 0.5} - set(replaced)
+    assert found.beside == {left: max(replaced, key=lambda j: alike[left, j])}
+    part = rows[replaced]
+    wanted = values + spread @ part.T @ np.linalg.solve(part @ spread @ part.T, off[replaced])
+    assert found.values == pytest.approx(wanted)
+    assert rows[replaced] @ (found.values - values) == pytest.approx(off[replaced])
+
+
+@pytest.mark.parametrize(
+    ("low", "value", "high", "after"),
+    [
+        (-2.0, -0.5, 0.3, (0.0, 0.0, 0.3)),
+        (-2.0, 0.1, 0.3, (0.0, 0.1, 0.3)),
+        (0.0, 0.1, 0.3, (0.0, 0.1, 0.3)),
+        (0.05, 0.1, 0.3, (0.05, 0.1, 0.3)),
+    ],
+)
+def test_an_interval_ends_where_physics_does(low, value, high, after):
+    number = IdentifiedNumber(name="a", unit="", value=value, low=low, high=high, start=0.0, data_share=0.9)
+    found = bound_number(number, 0.0)
+    assert (found.low, found.value, found.high, found.reason) == (*after, "")
+    # what the flights do not show keeps its interval, and one that is excluded whole is not shown
+    hidden = dataclasses.replace(number, reason=NOT_SHOWN)
+    assert bound_number(hidden, 0.0) is hidden
+    assert bound_number(number, high) == dataclasses.replace(number, reason=NOT_SHOWN)
 
 
 def test_of_several_numbers_beside_which_one_shows_the_nearest_is_named():

@@ -221,6 +221,18 @@ def test_what_is_explained_is_beyond_white_noise(monkeypatch):
     bends = np.mean((swing[:40, 0] - np.polyval(np.polyfit(time, swing[:40, 0], 1), time)) ** 2)
     assert explained == {"rate.x": pytest.approx(1.0 - 0.08 / (bends - 0.01))}
     assert deviation == {"rate.x": pytest.approx(0.3)}
+    # errors that are larger than the motion: nothing; as small as the noise: all
+    for size, share in (
+        (1.5, 0.0),
+        (1.0, 1.0 - 0.99 / (bends - 0.01) if bends > 1.0 else 0.0),
+        (0.1, 1.0),
+        (0.05, 1.0),
+    ):
+        fit.errors = np.full((40, 2, 1), size)
+        assert explained_shares(errors, fit)[0] == {"rate.x": pytest.approx(share, abs=1e-12)}
+    # a row that does not move is not told, but for what is left of it
+    errors.samples = {"gyro": Samples(0.05 * swing, np.ones(80), np.ones(80, dtype=bool))}
+    assert explained_shares(errors, fit) == ({}, {"rate.x": pytest.approx(0.05)})
 
 
 class HalvedErrors:

@@ -252,6 +252,18 @@ def test_reported_are_moments_of_inertia_and_thrusts_in_place_of_what_is_searche
     assert len(told) == len(unknowns)
 
 
+def test_numbers_of_rotors_begin_with_those_of_the_first():
+    """Of which the others keep their share; so does the square of the speed at each knot of a curve."""
+    other = dataclasses.replace(QUAD.rotors[3], thrust_coefficient=1e-5, drag_coefficient=1e-3, inertia=1e-4)
+    found = every(dataclasses.replace(QUAD, rotors=(*QUAD.rotors[:3], other)))
+    plain = every()
+    for name in ("thrust_coefficient", "moment_coefficient", "drag_coefficient", "inertia"):
+        assert found[f"rotors.{name}"] == plain[f"rotors.{name}"]
+    rises = [each.start for name, each in every(curve=True).items() if name.startswith("rotors.rise_to_")]
+    full = float(QUAD.rotors[0].thrust_coefficient) * float(QUAD.rotors[0].max_speed) ** 2
+    assert rises == pytest.approx([full / 16.0, 3.0 * full / 16.0, 5.0 * full / 16.0, 7.0 * full / 16.0])
+
+
 def test_a_thrust_curve_begins_with_the_thrusts_of_the_start_s_table():
     speeds, thrusts = (200.0, 400.0, 600.0, 800.0), (0.5, 1.7, 3.6, 5.0)
     made = with_rotors(

@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import math
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +14,8 @@ import pytest
 from skyarm.algebra import Vec3
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.unknowns import Unknown, unknowns_of
-from skyarm.studies.identify.window_errors import OUTLIER, WindowErrors, WindowStates, turn_attitudes
-from skyarm.studies.identify.windows import Samples, Windows, on_clock
+from skyarm.studies.identify.window_errors import OUTLIER, WindowErrors, WindowLanes, WindowStates, turn_attitudes
+from skyarm.studies.identify.windows import Held, Samples, Windows, on_clock
 from window_flights import GRAVITY, ONE, QUAD, STEP, flown, measured, on_servo
 
 ROTORS, JOINTS = 0.0033, 0.0047
@@ -437,6 +438,86 @@ def test_searched_lags_are_those_of_a_vehicle_that_has_them():
     found, wanted = errors.errors_at(slower, states)[0], fixed.errors_at(np.zeros(0), states)[0]
     assert found == pytest.approx(wanted, abs=1e-9)
     assert np.abs(found - errors.errors_at(searched, states)[0]).max() > 0.1
+
+
+@pytest.mark.parametrize("setup", ["servo", "torques"])
+def test_the_plant_in_machine_code_sees_the_vehicle_s_numbers_alone(setup):
+    """And where the inertial unit is: it is not made anew for flights of other names, sensors or delays."""
+    errors, _ = errors_of(setup)
+    of_vehicle = {each.name for each in errors.unknowns if each.in_vehicle and "_bias" not in each.name}
+    around = {"pose_delay", "accelerometer_delay", "delay", "drift", "setpoint_hold", "joint_delay"}
+    assert set(errors.replay.names) == of_vehicle - around | {"place.x", "place.y", "place.z"}
+    assert not any(name.startswith(("torque.", "offset.", "gyro_bias.", "thrust.")) for name in errors.replay.names)
+
+
+def test_a_joint_s_torque_jumps_when_its_late_command_does():
+    """Amid a step, at the instant of the log and not at its middle."""
+    errors, searched = errors_of("torques")
+    held, lanes = errors.windows.commands("efforts", JOINTS), errors.lanes(searched, errors.first_states())
+    assert held.late[errors.windows.begins] == pytest.approx(JOINTS % STEP)
+    for k in range(3):
+        lanes.advance(k)
+        at, inputs = errors.windows.begins + k, lanes.flights.inputs
+        assert inputs["late"][1] == pytest.approx(held.late[at])
+        assert inputs["setpoints_before"][0] == pytest.approx(held.before[at, 0])
+        assert inputs["setpoints_after"][0] == pytest.approx(held.after[at, 0])
+    lanes.close()
+
+
+def lanes_of(*joints, hats=None):
+    """Lanes of two windows of four steps without a plant, whose joints have commands; what they would simulate."""
+    which, flat = np.array([0]), Held(np.zeros((1, 8, 4)), np.zeros((1, 8, 4)), np.zeros((1, 8)))
+    inputs = {name: np.full((size, 2), np.nan) for name, size in INPUTS.items()}
+    return SimpleNamespace(
+        _windows=SimpleNamespace(before=lambda k: np.array([k, 4 + k]), step=STEP, length=4),
+        _errors=SimpleNamespace(given=None, unlogged=[] if hats is None else [1], hats=0 if hats is None else 3),
+        _speeds=(flat, which),
+        _thrust=(np.ones((1, 8)), which),
+        _joints=[(i, each, which) for i, each in enumerate(joints)],
+        _hats=hats,
+        flights=SimpleNamespace(inputs=inputs, step=lambda: None),
+    )
+
+
+INPUTS = {"speeds_before": 4, "speeds_after": 4, "late": 2, "thrust": 1, "setpoints_before": 2, "setpoints_after": 2}
+
+
+def held_by(late, seed):
+    draw = np.random.default_rng(seed)
+    return Held(draw.normal(size=(1, 8, 2)), draw.normal(size=(1, 8, 2)), np.full((1, 8), late))
+
+
+def test_joints_that_switch_together_do_so_at_their_time_and_others_at_the_middle_of_a_step():
+    """Where each keeps its impulse: the plant has one switch for all joints."""
+    late, at = 0.3 * STEP, np.array([2, 6])
+    for other in (late, 0.8 * STEP):
+        first, second = held_by(late, 1), held_by(other, 2)
+        lanes = lanes_of(first, second)
+        WindowLanes.advance(lanes, 2)
+        inputs = lanes.flights.inputs
+        same = other == late
+        assert inputs["late"][1] == pytest.approx([late if same else 0.5 * STEP] * 2)
+        for i, each in enumerate((first, second)):
+            rows = each.before[0, at, i], each.after[0, at, i]
+            share = each.late[0, 0] / STEP
+            told = inputs["setpoints_before"][i], inputs["setpoints_after"][i]
+            assert (np.array(told) == pytest.approx(np.array(rows))) == same
+            now = 0.3 if same and i == 0 else 0.3 if same else 0.5
+            mean = share * rows[0] + (1.0 - share) * rows[1]
+            assert now * told[0] + (1.0 - now) * told[1] == pytest.approx(mean)
+
+
+def test_an_effort_that_is_not_logged_is_straight_from_hat_to_hat():
+    """Three hats over a window of four steps, read in the middle of each step."""
+    heights = np.array([[[1.0, 3.0, -5.0]], [[0.0, 2.0, 2.0]]])
+    lanes = lanes_of(held_by(0.0, 1), hats=heights)
+    for k in range(4):
+        WindowLanes.advance(lanes, k)
+        wanted = [np.interp((k + 0.5) / 4.0, [0.0, 0.5, 1.0], rows[0]) for rows in heights]
+        for name in ("setpoints_before", "setpoints_after"):
+            assert lanes.flights.inputs[name][1] == pytest.approx(wanted)
+    # the other joint has its command
+    assert lanes.flights.inputs["setpoints_before"][0] == pytest.approx(held_by(0.0, 1).before[0, [3, 7], 0])
 
 
 QUAD_NUMBERS = [

@@ -230,6 +230,8 @@ def test_the_voltage_is_over_that_of_the_rotors_data():
     found = on_clock(given, QUAD, STEP, full_voltage=12.0).voltage
     assert found[0] == pytest.approx(1.0)
     assert found[1000] == pytest.approx(11.0 / 12.0)
+    assert found[-1] == pytest.approx((12.0 - 0.5 * 3.996) / 12.0)
+    assert found.shape == on_clock(given, QUAD, STEP).usable.shape == (1999,)
     assert (on_clock(given, QUAD, STEP).voltage == 1.0).all()
 
 
@@ -361,6 +363,21 @@ def test_rotors_speeds_at_a_begin_are_those_of_a_long_simulation():
         speed = target + (speed - target) * np.exp((a - b) / np.where(target > speed, up, down))
     assert found == pytest.approx(np.array(exact), abs=0.12)
     assert np.ptp(exact, axis=0).min() > 80.0
+
+
+def test_in_a_short_flight_rotors_begin_at_their_command_half_of_it_before():
+    """Rather than with no window: a rotor that stood goes on from there in closed form."""
+    size, up = 60, float(QUAD.rotors[0].time_constant_up)
+    speeds = channel(STEP * np.array([-10.0, 20.0]), [[300.0] * 4, [600.0] * 4])
+    windows = Windows([clocked(size, speeds=speeds)], QUAD, 0.02)
+    assert (windows.run_in, windows.begins.tolist()) == (30, [30, 40, 50])
+    found = windows.rotor_speeds([QUAD.rotors, QUAD.rotors], [windows.commands("speeds", late) for late in (0.0, 0.01)])
+    assert found.shape == (2, 3, 4)
+    for key, switch in enumerate((20, 25)):
+        behind = STEP * (windows.begins - switch)
+        # a window begins from the command of 30 steps before
+        wanted = np.where(windows.begins - 30 < switch, 600.0 - 300.0 * np.exp(-behind / up), 600.0)
+        assert found[key] == pytest.approx(np.tile(wanted[:, None], (1, 4)), rel=1e-9)
 
 
 def moving(t):
