@@ -8,16 +8,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skyarm.flight_data.flight_data import Channel
+from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify.identified_numbers import NOT_SHOWN
 from skyarm.studies.identify.identified_parts import vehicle_with
 from skyarm.studies.identify.identify_windows import (
     SearchOptions,
+    WindowSearch,
     _without_lines,
+    distinct_flights,
     explained_shares,
     first_fits,
     identify_by_windows,
+    moved_joints,
     search_of,
+    unknowns_of_sensors,
 )
 from skyarm.studies.identify.unknowns import second_moments, unknowns_of
 from skyarm.studies.identify.window_fit import WindowFit
@@ -202,6 +206,10 @@ def test_a_line_is_taken_out_of_the_samples_of_each_window():
     time = np.arange(30.0)[:, None]
     rows = there * draw.normal(size=(30, 4))
     found = _without_lines(rows + there * (3.0 - 0.2 * time * np.arange(4)), there)
+    # of one sample, or of none, nothing is left
+    alone = np.zeros((30, 2))
+    alone[7, 1] = 1.0
+    assert _without_lines(4.0 * alone, alone) == pytest.approx(np.zeros((30, 2)), abs=1e-12)
     for column, use, wanted in zip(rows.T, there.T > 0.0, found.T, strict=True):
         line = np.polyval(np.polyfit(time[use, 0], column[use], 1), time[use, 0])
         assert wanted[use] == pytest.approx(column[use] - line, abs=1e-9)
@@ -248,6 +256,78 @@ class HalvedErrors:
         moved = np.zeros((4, 3, 2))
         moved[::2, :, 1] = self.size / self.replay.substeps**2 * np.array([1.0, 10.0, 10.0])
         return 0.3 + moved, np.ones_like(moved, dtype=bool)
+
+
+def made_of(name="flight", rate=500.0, **channels):
+    """Flight of ten samples of a gyroscope, and of what is given."""
+    time = np.arange(10) / rate
+    rows = {"gyro": np.zeros((10, 3)), **channels}
+    return FlightData(
+        name=name,
+        file="none",
+        channels={each: Channel(time=time[: len(v)], values=v, source=each) for each, v in rows.items()},
+    )
+
+
+def test_flights_of_one_name_are_numbered_and_what_hardly_was_measured_is_none():
+    """Three samples are no channel; a position without an attitude tells nothing that can be flown."""
+    three, four, pose = np.zeros((3, 1)), np.zeros((4, 1)), np.zeros((10, 3))
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (10, 1))
+    given = [
+        made_of("a", voltage=three, position=pose, velocity=pose),
+        made_of("b", voltage=four, position=pose, velocity=pose, quaternion=level),
+        made_of("a", quaternion=level[:3], position=pose),
+    ]
+    found = distinct_flights(given)
+    assert [each.name for each in found] == ["a (1)", "b", "a (3)"]
+    assert [set(each) for each in found] == [
+        {"gyro"},
+        {"gyro", "voltage", "position", "velocity", "quaternion"},
+        {"gyro", "position"},
+    ]
+    assert [each.file for each in found] == ["none"] * 3
+    for quantity in ("joint_efforts", "joint_commands"):
+        arms = [made_of("x", **{quantity: pose[:, :1]}), made_of("y")]
+        words = f"^y: {quantity}: is not in this flight, and is in x: identify them apart$"
+        for order in (arms, arms[::-1]):
+            with pytest.raises(ValueError, match=words):
+                distinct_flights(order)
+        assert len(distinct_flights([arms[0], arms[0]])) == 2
+
+
+def test_joints_are_moved_by_logged_efforts_or_by_setpoints():
+    """Of several flights by any; a column of zeros is none, and setpoints beside efforts are not of a servo."""
+    arm, still = SimpleNamespace(n=4), np.zeros((10, 4))
+    efforts, setpoints = still.copy(), still.copy()
+    efforts[5, [0, 1]] = 0.1
+    setpoints[2, [1, 2]] = -0.1
+    flights = [made_of(joint_efforts=still, joint_commands=setpoints), made_of(joint_efforts=efforts)]
+    driven, servoed = moved_joints(flights, arm)
+    assert driven == [True, True, False, False]
+    assert servoed == [False, False, True, False]
+    assert moved_joints([made_of()], arm) == ([False] * 4, [False] * 4)
+
+
+def test_sensors_have_a_bias_and_poses_a_delay():
+    names = ["gyro_bias.x", "gyro_bias.y", "gyro_bias.z"]
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (10, 1))
+    assert [each.name for each in unknowns_of_sensors([made_of()])] == names
+    found = unknowns_of_sensors([made_of(), made_of(quaternion=level)])
+    assert [(each.name, each.unit) for each in found] == [*((name, "rad/s") for name in names), ("pose_delay", "s")]
+    assert all(each.start == 0.0 and not each.in_vehicle and not each.positive for each in found)
+    assert found[3].spread < found[0].spread < 0.1
+
+
+@pytest.mark.parametrize(
+    ("sample", "slow", "first", "whole"),
+    [(0.002, False, 0.06, 0.25), (0.01, False, 0.12, 0.25), (0.04, False, 0.48, 0.48), (0.04, True, 0.48, 1.0)],
+)
+def test_windows_are_long_enough_for_the_gyroscope_and_for_slow_commands(sample, slow, first, whole):
+    """Twelve samples at least; a second where commands were logged below 40 Hz, which hide three lags."""
+    search = WindowSearch([], QUAD, [], [], {}, [], [], slow, sample, 9.81)
+    assert (search.first, search.whole) == pytest.approx((first, whole))
+    lags = {"delay", "rotors.time_constant_up", "rotors.time_constant_down"}
+    assert search.hidden_lags() == (lags if slow else set())
 
 
 def halved(monkeypatch, size, name="links.arm.joint.coulomb", least=1):

@@ -142,6 +142,19 @@ def test_steps_are_usable_where_the_vehicle_flies():
     assert clocked.edges[-1] == pytest.approx(3.998)
 
 
+def test_a_clock_begins_with_the_gyro_whatever_zero_its_stamps_have():
+    """A log that counts from the start of the computer flies as one that counts from its own."""
+    volts, turned = channel([0.0, 4.0], [[12.0], [10.0]]), channel(np.arange(2000) / 500.0, np.zeros((2000, 3)))
+    plain = flight(voltage=volts, position=turned)
+    late = {name: dataclasses.replace(each, time=each.time + 1e5) for name, each in plain.channels.items()}
+    first, found = (on_clock(each, QUAD, STEP, full_voltage=12.0) for each in (plain, plain.with_channels(late)))
+    assert (found.begin, found.size) == (1e5, first.size)
+    assert found.edges - 1e5 == pytest.approx(first.edges, abs=1e-9)
+    assert np.array_equal(found.usable, first.usable)
+    for name in ("since", "voltage"):
+        assert getattr(found, name) == pytest.approx(getattr(first, name), abs=1e-8)
+
+
 def test_sections_take_the_place_of_what_flies():
     clocked = on_clock(flight(), QUAD, STEP, sections=[(0.5, 1.0), (2.0, 2.2)])
     assert np.array(spans(clocked.usable, clocked.edges)) == pytest.approx(np.array([(0.5, 1.0), (2.0, 2.2)]), abs=STEP)
@@ -406,6 +419,17 @@ def test_first_states_are_those_of_parabolas(rate):
     assert found["joint_rates"] == pytest.approx((3.0 - 2.0 * t)[:, None], abs=1e-7)
     assert found["quaternion"] == pytest.approx(moving(t), abs=1e-5)
     assert np.linalg.norm(found["quaternion"], axis=1) == pytest.approx(1.0)
+
+
+def test_first_states_of_a_motion_through_nought_average_the_noise_of_50_ms_to_each_side():
+    """The variance of a parabola's value amid n samples is 9 / (4 n) of theirs (Savitzky and Golay 1964)."""
+    even, draw = STEP * (np.arange(2000) + 1), np.random.default_rng(6)
+    line = (even[:, None] - 2.0) * np.array([1.0, -2.0, 3.0])
+    noise = 0.01 * draw.normal(size=(2000, 3))
+    windows = Windows([clocked(2000, channels={"gyro": channel(even, line + noise)})], QUAD, 0.1)
+    off = windows.first_states(windows.samples())["rate"] - (STEP * windows.begins[:, None] - 2.0) * [1.0, -2.0, 3.0]
+    assert np.sqrt((off**2).mean()) == pytest.approx(0.01 * math.sqrt(9.0 / (4.0 * 51.0)), rel=0.2)
+    assert (np.abs(STEP * windows.begins - 2.0) < 0.06).any()
 
 
 def test_first_states_without_a_pose_are_level_and_a_measured_velocity_counts():
