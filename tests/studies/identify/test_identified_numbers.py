@@ -88,6 +88,9 @@ def test_what_is_known_of_a_sum_is_added_and_has_no_slope():
     assert scale.values == pytest.approx([7.5, 0.25])
     assert scale.starts == pytest.approx([9.0, -0.5])
     assert scale.rows == pytest.approx(np.array([[1.5 / 7.5, 0.0], [0.0, 1.0]]))
+    other = scale_of(fit_of(AT[::2], np.eye(2)), UNKNOWNS[::2], REPORTED, {"b": 6.0})
+    assert [each.name for each in other.reported] == ["a", "a + b", "c"]
+    assert (other.values[1], other.starts[1]) == pytest.approx((8.5, 8.0))
 
 
 def test_intervals_are_of_95_percent_and_what_little_data_tell_is_as_before():
@@ -216,6 +219,9 @@ def test_flights_that_agree_narrow_nothing_and_those_that_do_not_show_a_number_d
             assert told == 1.0
         else:
             sizes = [each for each in variance if each <= 0.5 * before]
+            # of a number that none shows, too
+            least_known = dataclasses.replace(scale, before=np.array([1e-9, 1e6]))
+            assert disagreement(fit, least_known, after, names)[0] == 1.0
             assert told == pytest.approx(abs(chosen[0] - chosen[1]) / math.sqrt(sum(sizes)), rel=1e-6)
 
 
