@@ -17,6 +17,7 @@ from skyarm.studies.identify.open_loop import (
     BaseStates,
     OpenLoop,
     measured_states,
+    no_poses,
     places_of,
     slopes_of,
     smooth_motion,
@@ -287,6 +288,70 @@ def test_polynomials_are_exact_where_they_fit_and_shorter_where_they_do_not():
     assert np.std((value.values - slow)[60:-60]) < 5e-4
     with pytest.raises(ValueError, match=r"^made: 8 samples: must be at least 11$"):
         slopes_of(Channel(time=time[:8], values=swing[:8], source="made"), 5, 5, 4)
+
+
+def test_noise_is_averaged_over_all_of_the_length_that_fits():
+    """To a parabola's variance of 9 / (4 n) amid n samples and of about 9 / n at their end; else over half of them."""
+    time, noise = 0.002 * np.arange(6000), np.random.default_rng(5).normal(scale=0.01, size=(6000, 3))
+    line = Channel(time=time, values=0.1 * time[:, None] + noise, source="made")
+    for past, variance in ((False, 9.0 / (4.0 * 101.0)), (True, 9.0 / 101.0)):
+        value, _ = smooth_motion(line, 0.2, 2, past=past)
+        left = (value.values - 0.1 * time[:, None])[110:-110]
+        assert np.sqrt((left**2).mean()) == pytest.approx(0.01 * math.sqrt(variance), rel=0.1)
+    # the bend of a swing that a parabola leaves grows sixteenfold with twice the length
+    swung = dataclasses.replace(line, values=0.3 * np.sin(10.0 * time)[:, None] + noise)
+    value, slope = smooth_motion(swung, 0.4, 2)
+    half, steep = slopes_of(swung, 50, 50, 2)
+    assert np.array_equal(value.values, half.values)
+    assert np.array_equal(slope.values, steep.values)
+
+
+def test_rates_to_begin_with_are_parabolas_through_the_last_tenth_of_a_second():
+    """Of the gyroscope's samples until then; its bias is taken off."""
+    flight, draw = flight_of(("position", "velocity", "quaternion")), np.random.default_rng(2)
+    gyro = dataclasses.replace(flight["gyro"], values=draw.normal(size=flight["gyro"].values.shape))
+    about = Surroundings(gyro_bias=(0.1, -0.2, 0.3))
+    _, begins, _ = states_of(flight.with_channels({"gyro": gyro}), about)
+    for k in (0, 57, 200):
+        last = 40 + k  # states begin at 0.2 s, of 200 samples a second
+        rows = gyro.values[last - 20 : last + 1]
+        wanted = np.polyfit(np.arange(-20.0, 1.0), rows, 2)[-1] - [0.1, -0.2, 0.3]
+        assert begins.rate[k] == pytest.approx(wanted, abs=1e-9)
+
+
+def test_joints_are_given_with_the_rates_and_accelerations_of_their_measured_angles():
+    """A quartic is exact but where samples end; an acceleration is the mean over its step."""
+    flight = flight_of(("position", "velocity", "quaternion"))
+    time = flight["gyro"].time
+    angles = Channel(time=time, values=np.stack([time**4 - time, 0.5 * time**2], axis=1), source="angles")
+    clocked = on_clock(flight, QUAD, 0.005)
+    _, _, motion = measured_states(flight.with_channels({"joint_positions": angles}), clocked, ABOUT, 2)
+    assert motion.shape == (3, clocked.size, 2)
+    inside, edges = slice(20, -20), clocked.edges
+    t = edges[:-1]
+    wanted = [
+        np.stack([t**4 - t, 0.5 * t**2], axis=1),
+        np.stack([4.0 * t**3 - 1.0, t], axis=1),
+        np.stack([np.diff(4.0 * edges**3) / 0.005, np.ones(clocked.size)], axis=1),
+    ]
+    for found, exact in zip(motion, wanted, strict=True):
+        assert found[inside] == pytest.approx(exact[inside], abs=1e-6)
+    assert measured_states(flight, clocked, ABOUT, 0)[2].shape == (3, clocked.size, 0)
+
+
+@pytest.mark.parametrize(
+    ("names", "missing"),
+    [
+        (("position", "quaternion"), None),
+        (("velocity", "quaternion"), None),
+        (("quaternion",), "position"),
+        (("position", "velocity"), "quaternion"),
+        ((), "quaternion"),
+    ],
+)
+def test_a_pose_is_an_attitude_and_a_place_or_a_velocity(names, missing):
+    words = f"no {missing} is measured: rate and specific force are predicted, and no pose"
+    assert no_poses(flight_of(names)) == (words if missing else "")
 
 
 def test_numbers_of_surroundings_make_them_again():
