@@ -207,9 +207,9 @@ def test_a_line_is_taken_out_of_the_samples_of_each_window():
     rows = there * draw.normal(size=(30, 4))
     found = _without_lines(rows + there * (3.0 - 0.2 * time * np.arange(4)), there)
     # of one sample, or of none, nothing is left
-    alone = np.zeros((30, 2))
-    alone[7, 1] = 1.0
-    assert _without_lines(4.0 * alone, alone) == pytest.approx(np.zeros((30, 2)), abs=1e-12)
+    alone = np.zeros((30, 3))
+    alone[[0, 7], [1, 2]] = 1.0
+    assert _without_lines(4.0 * alone, alone) == pytest.approx(np.zeros((30, 3)), abs=1e-12)
     for column, use, wanted in zip(rows.T, there.T > 0.0, found.T, strict=True):
         line = np.polyval(np.polyfit(time[use, 0], column[use], 1), time[use, 0])
         assert wanted[use] == pytest.approx(column[use] - line, abs=1e-9)

@@ -306,6 +306,18 @@ def test_noise_is_averaged_over_all_of_the_length_that_fits():
     assert np.array_equal(slope.values, steep.values)
 
 
+@pytest.mark.parametrize(("degree", "before", "after"), [(2, 2, 0), (2, 1, 1), (4, 2, 2)])
+def test_steps_of_an_encoder_are_seen_by_as_few_samples_as_a_polynomial_needs(degree, before, after):
+    """Most of its samples do not change, as if there was no noise at all: no length fits."""
+    time = 0.002 * np.arange(600)
+    stairs = Channel(time=time, values=0.01 * np.floor(3.0 * time)[:, None], source="encoder")
+    value, slope = smooth_motion(stairs, 0.2, degree, past=not after)
+    wanted = slopes_of(stairs, before, after, degree)
+    assert np.array_equal(slope.values, wanted[1].values)
+    assert np.array_equal(value.values, wanted[0].values)
+    assert np.abs(slope.values).max() > 1.0
+
+
 def test_rates_to_begin_with_are_parabolas_through_the_last_tenth_of_a_second():
     """Of the gyroscope's samples until then; its bias is taken off."""
     flight, draw = flight_of(("position", "velocity", "quaternion")), np.random.default_rng(2)

@@ -22,6 +22,7 @@ from skyarm.studies.identify.window_fit import (
     fit_windows,
     new_memory,
     new_noise,
+    new_spread,
     reduce,
 )
 from skyarm.studies.identify.windows import Windows, on_clock
@@ -393,6 +394,48 @@ def test_no_step_passes_a_bound_and_the_others_are_fitted_to_it(bounds):
         assert uphill[found > least] == pytest.approx(np.zeros((found > least).sum()), abs=1e-9)
         if bounds == 1:
             assert found == pytest.approx(lsq_linear(slope, -error, (least, np.inf), tol=1e-14).x, abs=1e-5)
+
+
+def test_a_search_ends_at_a_bound_wherever_it_begins():
+    """A number that the data would have below none is none, and the others are fitted to that."""
+    toy = Toy(windows=24, steps=12)
+    (below, *_), others = np.flatnonzero(toy.truth < -0.1), np.ones(COUNT, dtype=bool)
+    others[below] = False
+    toy.unknowns[below] = dataclasses.replace(toy.unknowns[below], least=0.0)
+    found = fit(toy, begin=0.7)
+    assert found.settled
+    assert found.values[below] == pytest.approx(0.0, abs=1e-12)
+    free, covariance = dense(toy, toy.given[-1], found.spread, np.arange(24))
+    wanted = free - covariance[:, below] / covariance[below, below] * free[below]
+    assert found.values[others] == pytest.approx(wanted[others], abs=0.1 * np.sqrt(covariance[0, 0]))
+    assert np.abs(found.values - free)[others].max() > 0.0
+    # of a positive number the logarithm is searched, which knows no bound
+    toy.unknowns[below] = dataclasses.replace(toy.unknowns[below], least=0.0, positive=True, start=1.0)
+    assert fit(toy, begin=0.7).values[below] == pytest.approx(toy.truth[below], abs=0.05)
+
+
+def test_a_spread_is_that_of_estimates_and_of_what_they_leave_open():
+    """Sum of squares over the number of windows that tell it (MacKay 1992); a turn changes it fivefold at most."""
+    draw = np.random.default_rng(9)
+    errors = SimpleNamespace(wrench=2 + np.arange(WRENCH), push=np.full(WRENCH, 0.3))
+    wrench, spread = draw.normal(scale=0.2, size=(50, WRENCH)), np.full(WRENCH, 0.4)
+    uncertain = draw.uniform(0.0, 0.1, size=(50, WRENCH))
+
+    def told(wrench, uncertain, spread=spread):
+        inverse = np.zeros((50, 8, 8))
+        inverse[:, errors.wrench, errors.wrench] = uncertain
+        return new_spread(errors, WindowStates({}, np.pad(wrench, ((0, 0), (0, 3)))), spread, inverse)
+
+    wanted = np.sqrt((wrench**2).sum(axis=0) / (50.0 - uncertain.sum(axis=0) / 0.16))
+    assert told(wrench, uncertain) == pytest.approx(wanted)
+    # the fixed point: of windows that tell all, the root mean square
+    assert told(wrench, 0.0 * uncertain) == pytest.approx(np.sqrt((wrench**2).mean(axis=0)))
+    assert told(100.0 * wrench, uncertain) == pytest.approx(np.full(WRENCH, 2.0))
+    assert told(0.001 * wrench, uncertain) == pytest.approx(np.full(WRENCH, 0.08))
+    # windows that tell nothing
+    assert told(0.0 * wrench, 0.16 + 0.0 * uncertain) == pytest.approx(np.full(WRENCH, 0.08))
+    # not below a thousandth of what it is thought to be
+    assert told(0.0 * wrench, uncertain, np.full(WRENCH, 5e-4)) == pytest.approx(np.full(WRENCH, 3e-4))
 
 
 def test_cost_is_by_huber_and_by_what_is_known_before():
