@@ -299,7 +299,8 @@ def test_noise_is_averaged_over_all_of_the_length_that_fits():
         left = (value.values - 0.1 * time[:, None])[110:-110]
         assert np.sqrt((left**2).mean()) == pytest.approx(0.01 * math.sqrt(variance), rel=0.1)
     # the bend of a swing that a parabola leaves grows sixteenfold with twice the length
-    swung = dataclasses.replace(line, values=0.3 * np.sin(10.0 * time)[:, None] + noise)
+    # here to 0.6 of the noise, of one column: all are of one length
+    swung = dataclasses.replace(line, values=0.15 * np.sin(10.0 * time)[:, None] * [0.0, 1.0, 0.0] + noise)
     value, slope = smooth_motion(swung, 0.4, 2)
     half, steep = slopes_of(swung, 50, 50, 2)
     assert np.array_equal(value.values, half.values)
