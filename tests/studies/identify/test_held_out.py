@@ -324,17 +324,32 @@ def _learn_by(errors_of, monkeypatch, key=lambda smoothed, memory: memory):
         monkeypatch.setattr(held_out, name, fake)
 
 
-@pytest.mark.parametrize(("attitude", "place", "kept"), [(1e-3, 1.1, True), (1e-3, 1.005, False), (0.5, 0.5, False)])
-def test_a_past_that_makes_attitudes_better_and_positions_worse_is_not_taken(attitude, place, kept, monkeypatch):
-    """States of the window that only help where they harm nothing, up to a hundredth; else the measured ones."""
+@pytest.mark.parametrize("size", [1.0, 0.01])
+@pytest.mark.parametrize(
+    ("attitude", "place", "kept"),
+    [
+        (1e-3, 1.1, True),
+        (1e-3, 1.005, False),
+        (1.1, 1e-3, True),
+        (1.005, 1e-3, False),
+        (0.5, 0.5, False),
+    ],
+)
+def test_a_past_that_makes_attitudes_better_and_positions_worse_is_not_taken(attitude, place, kept, size, monkeypatch):
+    """States of the window that only help where they harm nothing, up to a hundredth; else the measured ones.
+
+    Over one far horizon of two: it is harm. That of errors of one size is that of all.
+    """
 
     def errors_of(end, shares):
         horizon, smoothed = end
         sizes = (place, attitude) if smoothed else (1.0, 0.9) if smoothed == () else (1.0, 1.0)
+        sizes = [size * each for each in (sizes if horizon < 1.0 or not smoothed else (0.9, 0.9))]
         return HorizonErrors(horizon=horizon, begins=5, position=sizes[0], velocity=1.0, attitude=sizes[1], rate=1.0)
 
     _learn_by(errors_of, monkeypatch, key=lambda smoothed, memory: smoothed)
-    assert (learn_from_past(*FAKES, (0.5,)).smoothed == ()) == kept
+    for horizons in ((0.5,), (0.5, 1.0)):
+        assert (learn_from_past(*FAKES, horizons).smoothed == ()) == kept
 
 
 def test_a_past_whose_errors_are_no_numbers_is_not_taken(monkeypatch):

@@ -173,6 +173,30 @@ def test_lags_that_commands_at_ten_hertz_do_not_show_go_back_to_their_starts(eve
     assert found.seconds == pytest.approx(windows.count * 0.2, abs=1e-9)
 
 
+def test_of_a_number_of_the_vehicle_and_one_around_it_that_look_alike_the_vehicle_s_stays(monkeypatch):
+    """As it was: the other one takes what is off, and is told apart from it only. Both are known as little."""
+    module = "skyarm.studies.identify.identify_windows"
+    monkeypatch.setattr(f"{module}.WHOLE", 0.2)
+    flight = measured(flown(QUAD, 2.0, DELAY), without=("position", "quaternion", "velocity"))
+    names = ["rotors.moment_coefficient", "torque.z", *(f"gyro_bias.{axis}" for axis in "xyz")]
+    options = SearchOptions(known=known_but(QUAD, names))
+    search = search_of([flight], QUAD, options)
+    before = np.array([each.spread for each in search.unknowns])
+    alike = np.eye(5)
+    alike[0, 1] = alike[1, 0] = 0.999
+    sizes = before * [0.9, 0.9, 0.01, 0.01, 0.01]
+    values = search.begin + 0.3 * before
+    made = given_fit(search, values, alike * np.outer(sizes, sizes))
+    monkeypatch.setattr(f"{module}.first_fits", lambda *_: made)
+    monkeypatch.setattr(f"{module}.fit_windows", lambda *_, **given: made[1])
+    found = identify_by_windows([flight], QUAD, options)
+    moment, torque = (found[name] for name in names[:2])
+    assert moment.reason == NOT_SHOWN
+    assert found.vehicle.rotors[0].moment_coefficient == pytest.approx(ROTOR.moment_coefficient, rel=1e-12)
+    assert torque.reason == f"{NOT_SHOWN} apart from rotors.moment_coefficient"
+    assert found.surroundings.torque[2] == pytest.approx(0.3 * before[1] * (1.0 - 0.999))
+
+
 def short(**more):
     """Two seconds of a quadrotor."""
     return measured(flown(QUAD, 2.0, DELAY), **more)

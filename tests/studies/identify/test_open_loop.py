@@ -257,6 +257,8 @@ def test_a_late_pose_is_that_of_a_later_stamp_and_attitude_passes_half_a_turn_ev
 def test_a_flight_without_poses_is_level_and_its_gyro_without_bias():
     flight = flight_of(("position",))
     states, begins, _ = states_of(flight, Surroundings(gyro_bias=(0.1, 0.2, 0.3)))
+    clocked = on_clock(flight, QUAD, 0.005)
+    assert [len(each.position) for each in measured_states(flight, clocked, ABOUT, 0)[:2]] == [clocked.size + 1] * 2
     for each in (states, begins):
         assert (each.quaternion == [1.0, 0.0, 0.0, 0.0]).all()
         assert not each.position.any()
@@ -273,6 +275,7 @@ def test_polynomials_are_exact_where_they_fit_and_shorter_where_they_do_not():
 
     cubic = channel((time**3 - time)[:, None])
     value, slope = slopes_of(cubic, 5, 5, 4)
+    assert value.time == pytest.approx(time)
     assert value.values[5:-5] == pytest.approx(cubic.values[5:-5], abs=1e-12)
     assert slope.values[5:-5, 0] == pytest.approx((3.0 * time**2 - 1.0)[5:-5], abs=1e-9)
     noisy = channel(0.1 * time[:, None] + draw)
@@ -330,6 +333,18 @@ def test_rates_to_begin_with_are_parabolas_through_the_last_tenth_of_a_second():
         rows = gyro.values[last - 20 : last + 1]
         wanted = np.polyfit(np.arange(-20.0, 1.0), rows, 2)[-1] - [0.1, -0.2, 0.3]
         assert begins.rate[k] == pytest.approx(wanted, abs=1e-9)
+
+
+def test_velocities_are_slopes_of_parabolas_through_a_tenth_of_a_second_of_positions():
+    """Around an instant, and of those to begin with before it: 20 samples and the one at its instant."""
+    flight, draw = flight_of(("position", "quaternion")), np.random.default_rng(3)
+    place = dataclasses.replace(flight["position"], values=draw.normal(size=flight["position"].values.shape))
+    states, begins, _ = states_of(flight.with_channels({"position": place}))
+    for k in (0, 57, 200):
+        for found, first in ((states, -10), (begins, -20)):
+            at = np.arange(first, first + 21)
+            wanted = np.polyfit(0.005 * at, place.values[40 + k + at], 2)[-2]
+            assert found.velocity[k] == pytest.approx(wanted, rel=1e-9)
 
 
 def test_joints_are_given_with_the_rates_and_accelerations_of_their_measured_angles():

@@ -155,6 +155,22 @@ def test_a_fit_is_that_of_the_dense_problem(prior):
         assert found.values == pytest.approx(toy.truth, abs=5.0 * np.sqrt(covariance[0, 0]))
 
 
+def test_a_fit_holds_to_what_was_known_before_wherever_its_zero_is():
+    """Numbers, starts and data that are all shifted: the same fit, shifted."""
+    plain, shifted, shift = (
+        Toy(windows=12, steps=6, prior=0.05),
+        Toy(windows=12, steps=6, prior=0.05),
+        np.full(COUNT, 3.0),
+    )
+    shifted.data = shifted.data + shifted.slopes[..., OWN + WRENCH :] @ shift
+    shifted.unknowns = [dataclasses.replace(each, start=3.0) for each in shifted.unknowns]
+    found, again = fit(plain), fit(shifted, begin=3.0)
+    assert found.settled
+    assert again.values - shift == pytest.approx(found.values, abs=1e-6)
+    assert again.covariance == pytest.approx(found.covariance, rel=1e-4, abs=1e-9)
+    assert np.abs(found.values - plain.truth).max() > 0.01, "what was known before counts"
+
+
 def test_noise_is_that_of_the_sensors_though_free_numbers_take_a_part_of_it():
     """Of two flights: 9 free numbers of 30 samples a window would leave 0.84 of the noise to plain means."""
     noise = np.array([[0.1, 0.3, 0.06], [0.2, 0.1, 0.05]])
@@ -439,12 +455,12 @@ def test_a_spread_is_that_of_estimates_and_of_what_they_leave_open():
 
 
 def test_cost_is_by_huber_and_by_what_is_known_before():
-    cost = Cost(np.ones((1, 1, 3), dtype=bool), np.full((1, 3), 0.5), np.zeros(1), np.array([2.0]), np.ones(8))
+    cost = Cost(np.ones((1, 1, 3), dtype=bool), np.full((1, 3), 0.5), np.array([-3.0]), np.array([2.0]), np.ones(8))
     states = WindowStates({"own": np.zeros((1, 2))}, np.array([[0.0, 0.0, 3.0, 0.0, 0.0, 0.0]]))
-    found = cost.at(np.array([[[0.5, 1.5, -5.0]]]), np.array([4.0]), states)
+    found = cost.at(np.array([[[0.5, 1.5, -5.0]]]), np.array([1.0]), states)
     assert found == pytest.approx(1.0 + 9.0 + OUTLIER * (20.0 - OUTLIER) + 4.0 + 9.0)
     missing = dataclasses.replace(cost, there=np.array([[[True, False, True]]]))
-    assert missing.at(np.array([[[0.5, np.nan, -5.0]]]), np.array([4.0]), states) == pytest.approx(found - 9.0)
+    assert missing.at(np.array([[[0.5, np.nan, -5.0]]]), np.array([1.0]), states) == pytest.approx(found - 9.0)
 
 
 def arctangent(at):
