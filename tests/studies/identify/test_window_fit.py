@@ -448,8 +448,10 @@ def test_a_spread_is_that_of_estimates_and_of_what_they_leave_open():
     assert told(wrench, 0.0 * uncertain) == pytest.approx(np.sqrt((wrench**2).mean(axis=0)))
     assert told(100.0 * wrench, uncertain) == pytest.approx(np.full(WRENCH, 2.0))
     assert told(0.001 * wrench, uncertain) == pytest.approx(np.full(WRENCH, 0.08))
-    # windows that tell nothing
-    assert told(0.0 * wrench, 0.16 + 0.0 * uncertain) == pytest.approx(np.full(WRENCH, 0.08))
+    # windows that tell nothing, or by rounding less than that
+    for more in (0.0, 1e-12):
+        nothing = np.full((50, WRENCH), 0.25 * (1.0 + more))
+        assert told(0.0 * wrench, nothing, np.full(WRENCH, 0.5)) == pytest.approx(np.full(WRENCH, 0.1))
     # not below a thousandth of what it is thought to be
     assert told(0.0 * wrench, uncertain, np.full(WRENCH, 5e-4)) == pytest.approx(np.full(WRENCH, 3e-4))
 
