@@ -174,9 +174,12 @@ def test_nothing_that_is_measured_after_a_begin_enters_its_prediction():
 
 def test_holding_goes_on_straight_and_turns_evenly():
     rate = np.array([[0.3, -0.4, 1.2], [0.0, 0.0, 0.0]])
-    now = BaseStates(np.zeros((2, 3)), np.array([[0.6, 0.0, 0.8, 0.0]] * 2), np.array([[1.0, 2.0, 3.0]] * 2), rate)
+    now = BaseStates(
+        np.array([[7.0, -8.0, 9.0]] * 2), np.array([[0.6, 0.0, 0.8, 0.0]] * 2), np.array([[1.0, 2.0, 3.0]] * 2), rate
+    )
     held = now.at_even_rates(0.5)
-    assert held.position == pytest.approx(0.5 * now.velocity)
+    assert held.position == pytest.approx(now.position + 0.5 * now.velocity)
+    assert np.array_equal(held.velocity, now.velocity)
     turned = np.abs((held.quaternion * now.quaternion).sum(axis=1))
     assert 2.0 * np.arccos(np.minimum(turned, 1.0)) == pytest.approx([0.65, 0.0], abs=1e-7)
     assert np.array_equal(held.rate, rate)
@@ -258,7 +261,8 @@ def test_a_flight_without_poses_is_level_and_its_gyro_without_bias():
     flight = flight_of(("position",))
     states, begins, _ = states_of(flight, Surroundings(gyro_bias=(0.1, 0.2, 0.3)))
     clocked = on_clock(flight, QUAD, 0.005)
-    assert [len(each.position) for each in measured_states(flight, clocked, ABOUT, 0)[:2]] == [clocked.size + 1] * 2
+    for each in measured_states(flight, clocked, ABOUT, 0)[:2]:
+        assert each.position.shape == each.velocity.shape == each.rate.shape == (clocked.size + 1, 3)
     for each in (states, begins):
         assert (each.quaternion == [1.0, 0.0, 0.0, 0.0]).all()
         assert not each.position.any()
@@ -278,6 +282,12 @@ def test_polynomials_are_exact_where_they_fit_and_shorter_where_they_do_not():
     assert value.time == pytest.approx(time)
     assert value.values[5:-5] == pytest.approx(cubic.values[5:-5], abs=1e-12)
     assert slope.values[5:-5, 0] == pytest.approx((3.0 * time**2 - 1.0)[5:-5], abs=1e-9)
+    # a lost sample is made up between its neighbours
+    lost = np.delete(np.arange(600), 300)
+    line = Channel(time=time[lost], values=3.0 * time[lost, None], source="made")
+    for found, wanted in zip(slopes_of(line, 5, 5, 2), (3.0 * time, 3.0 + 0.0 * time), strict=True):
+        assert found.time == pytest.approx(time)
+        assert found.values[:, 0] == pytest.approx(wanted, abs=1e-9)
     noisy = channel(0.1 * time[:, None] + draw)
     value, _ = smooth_motion(noisy, 0.2, 2)
     assert np.std(value.values[60:-60, 0] - 0.1 * time[60:-60]) < 0.25 * 0.01

@@ -362,6 +362,7 @@ def test_what_nothing_explains_is_thought_of_by_the_weight_at_the_rotors_distanc
         found = WindowErrors(windows, vehicle, [], {}, [False], [False], GRAVITY)
         weight = GRAVITY * float(ONE.mass)
         assert found.push == pytest.approx(weight * np.array([1 / 15] * 3 + [0.17 / 40] * 3))
+        assert found.hats == 3, "of 54 ms one every 20 ms"
         hats = found.loose[[name == "hats" for name, _ in found.free]]
         assert hats == pytest.approx(np.full(found.hats, 0.25 * weight * 0.17))
     none = [found.loose[found.free.index((name, 0))] for name in ("position", "velocity", "rate", "joint_rates")]
@@ -462,6 +463,27 @@ def test_a_joint_s_torque_jumps_when_its_late_command_does():
         assert inputs["setpoints_before"][0] == pytest.approx(held.before[at, 0])
         assert inputs["setpoints_after"][0] == pytest.approx(held.after[at, 0])
     lanes.close()
+
+
+def test_rotors_begin_with_the_speeds_of_each_lane_s_own_delay_and_lags():
+    """Of a millisecond more, and of a tenth more; other lanes begin with those of the estimate."""
+    errors, searched = errors_of("quadrotor")
+    windows, x = errors.windows, len(errors.free)
+    moved = [("delay", 1e-3), ("rotors.time_constant_up", math.log(1.1)), ("base.com.x", 1e-3)]
+    directions = [(x + errors.names.index(name), size) for name, size in moved]
+    lanes = errors.lanes(searched, errors.first_states(), directions)
+    found = lanes.flights.state["rotor_speeds"].T.reshape(4, windows.count, 4).copy()
+    lanes.close()
+    slower = [dataclasses.replace(each, time_constant_up=1.1 * each.time_constant_up) for each in QUAD.rotors]
+    for speeds, rotors, delay in (
+        (found[0], QUAD.rotors, ROTORS),
+        (found[1], QUAD.rotors, ROTORS + 1e-3),
+        (found[2], slower, ROTORS),
+        (found[3], QUAD.rotors, ROTORS),
+    ):
+        wanted = windows.rotor_speeds([rotors], [windows.commands("speeds", delay)])[0]
+        assert speeds == pytest.approx(wanted, rel=1e-12)
+    assert np.abs(found[1:3] - found[0]).max(axis=(1, 2)).min() > 0.1
 
 
 def lanes_of(*joints, hats=None):

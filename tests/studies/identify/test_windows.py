@@ -456,3 +456,5 @@ def test_a_first_state_takes_samples_of_its_own_flight_only():
     lonely = Samples(np.ones((1200, 3)), np.ones(1200), np.arange(1200) == 390)
     assert windows.first_states({"position": lonely})["position"][windows.owners == 0] == pytest.approx(1.0)
     assert not windows.first_states({"position": lonely})["position"][windows.owners > 0].any()
+    # one sample shows no speed
+    assert not windows.first_states({"position": lonely})["velocity"].any()
