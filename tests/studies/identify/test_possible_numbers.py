@@ -197,6 +197,15 @@ def test_a_centre_of_mass_off_by_half_of_the_rotors_distance_is_doubted(share, t
     assert faults(moved) == told
 
 
+def test_it_is_the_farthest_rotor_by_which_a_centre_of_mass_is_doubted():
+    first, arm = START.rotors[0], max(np.linalg.norm([*map(float, each.position)]) for each in START.rotors)
+    far = dataclasses.replace(first, position=Vec3(2.0 * arm, 0.0, 0.0))
+    for rotors in ((far, *START.rotors[1:]), (*START.rotors[1:], far)):
+        wide = dataclasses.replace(START, rotors=rotors)
+        for share, doubts in ((0.96, 0), (1.04, 1)):
+            assert len(doubtful_numbers(identified("base.com.x", share * arm, 0.0), wide, "flight.csv")) == doubts
+
+
 @pytest.mark.parametrize(("turn", "told"), [(0.19, []), (0.21, [(WARNED, "joint_positions")])])
 @pytest.mark.parametrize("wide", [0.0, 0.1])
 def test_a_zero_is_doubted_beyond_what_its_centre_of_mass_is_known_to(turn, told, wide):
@@ -250,6 +259,10 @@ def test_a_thrust_beyond_all_commands_is_extrapolated(share, told):
     assert faults(found, flights=[flown(0.3), flown(share)]) == told
     assert faults(found) == [], "no flight tells what was commanded"
     assert faults(identified(FULL, 9.0, 8.0, reason=NOT_SHOWN), flights=[flown(share)]) == []
+    # the curve is that of the first rotor, whatever the others reach
+    others = tuple(dataclasses.replace(each, max_speed=2.0 * most) for each in START.rotors[1:])
+    mixed = dataclasses.replace(START, rotors=(START.rotors[0], *others))
+    assert len(doubtful_numbers(found, mixed, "flight.csv", [flown(share)])) == len(told)
     words = [each.finding for each in doubtful_numbers(found, START, "flight.csv", [flown(0.8)])]
     assert words == ["is extrapolated: commands reach 80 % of the full speed"]
 

@@ -260,8 +260,8 @@ def test_first_noise_is_the_white_part_of_the_samples():
     draw, time = np.random.default_rng(3), STEP * np.arange(4000)
     slow = np.sin(6.0 * time)[:, None]
     rows = {
-        "gyro": slow + 0.02 * draw.normal(size=(4000, 3)),
-        "quaternion": np.array([1.0, 0.0, 0.0, 0.0]) + 0.005 * draw.normal(size=(4000, 4)) * [0.0, 1.0, 1.0, 1.0],
+        "gyro": slow + 0.02 * draw.normal(size=(4000, 3)) * [5.0, 3.0, 1.0],
+        "quaternion": np.array([1.0, 0.0, 0.0, 0.0]) + 0.005 * draw.normal(size=(4000, 4)) * [0.0, 1.0, 4.0, 2.0],
         "position": np.tile(slow, (1, 3)),
     }
     flight = SimpleNamespace(
@@ -272,7 +272,7 @@ def test_first_noise_is_the_white_part_of_the_samples():
         rows=[("gyro", 2), ("quaternion", 0), ("quaternion", 2), ("position", 1), ("accelerometer", 0)],
     )
     found = first_noise(errors)[0]
-    assert found[:3] == pytest.approx([0.02, 0.01, 0.01], rel=0.1)
+    assert found[:3] == pytest.approx([0.02, 0.01, 0.02], rel=0.1)
     assert found[3] == 1e-4
     assert found[4] == 1.0
 
@@ -387,13 +387,13 @@ def test_quantiles_are_wide_for_what_few_blocks_tell():
 
 def test_a_fit_to_expect_of_more_windows_is_sharper_by_the_root_of_their_number():
     """But for what was known before; what the blocks' spread says beyond the curvature stays."""
-    found = dataclasses.replace(fit_with([1.0] * 11), covariance=np.array([[4.0 / 11.0]]))
+    found = dataclasses.replace(fit_with([3.0] * 11), covariance=np.array([[4.0 / 33.0]]))
     more = found.of_more(9.0)
     assert more.curvature[0, 0] == pytest.approx(found.curvature[0, 0] / 9.0)
     assert more.covariance[0, 0] == pytest.approx(4.0 * more.curvature[0, 0])
     assert more.half_widths(np.ones((1, 1))) == pytest.approx(found.half_widths(np.ones((1, 1))) / 3.0)
     known = dataclasses.replace(found, prior_information=np.array([[11.0]])).of_more(1.0)
-    assert known.curvature[0, 0] == pytest.approx(1.0 / 22.0)
+    assert known.curvature[0, 0] == pytest.approx(1.0 / 44.0)
 
 
 @pytest.mark.parametrize("bounds", [1, 3])
