@@ -15,7 +15,9 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify import held_out
 from skyarm.studies.identify.held_out import (
+    CURVE,
     HOLD,
+    HORIZONS,
     IDENTIFIED,
     LASTING,
     MEMORIES,
@@ -35,6 +37,7 @@ from skyarm.studies.identify.held_out import (
     past_windows,
     predict_held_out,
     shares_of,
+    table_horizons,
     thin_places,
 )
 from skyarm.studies.identify.identified_numbers import Identified
@@ -359,6 +362,14 @@ def test_a_past_whose_errors_are_no_numbers_is_not_taken(monkeypatch):
 
     _learn_by(errors_of, monkeypatch, key=lambda smoothed, memory: smoothed)
     assert learn_from_past(*FAKES, (0.5,)).smoothed != ()
+
+
+def test_horizons_of_tables_are_among_those_of_figures_and_all_are_multiples_of_the_shortest():
+    assert set(HORIZONS) <= set(CURVE)
+    assert list(CURVE) == sorted(set(CURVE))
+    assert [each / CURVE[0] for each in CURVE] == pytest.approx([round(each / CURVE[0]) for each in CURVE])
+    assert [CURVE[k] for k in table_horizons(SimpleNamespace(horizons=CURVE))] == list(HORIZONS)
+    assert table_horizons(SimpleNamespace(horizons=(0.2, 0.5))) == [1]
 
 
 def test_rest_is_the_begin_s_pose_without_a_speed():
