@@ -291,9 +291,33 @@ def test_a_flight_beyond_a_limit_is_found_with_the_axes_at_fault():
 
     assert not any(broken())
     assert broken(position=AXES.rest[:3] + np.array([[0.0, 0.76, 0.0]])) == [False, True, *[False] * 4]
-    leaning = np.array([[math.cos(0.23), math.sin(0.23), 0.0, 0.0]])  # 26 degrees
-    assert broken(quaternion=leaning) == [True, True, *[False] * 4]
+    assert broken(position=AXES.rest[:3] - np.array([[0.74, 0.0, 0.76]])) == [False, False, True, *[False] * 3]
+    # at one instant, to either side
+    for angle, found in ((24.9, False), (25.1, True)):
+        half = 0.5 * math.radians(angle)
+        for side in ((math.sin(half), 0.0), (0.0, -math.sin(half))):
+            leaning = flown_log().quaternion
+            leaning[3] = math.cos(half), *side, 0.0
+            assert broken(quaternion=leaning) == [found, found, *[False] * 4]
+    turned = np.tile([math.cos(0.5), 0.0, 0.0, math.sin(0.5)], (5, 1))
+    assert not any(broken(quaternion=turned)), "a heading is no tilt"
     assert broken(joints=np.array([[0.0, math.pi]])) == [*[False] * 4, True, True]
+    limited = [
+        dataclasses.replace(each, joint=dataclasses.replace(each.joint, lower=-0.5, upper=0.4))
+        for each in VEHICLE.links
+    ]
+    vehicle = dataclasses.replace(VEHICLE, links=tuple(limited))
+    for angles in ((0.41, 0.0), (0.0, 0.41), (-0.51, 0.0), (0.0, -0.51), (0.39, -0.49)):
+        joints = np.zeros((5, 2))
+        joints[2] = angles
+        wanted = [not -0.5 <= each <= 0.4 for each in angles]
+        assert broken_axes(flown_log(joints=joints), vehicle, AXES, DesignLimits()).tolist() == [*[False] * 4, *wanted]
+    # at one of 500 instants a rotor may be at its limit
+    commands = np.full((500, 4), 500.0)
+    commands[:4, 0] = 838.0
+    assert not any(broken(rotor_commands=commands))
+    commands[4, 0] = 838.0
+    assert all(broken(rotor_commands=commands))
     assert all(broken(rotor_commands=np.full((5, 4), 838.0)))
 
 
