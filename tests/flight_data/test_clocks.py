@@ -174,6 +174,52 @@ def test_two_files_of_one_flight_are_join_flights() -> None:
     assert "mocap, moved to the clock of gyro: offset +" in found.notes[-1]
 
 
+@pytest.mark.parametrize(("until", "begin", "shared"), [(36.0, 23.0, True), (34.0, 26.0, False), (22.0, 36.0, False)])
+def test_files_that_share_less_than_three_tenths_of_the_shorter_are_not_joined(
+    until: float, begin: float, shared: bool
+) -> None:
+    """Of two records of one random swing about x, 13, 8 and no s of which are common, either of which may begin."""
+    time = 0.02 * np.arange(3001)
+    rate = np.convolve(np.random.default_rng(9).normal(size=time.size), np.hanning(7) / 2.0, "same")
+    half = 0.5 * np.append(0.0, np.cumsum(0.01 * (rate[1:] + rate[:-1])))
+    nought = 0.0 * time
+    gyro = Channel(time=time, values=np.stack([rate, nought, nought], axis=1), source="")
+    turn = Channel(time=time, values=np.stack([np.cos(half), np.sin(half), nought, nought], axis=1), source="")
+    for first, second in (((0.0, until), (begin, 60.0)), ((begin, 60.0), (0.0, until))):
+        onboard = FlightData(name="card", file="", channels={"gyro": gyro.section(*first)})
+        camera = FlightData(name="mocap", file="", channels={"quaternion": turn.section(*second)})
+        if shared:
+            assert join_flights(onboard, camera)[1].offset == pytest.approx(0.0, abs=2e-3)
+        else:
+            with pytest.raises(ValueError, match=r"^clock"):
+                join_flights(onboard, camera)
+
+
+def test_a_clock_that_jumps_in_flight_is_told_by_the_parts_before_and_behind() -> None:
+    """The middle half's stamps are 20 ms late: one offset lies between, and the parts are about 10 ms from it."""
+    given = flight(1, noise=0.1)
+    time, values = given["quaternion"].time, given["quaternion"].values
+    late = time + 0.02 * ((time > 8.0) & (time < 22.0))
+    rising = np.append(True, np.diff(np.maximum.accumulate(late)) > 1e-6)
+    jumping = given.with_channels({"quaternion": Channel(time=late[rising], values=values[rising], source="")})
+    assert clock_offset(given, "quaternion").wander < 1e-3
+    assert 0.008 < clock_offset(jumping, "quaternion").wander < 0.013
+
+
+@pytest.mark.parametrize("start", [(0.1, 0.0), (0.2, 3e-3)])
+def test_a_turn_of_the_search_moves_no_sample_by_more_than_an_interval_twice(
+    start: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once by the offset, once by the drift over the flight; free steps from there would be an eighth longer."""
+    monkeypatch.setattr("skyarm.flight_data.clocks.ITERATIONS", 1)
+    given = flight(1, noise=0.1)
+    pair = _Pair(given, "gyro", given, "quaternion")
+    found, _ = _refine(pair, pair.time > 0.0, np.array(start), 15.0)
+    moved, drifted = np.abs(found - start)
+    assert moved <= pair.width * 1.0001
+    assert drifted * np.ptp(pair.time) <= pair.width * 1.05
+
+
 def test_a_motion_that_does_not_show_the_offset_is_refused() -> None:
     given = flight(1)
     still = np.zeros_like(given["gyro"].values) + 0.05 * np.random.default_rng(1).normal(

@@ -113,10 +113,10 @@ def shares(flight):
     return dataclasses.replace(flight, channels={**rest, "rotor_commands": commands})
 
 
-def quiet(noise, path):
-    """Flight whose gyro deviates by some rad/s and whose position moves along x by so many m."""
+def quiet(noise, path, axes=(1.0, 1.0, 1.0)):
+    """Flight whose gyro deviates by some rad/s about some axes and whose position moves along x by so many m."""
     return then(
-        rows_of("gyro", lambda rows: noise * np.where(np.arange(len(rows)) % 2, 1.0, -1.0)[:, None] * np.ones(3)),
+        rows_of("gyro", lambda rows: noise * np.where(np.arange(len(rows)) % 2, 1.0, -1.0)[:, None] * np.array(axes)),
         rows_of("position", lambda rows: np.linspace(0.0, path, len(rows))[:, None] * [1.0, 0.0, 0.0]),
     )
 
@@ -221,9 +221,14 @@ AROUND = {
         "refused accelerometer: 7 of 800 samples are beyond 628",
     ),
     "damaged shares": (
-        then(shares, beyond("rotor_commands", 0.1, 1.04)),
+        then(shares, beyond("rotor_commands", 0.1, 1.05)),
         then(shares, beyond("rotor_commands", 0.009, 1.06)),
         "warned rotor_commands: 0.88 % of the rows are outside 0 to 1",
+    ),
+    "shares below 0": (
+        then(shares, beyond("rotor_commands", 0.1, 0.05, -1.0)),
+        then(shares, beyond("rotor_commands", 0.1, 0.051, -1.0)),
+        "refused rotor_commands: 10 % of the rows are outside 0 to 1, from -0.051 to",
     ),
     "many damaged shares": (
         then(shares, beyond("rotor_commands", 0.009, 0.06, -1.0)),
@@ -242,6 +247,12 @@ AROUND = {
     ),
     "voltage": (added("voltage", 99.0), added("voltage", 1.1e4), "refused voltage: .* it looks like mV"),
     "low voltage": (added("voltage", 1.1), added("voltage", 0.9), "refused voltage: .* no unit fits"),
+    "high voltage": (added("voltage", 100.0), added("voltage", 100.1), "refused voltage: .* no unit fits"),
+    "fast velocity": (
+        rows_of("velocity", lambda rows: rows + np.array([0.0, 98.0, 0.0])),
+        rows_of("velocity", lambda rows: rows + np.array([0.0, 102.0, 0.0])),
+        "refused velocity: is .* on the median, and flights have 0 to 100: it looks like mm/s",
+    ),
     "angles": (
         rows_of("joint_positions", lambda rows: rows + 12.0),
         rows_of("joint_positions", lambda rows: rows + 50.0),
@@ -272,9 +283,24 @@ AROUND = {
         rows_of(SPEED, times(*(9.6,) * 4)),
         f"refused {SPEED}: lift .* they look like rpm",
     ),
+    "turns in a second": (
+        rows_of(SPEED, times(*(0.5,) * 4)),
+        rows_of(SPEED, times(*(0.5 / np.pi,) * 4)),
+        f"refused {SPEED}: lift .* they look like Hz",
+    ),
+    "speeds of motors behind gears": (
+        rows_of(SPEED, times(*(4.0,) * 4)),
+        rows_of(SPEED, times(*(7.0,) * 4)),
+        f"refused {SPEED}: lift .* they look like rad/s of a motor behind a gear",
+    ),
     "at rest": (
         quiet(0.0502, 0.0),
         quiet(0.0498, 0.0),
+        f"refused {SPEED}: lift 1 of the weight: the flight never took off",
+    ),
+    "at rest but for one axis": (
+        quiet(0.0502, 0.0, (0.0, 0.0, 1.0)),
+        quiet(0.0498, 0.0, (0.0, 0.0, 1.0)),
         f"refused {SPEED}: lift 1 of the weight: the flight never took off",
     ),
     "still": (
