@@ -195,6 +195,26 @@ def test_the_faster_topic_of_motors_is_taken_where_both_are_signals(tmp_path: Pa
     assert load_flight(written(tmp_path, packed(motors))).notes == ()
 
 
+@pytest.mark.parametrize(
+    ("motors", "outputs_", "taken"),
+    [
+        ((10, 1000), (30, 10_000), "actuator_motors"),
+        ((30, 10_000), (10, 1000), "rotor signals"),
+        ((10, 10_000), (30, 10_000), "rotor signals"),  # as fast as the first choice
+        ((1, 1), (30, 10_000), "rotor signals"),
+    ],
+)
+def test_of_two_topics_the_one_of_the_higher_rate_is_taken_and_not_that_of_more_rows(
+    tmp_path: Path, motors: tuple[int, int], outputs_: tuple[int, int], taken: str
+) -> None:
+    """Rows and us between them; a log begins hours after the computer did."""
+    start = 10**10
+    rows = [("actuator_motors", (start + motors[1] * k, 0.1, 0.2, 0.3, 0.4)) for k in range(motors[0])]
+    rows += [outputs(start + outputs_[1] * k, 1500) for k in range(outputs_[0])]
+    rows.sort(key=lambda row: row[1][0])
+    assert load_flight(written(tmp_path, packed(rows)))["rotor_commands"].source.startswith(taken)
+
+
 def test_a_mapping_takes_any_topic_and_instance(tmp_path: Path) -> None:
     (tmp_path / "columns.toml").write_text(
         '[rotor_commands]\ntopic = "actuator_outputs[1]"\ncolumns = ["output[1]"]\nlow = 1000\nhigh = 2000\n'

@@ -354,7 +354,8 @@ def test_a_flight_is_flown_with_less_until_it_stays_in_the_limits(monkeypatch):
     Each number's half width is 2 in the undesigned flight and 1 in the designed one.
     """
     segments, tried, told = [draw_segment(AXES, LENGTH, np.random.default_rng(9)) for _ in range(2)], [], []
-    plain, flights = flown_log(), [flown_log(position=AXES.rest[:3] + np.eye(3)[[0, 0, 1, 2, 2]] * k) for k in (9, 3)]
+    extents = np.diag([3.0, 2.0, 1.0])[[0, 0, 1, 2, 2]]
+    plain, flights = flown_log(), [flown_log(position=AXES.rest[:3] + extents * k) for k in (3, 1)]
     flights[1].quaternion[2] = [math.cos(0.1), 0.0, math.sin(0.1), 0.0]
     flights[1].rotor_commands[:2] = 838.0
     flights[1].joints[4] = [0.0, math.pi]  # the tip in the base
@@ -401,7 +402,7 @@ def test_a_flight_is_flown_with_less_until_it_stays_in_the_limits(monkeypatch):
     assert tried[2] == scenario_from(found.document)
     assert tomllib.loads(found.text()) == found.document
     assert found.tilt == pytest.approx(0.2)
-    assert found.box == pytest.approx((3.0, 3.0, 3.0))
+    assert found.box == pytest.approx((3.0, 2.0, 1.0))
     assert found.clearance == pytest.approx(0.0, abs=1e-9)
     assert found.saturated == pytest.approx(0.4)
     assert {total for _, total, _ in told} == {14}
