@@ -199,6 +199,8 @@ def test_the_table_of_numbers_has_values_intervals_and_starts_with_the_units_beh
         "explained beyond noise: rate.x 99%, rate.y 50%",
         "a: file: is cut off.",
     ]
+    short = report(found_with(number("a"), dataclasses.replace(hidden, name="b"))).lines()
+    assert [line.partition("     2 ")[2] for line in short[2:4]] == ["m", "kg m^2"]
 
 
 def test_an_uncertain_result_is_said_behind_its_numbers():
