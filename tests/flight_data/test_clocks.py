@@ -429,6 +429,14 @@ def test_intervals_of_few_rows_are_wider_by_the_published_critical_values(monkey
     assert 1.959964 * usual / (usual - less) == pytest.approx([critical, critical], rel=0.06)
 
 
+def test_an_offset_is_known_best_in_the_middle_of_the_flight() -> None:
+    """As of a line through even points with equal errors: of its height there, and of its slope, by the root of 12."""
+    found = clock_offset(flight(1), "quaternion")
+    assert found.middle == pytest.approx(0.5 * LENGTH, abs=0.1)
+    length = np.ptp(flight(1)["quaternion"].time)
+    assert found.offset_error == pytest.approx(found.drift_error * length / np.sqrt(12.0), rel=0.3)
+
+
 def test_a_clock_in_words() -> None:
     found = ClockOffset("gyro", "quaternion", 0.0123, 2e-4, -5e-5, 1e-5, 3.0, 0.0011, 0.987)
     assert found.words == (

@@ -53,6 +53,15 @@ def test_distance_and_angle_are_those_of_geometry_whatever_the_sign():
     np.testing.assert_allclose(angle, [0.0, 1.2, 2.4], atol=1e-7)
 
 
+def test_the_angle_between_equal_attitudes_is_none_however_they_are_rounded():
+    """Products of unit quaternions with themselves are by rounding above 1 in some rows and below in others."""
+    rows = np.random.default_rng(0).normal(size=(200, 4))
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    assert ((rows**2).sum(axis=1) > 1.0).any()
+    seen = Motion(time=np.arange(200.0), position=np.zeros((200, 3)), quaternion=rows, joints=np.zeros((200, 0)))
+    assert distance_between(seen, seen)[1].max() < 1e-7
+
+
 def flight_of(**channels):
     made = {
         name: Channel(time=np.asarray(time, dtype=float), values=np.asarray(values, dtype=float), source=name)

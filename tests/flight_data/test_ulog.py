@@ -331,6 +331,15 @@ def test_data_that_were_appended_after_a_crash_are_read(tmp_path: Path) -> None:
     assert flight.notes == ()
 
 
+def test_a_log_to_which_nothing_was_appended_after_its_crash_is_cut_off(tmp_path: Path) -> None:
+    """Its flags have the place already, at the end of the file, where no data follow."""
+    cut = packed([combined(1_500_000 + 4000 * k) for k in range(10)])[:-7]
+    flags = bytes(8) + b"\1" + bytes(7) + struct.pack("<3Q", len(cut), 0, 0)
+    flight = load_flight(written(tmp_path, cut.replace(bytes(40), flags, 1)))
+    assert flight["gyro"].time.size == 9
+    assert flight.notes == ("file: ends within a message; it is cut off.",)
+
+
 def test_a_published_log_has_the_numbers_of_pyulog_and_stands_upright() -> None:
     flight, log = load_flight(CUT), pyulog.ULog(str(CUT))
     topics = {(each.name, each.multi_id): each.data for each in log.data_list}

@@ -141,6 +141,9 @@ def test_the_reference_is_that_of_the_segments():
         at = segments[int(t // LENGTH)].motion(np.array([t % LENGTH]))[:, :, 0]
         found = path.at(t)
         assert tuple(found.position) == pytest.approx(tuple(at[0, :3] + AXES.rest[:3]), abs=1e-9)
+        assert tuple(found.velocity) == pytest.approx(tuple(at[1, :3]), abs=1e-9)
+        assert (found.yaw, found.yaw_rate) == pytest.approx((at[0, 3], at[1, 3]), abs=1e-9)
+        assert tuple(found.joints) == pytest.approx(tuple(at[0, 4:] + AXES.rest[4:]), abs=1e-9)
         assert tuple(found.joint_rates) == pytest.approx(tuple(at[1, 4:]), abs=1e-9)
 
 

@@ -266,6 +266,14 @@ def test_a_channel_that_is_absent_names_what_it_would_narrow_most_first():
     )
 
 
+def test_the_vehicle_s_file_names_files_without_folders_and_given_numbers_but_for_the_voltage():
+    known = {"voltage": 12.0, "base.com.y": 0.0}
+    text = report(found_with(number("delay")), flight("a"), flight("b"), known=known).vehicle_file()
+    assert text.startswith("# Identified by skyarm from 2 flights, 31.2 s:\n#   a.csv\n#   b.csv\n")
+    assert "given: base.com.y = 0\n" in text
+    assert "voltage" not in text
+
+
 def test_a_voltage_that_is_measured_and_not_used_is_said_unless_that_of_the_rotors_is_known():
     said = "voltage: is measured and not used: state that of the rotors' data, --known voltage=VALUE"
     measured = flight("b", voltage=1)

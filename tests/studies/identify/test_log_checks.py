@@ -225,6 +225,11 @@ AROUND = {
         then(shares, beyond("rotor_commands", 0.009, 1.06)),
         "warned rotor_commands: 0.88 % of the rows are outside 0 to 1",
     ),
+    "commands beyond full": (
+        then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 1.05)),
+        then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 1.06)),
+        "refused rotor_commands: is 1.06 on the median, and flights have 0 to 1.05: ",
+    ),
     "shares below 0": (
         then(shares, beyond("rotor_commands", 0.1, 0.05, -1.0)),
         then(shares, beyond("rotor_commands", 0.1, 0.051, -1.0)),

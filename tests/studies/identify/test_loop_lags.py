@@ -14,10 +14,12 @@ from planted_lags import lagging_drives, with_slower_motors
 from skyarm.algebra import Sym3
 from skyarm.dynamics.actuators.drive import LaggedTorque
 from skyarm.dynamics.actuators.servo import PositionServo
+from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.log.flight_log import rows_of
 from skyarm.scenario.scenario_record import JointDrive
 from skyarm.studies.identify.lag_report import _solid, lag_tables
-from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags, _control_period, _lag, _vary, loop_lags
+from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags, _control_period, _fit, _lag, _vary, loop_lags
+from skyarm.studies.identify.unknowns import Unknown
 from skyarm.studies.identify.windows import Held, lagging
 from skyarm.studies.tune.excitation import of_vehicle, tuning_flight
 from skyarm.vehicle.vehicle_records import MountedDrive
@@ -357,6 +359,45 @@ def test_commands_vary_if_their_steps_do():
     assert not _vary(500.0 + 0.0024 * wave)
 
 
+class _StopError(Exception):
+    """Ends a search once it was asked."""
+
+
+def test_of_joints_that_hold_a_setpoint_those_with_a_servo_are_flown_with_it(monkeypatch):
+    """Joint 1 has a servo and joint 2 a drive that takes efforts; gravity and the known numbers go to the errors."""
+    servo = PositionServo(inertia=0.001, stiffness=2.0, damping=0.09)
+    start = dataclasses.replace(VEHICLE, drives=(MountedDrive(name="joint1", drive=servo),))
+    asked, module = SimpleNamespace(), "skyarm.studies.identify.loop_lags"
+    channel = Channel(time=PERIOD * np.arange(200), values=np.zeros((200, 3)), source="")
+    flight = FlightData(name="log", file="", channels={"gyro": channel})
+
+    def usual(vehicle, *, driven, servoed, **_):
+        asked.servoed = servoed
+        names = ("rotors.thrust_coefficient", "base.com.x", "base.second_moment.x", "links.link1.mass", "drift")
+        return [Unknown(name=each, unit="", start=1.0, spread=1.0) for each in names]
+
+    def errors(windows, start, unknowns, known, driven, servoed, gravity):
+        asked.__dict__.update(names=[each.name for each in unknowns], known=known, driven=driven, gravity=gravity)
+        raise _StopError
+
+    fakes = {"on_clock": lambda *_, **__: None, "clock_step": lambda *_: PERIOD, "Windows": lambda *_: None}
+    for name, each in {**fakes, "unknowns_of": usual, "WindowErrors": errors}.items():
+        monkeypatch.setattr(f"{module}.{name}", each)
+    searched = {"rotors": [Unknown(name="delay", unit="s", start=0.0, spread=0.05)]}
+    for driven, servoed in (
+        ([False, True], [True, False]),
+        ([False, False], [True, False]),
+        ([True, True], [False] * 2),
+    ):
+        with pytest.raises(_StopError):
+            _fit(flight, start, driven, searched, {"setpoint_hold": 1.0}, 9.7)
+        assert (asked.servoed, asked.driven) == (servoed, driven)
+    assert (asked.known, asked.gravity) == ({"setpoint_hold": 1.0}, 9.7)
+    # beside the lags what answers to commands, and the gyro's bias; not what a delay has nothing to do with
+    modelled = ["rotors.thrust_coefficient", "base.second_moment.x", "links.link1.mass"]
+    assert asked.names == ["delay", *modelled, "gyro_bias.x", "gyro_bias.y", "gyro_bias.z"]
+
+
 def test_an_interval_reaches_as_far_to_both_sides_but_not_below_what_is_possible():
     assert Estimated.of(0.03, 0.01) == Estimated(value=0.03, low=pytest.approx(0.02), high=pytest.approx(0.04))
     assert Estimated.of(0.03, 0.05) == Estimated(value=0.03, low=0.0, high=pytest.approx(0.08))
@@ -382,7 +423,7 @@ def test_instants_may_be_off_an_even_clock_by_a_hundredth_of_a_period(flown, lat
         (lambda log: {"rotor_commands": log.rotor_commands[:, :3]}, "rotor_commands: the log has 3"),
         (lambda log: {"joints": log.joints[:, :1]}, "joints: the log has 1"),
         (lambda log: {"time": log.time**2}, "time: must be evenly spaced"),
-        (lambda log: {"time": 0.1 * log.time}, "s are too short"),
+        (lambda log: {"time": 0.1 * log.time}, r"^time: 0\.1995 s are too short; at least 1 s of flight are needed$"),
         (lambda log: {"rate": log.rate * np.nan}, "rate: must be finite"),
         (lambda log: {"efforts": log.efforts * np.nan}, "efforts: must be finite"),
         (lambda log: {"quaternion": log.quaternion * 0.0}, "quaternion: must be of unit length"),
