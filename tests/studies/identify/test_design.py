@@ -100,14 +100,19 @@ def test_of_segments_near_segments_none_leaves_the_ranges_and_each_is_a_motion()
 
 def test_a_range_is_that_of_box_and_joint_about_its_rest():
     """Joints of the vehicle: within 1.2 rad of the rest, and by a twentieth of their range inside of their limits."""
-    axes = axes_of(VEHICLE, 1.5, 3.0)
+    limits = [(-math.inf, math.inf), (-0.4, 0.8)]
+    links = [
+        dataclasses.replace(each, joint=dataclasses.replace(each.joint, lower=low, upper=high))
+        for each, (low, high) in zip(VEHICLE.links, limits, strict=True)
+    ]
+    axes = axes_of(dataclasses.replace(VEHICLE, links=tuple(links)), 1.5, 3.0)
     assert axes.rest[:4].tolist() == [0.0, 0.0, 3.0, 0.0]
     assert (axes.high - axes.low)[:4] == pytest.approx([1.5, 1.5, 1.5, 2.4])
     assert (axes.high + axes.low)[:4] == pytest.approx([0.0, 0.0, 6.0, 0.0])
-    for link, rest, low, high in zip(VEHICLE.links, axes.rest[4:], axes.low[4:], axes.high[4:], strict=True):
-        inside = 0.05 * (link.joint.upper - link.joint.lower)
-        assert low == pytest.approx(max(rest - 1.2, link.joint.lower + inside))
-        assert high == pytest.approx(min(rest + 1.2, link.joint.upper - inside))
+    assert (axes.low[4], axes.high[4]) == pytest.approx((axes.rest[4] - 1.2, axes.rest[4] + 1.2))
+    assert (axes.low[5], axes.high[5]) == pytest.approx((-0.4 + 0.06, 0.8 - 0.06))
+    assert -0.34 < axes.rest[5] < 0.74
+    assert axes.fastest.tolist() == [1.2] * 4 + [2.5] * 2
 
 
 def test_amplitudes_fall_with_a_drawn_power_of_the_frequency_between_none_and_two():
@@ -236,6 +241,11 @@ def test_segments_are_those_that_leave_the_least_volume(monkeypatch):
             assert volume(*found) >= max(volume(first, each) for each in tried[:10] if each in kept)
             later = kept[max(next(i for i, one in enumerate(kept) if one is each) for each in found) :]
             assert volume(*found) >= max(volume(one, each) for one in found for each in later)
+            # Fedorov's exchange, of the same candidates in turn
+            taken = [first, max(kept, key=lambda each: -math.inf if each not in tried[:10] else volume(first, each))]
+            for each in (each for each in tried[10:] if each in kept):
+                taken = max((taken, [each, taken[1]], [taken[0], each]), key=lambda two: volume(*two))
+            assert [id(each) for each in found] == [id(each) for each in taken]
     monkeypatch.setattr(f"{module}.fitted_segment", lambda *_: None)
     with pytest.raises(
         ValueError, match=r"^box = 1\.5 m, tilt = 25 deg, clear = 0\.1 m: vehicle '.*widen one of them$"
@@ -269,7 +279,10 @@ def test_the_gain_is_that_of_the_marginal_covariance():
 def test_the_scenario_that_is_written_is_the_one_that_was_flown():
     segments = [draw_segment(AXES, LENGTH, np.random.default_rng(7))]
     document = scenario_document(VEHICLE, "hummingbird_arm2_rotors", segments, AXES, LENGTH, 1)
-    assert tomllib.loads(scenario_text(document)) == document
+    text = scenario_text(document)
+    assert tomllib.loads(text) == document
+    assert "\n[reference.base]\n" in text, "axes stand below each other"
+    assert document["seed"] == 1
     flown = scenario_from(document)
     assert {each.name for each in flown.sensors} == {"imu", "encoders"}
     assert flown.reference.at(4.2).position == trajectory_from(document["reference"], 2, "reference").at(4.2).position

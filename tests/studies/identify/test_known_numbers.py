@@ -127,6 +127,13 @@ def test_second_moments_and_products_are_the_base_s_inertia():
     assert inertia.entries == pytest.approx((y + 0.001, 0.004, 0.003 + y, 0.0, 2e-4, 0.0))
 
 
+def test_a_search_passes_through_inertias_that_no_body_has_and_a_vehicle_that_flies_has_the_nearest():
+    numbers = {"base.second_moment.x": -0.001, "base.second_moment.y": 0.003, "base.second_moment.z": 0.001}
+    assert vehicle_with(QUAD, numbers).base.inertia.entries[:3] == pytest.approx((0.004, 0.0, 0.002))
+    nearest = vehicle_with(QUAD, numbers, checked=True).base.inertia
+    assert nearest.entries[:3] == pytest.approx((0.004, 0.001, 0.003), abs=1e-5)
+
+
 def test_areas_of_drag_are_not_below_nought_in_a_vehicle_that_flies():
     numbers = {"drag.area.x": -0.01, "drag.area.z": 0.02}
     assert tuple(vehicle_with(QUAD, numbers, checked=True).drag.area) == (0.0, QUAD.drag.area.y, 0.02)

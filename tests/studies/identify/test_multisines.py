@@ -124,6 +124,21 @@ def test_a_segment_rises_and_falls_in_a_second_and_a_half_and_swings_in_full_bet
     np.testing.assert_allclose(value[:, ends], 0.5 * full[:, ends], atol=2e-3)
 
 
+def test_a_scenario_file_has_amplitudes_to_ten_micrometres_and_phases_to_a_milliradian():
+    segment = draw_segment(AXES, LENGTH, np.random.default_rng(4))
+    for axis in range(5):
+        offset, *waves = segment.table(axis)["signal"]
+        assert offset == pytest.approx(segment.offsets[axis], abs=5.1e-6)
+        for name, given, digits in (
+            ("amplitude", segment.amplitudes, 5),
+            ("frequency_hz", segment.frequencies, 4),
+            ("phase", segment.phases, 3),
+        ):
+            told = [each[name] for each in waves]
+            assert told == pytest.approx(given[axis].tolist(), abs=0.51 * 0.1**digits)
+            assert all(len(repr(each).partition(".")[2]) <= digits or "e" in repr(each) for each in told)
+
+
 def test_derivatives_of_a_segment_are_those_of_its_values():
     value, first, second = sines(0.21, 0.4, amplitude=0.2, offset=0.3).motion(TIMES)
     inside = slice(5, -5)
