@@ -11,7 +11,8 @@ from test_channel_changes import SOUND, VEHICLE, made, rows_of, then, times, tim
 
 from skyarm.flight_data.flight_data import Channel
 from skyarm.flight_data.own_log import SIMULATED
-from skyarm.studies.identify.log_checks import channel_gaps, check_log
+from skyarm.studies.identify.log_checks import channel_gaps, check_log, require_no_refusal
+from skyarm.vehicle.thrust_table import ThrustTable
 
 SPEED = "rotor_speed_commands"
 MAX = float(VEHICLE.rotors[0].max_speed)
@@ -367,6 +368,26 @@ def test_what_hides_other_damage_is_told_alone():
     assert told(lost) == ["refused gyro: 900 of 1000 rows are lost", "warned position: is frozen for 0.4 s at 2 s"]
     wrong = then(beyond("gyro", 0.005, 99.0), rows_of("accelerometer", times(0.1, 0.1, 0.1)))(SOUND)
     assert [each.channel for each in check_log(wrong, VEHICLE)] == ["gyro"], "units are looked at without spikes"
+
+
+def test_rotors_that_turn_the_other_way_may_have_negative_speeds():
+    """Whether their thrust is that of a coefficient or of a table."""
+    first = VEHICLE.rotors[0]
+    speeds = tuple(MAX * share for share in (0.25, 0.5, 0.75, 1.0))
+    table = ThrustTable(speed=speeds, thrust=tuple(first.thrust_coefficient * speed**2 for speed in speeds))
+    own = {"table": table, "thrust_coefficient": table.thrust_coefficient}
+    rotors = [dataclasses.replace(each, **own) for each in VEHICLE.rotors]
+    signed = rows_of(SPEED, times(1, -1, 1, -1))(SOUND)
+    assert told(signed) == told(signed, dataclasses.replace(VEHICLE, rotors=tuple(rotors))) == []
+
+
+def test_a_warning_is_no_reason_to_refuse_a_flight_and_the_first_other_fault_is_named():
+    faults = check_log(then(held("position", 40), held("gyro", 40), held(SPEED, 120))(SOUND), VEHICLE)
+    assert [each.severity for each in faults] == ["refused", "warned", "refused"]
+    require_no_refusal(faults[1:2])
+    require_no_refusal(())
+    with pytest.raises(ValueError, match=r"^flight\.csv: gyro: is frozen for 0\.4 s"):
+        require_no_refusal([faults[1], faults[0], faults[2]])
 
 
 def test_speeds_tell_more_than_shares():
