@@ -174,6 +174,52 @@ def test_two_files_of_one_flight_are_join_flights() -> None:
     assert "mocap, moved to the clock of gyro: offset +" in found.notes[-1]
 
 
+@pytest.mark.parametrize(("until", "begin", "shared"), [(36.0, 23.0, True), (34.0, 26.0, False), (22.0, 36.0, False)])
+def test_files_that_share_less_than_three_tenths_of_the_shorter_are_not_joined(
+    until: float, begin: float, shared: bool
+) -> None:
+    """Of two records of one random swing about x, 13, 8 and no s of which are common, either of which may begin."""
+    time = 0.02 * np.arange(3001)
+    rate = np.convolve(np.random.default_rng(9).normal(size=time.size), np.hanning(7) / 2.0, "same")
+    half = 0.5 * np.append(0.0, np.cumsum(0.01 * (rate[1:] + rate[:-1])))
+    nought = 0.0 * time
+    gyro = Channel(time=time, values=np.stack([rate, nought, nought], axis=1), source="")
+    turn = Channel(time=time, values=np.stack([np.cos(half), np.sin(half), nought, nought], axis=1), source="")
+    for first, second in (((0.0, until), (begin, 60.0)), ((begin, 60.0), (0.0, until))):
+        onboard = FlightData(name="card", file="", channels={"gyro": gyro.section(*first)})
+        camera = FlightData(name="mocap", file="", channels={"quaternion": turn.section(*second)})
+        if shared:
+            assert join_flights(onboard, camera)[1].offset == pytest.approx(0.0, abs=2e-3)
+        else:
+            with pytest.raises(ValueError, match=r"^clock"):
+                join_flights(onboard, camera)
+
+
+def test_a_clock_that_jumps_in_flight_is_told_by_the_parts_before_and_behind() -> None:
+    """The middle half's stamps are 20 ms late: one offset lies between, and the parts are about 10 ms from it."""
+    given = flight(1, noise=0.1)
+    time, values = given["quaternion"].time, given["quaternion"].values
+    late = time + 0.02 * ((time > 8.0) & (time < 22.0))
+    rising = np.append(True, np.diff(np.maximum.accumulate(late)) > 1e-6)
+    jumping = given.with_channels({"quaternion": Channel(time=late[rising], values=values[rising], source="")})
+    assert clock_offset(given, "quaternion").wander < 1e-3
+    assert 0.008 < clock_offset(jumping, "quaternion").wander < 0.013
+
+
+@pytest.mark.parametrize("start", [(0.1, 0.0), (0.2, 3e-3)])
+def test_a_turn_of_the_search_moves_no_sample_by_more_than_an_interval_twice(
+    start: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once by the offset, once by the drift over the flight; free steps from there would be an eighth longer."""
+    monkeypatch.setattr("skyarm.flight_data.clocks.ITERATIONS", 1)
+    given = flight(1, noise=0.1)
+    pair = _Pair(given, "gyro", given, "quaternion")
+    found, _ = _refine(pair, pair.time > 0.0, np.array(start), 15.0)
+    moved, drifted = np.abs(found - start)
+    assert moved <= pair.width * 1.0001
+    assert drifted * np.ptp(pair.time) <= pair.width * 1.05
+
+
 def test_a_motion_that_does_not_show_the_offset_is_refused() -> None:
     given = flight(1)
     still = np.zeros_like(given["gyro"].values) + 0.05 * np.random.default_rng(1).normal(
@@ -200,6 +246,26 @@ def test_a_motion_that_does_not_show_the_offset_is_refused() -> None:
         clock_offset(FlightData(name="a", file="", channels={"gyro": given["gyro"]}))
     with pytest.raises(ValueError, match="stream = 'yaw': must be one of"):
         clock_offset(given, "yaw")
+
+
+@pytest.mark.parametrize("parts", [(0.98, 1.0), (1.0, 0.98), (0.9, 1.0), (1.0, 0.9)])
+def test_a_swing_that_comes_twice_shows_no_offset_unless_it_is_weaker_by_a_tenth(parts: tuple[float, float]) -> None:
+    """Once before and once behind the one that fits best; a camera sees it once, for ten seconds of its own clock."""
+    time = 0.02 * np.arange(501)
+    rate = np.convolve(np.random.default_rng(5).normal(size=time.size), np.hanning(51) / 5.0, "same")
+    half = 0.5 * np.append(0.0, np.cumsum(0.01 * (rate[1:] + rate[:-1])))
+    seen = Channel(time=time, values=np.stack([np.cos(half), np.sin(half), 0 * half, 0 * half], axis=1), source="")
+    twice = np.concatenate([parts[0] * rate[:-1], parts[1] * rate])
+    rates = np.stack([twice, 0.0 * twice, 0.0 * twice], axis=1)
+    gyro = Channel(time=0.02 * np.arange(twice.size), values=rates, source="")
+    onboard = FlightData(name="card", file="", channels={"gyro": gyro})
+    camera = FlightData(name="mocap", file="", channels={"quaternion": seen})
+    if min(parts) < 0.97:
+        later = 10.0 if parts[1] == 1.0 else 0.0
+        assert clock_offset(onboard, other=camera).offset == pytest.approx(later, abs=2e-3)
+    else:
+        with pytest.raises(ValueError, match="fit equally well: must be a motion that does not repeat itself"):
+            clock_offset(onboard, other=camera)
 
 
 def test_residuals_weigh_less_beyond_two_standard_deviations() -> None:
@@ -298,7 +364,7 @@ def test_a_pose_stamped_on_the_gyro_s_rows_is_straightened_with_what_has_its_tim
     assert found["gyro"] is given["gyro"]
 
 
-@pytest.mark.parametrize(("error", "straightened"), [(0.89, False), (0.9, False), (0.91, True), (None, True)])
+@pytest.mark.parametrize(("error", "straightened"), [(0.89, False), (0.9, False), (0.905, True), (None, True)])
 def test_stamps_are_straightened_unless_they_fit_the_gyro_better_by_a_tenth(
     error: float | None, straightened: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -361,6 +427,14 @@ def test_intervals_of_few_rows_are_wider_by_the_published_critical_values(monkey
     b = round(0.75 * inside) / inside
     critical = 1.9600 + 2.9694 * b + 0.4160 * b**2 - 0.5324 * b**3
     assert 1.959964 * usual / (usual - less) == pytest.approx([critical, critical], rel=0.06)
+
+
+def test_an_offset_is_known_best_in_the_middle_of_the_flight() -> None:
+    """As of a line through even points with equal errors: of its height there, and of its slope, by the root of 12."""
+    found = clock_offset(flight(1), "quaternion")
+    assert found.middle == pytest.approx(0.5 * LENGTH, abs=0.1)
+    length = np.ptp(flight(1)["quaternion"].time)
+    assert found.offset_error == pytest.approx(found.drift_error * length / np.sqrt(12.0), rel=0.3)
 
 
 def test_a_clock_in_words() -> None:

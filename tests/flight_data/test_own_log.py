@@ -12,6 +12,8 @@ import skyarm
 from estimated_flight import estimated
 from logged_flights import flown
 from skyarm.flight_data.flight_data import load_flight
+from skyarm.flight_data.own_log import measured_flight
+from skyarm.log.flight_log import rows_of
 from skyarm.simulate import Log, run
 
 
@@ -58,6 +60,17 @@ def test_without_sensors_the_true_state_is_read_and_said_to_be_true(tmp_path: Pa
     np.testing.assert_array_equal(flight["rotor_speed_commands"].values, log.rotor_commands)
     np.testing.assert_array_equal(flight["joint_efforts"].values, log.efforts)
     assert "are true values" in flight.notes[0]
+
+
+def test_a_part_of_a_log_says_when_it_starts_and_what_the_plant_felt() -> None:
+    log = flown()
+    late = measured_flight(rows_of(log, slice(10, None)), Path("folder/late.npz"))
+    assert late.facts["start"] == log.time[10] > 0.0
+    assert late.facts["gravity"] == late.gravity == log.info["plant_gravity"]
+    assert (late.name, late.file) == ("late", str(Path("folder/late.npz")))
+    np.testing.assert_array_equal(late["gyro"].time, log.time[10:])
+    none = measured_flight(rows_of(log, slice(0, 0)), Path("none.npz"))
+    assert (none.facts["start"], dict(none.channels)) == (0.0, {})
 
 
 def test_a_mapping_is_refused_and_one_beside_the_log_is_for_other_files(tmp_path: Path) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from skyarm.flight_data.flight_data import load_flight
 from skyarm.flight_data.motion import joints_in_order
 
 pytest.importorskip("rosbags", reason="needs the extra 'flights'")
+from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -345,3 +347,29 @@ def test_a_message_that_cannot_be_decoded_is_left_out_and_said(tmp_path: Path) -
     flight = load_flight(path)
     assert flight["gyro"].values[:, 0].tolist() == [0, 1, 3]
     assert flight.notes == ("bag: 1 messages cannot be decoded and are left out.",)
+
+
+@pytest.mark.parametrize("whole", [0, 3])
+def test_messages_before_a_damaged_chunk_are_read_and_a_bag_without_any_is_refused(
+    whole: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The reader ends with an error of its own after so many messages."""
+    given = AnyReader.messages
+
+    def damaged(self: AnyReader, *args: Any, **words: Any) -> Iterator[Any]:
+        yield from islice(given(self, *args, **words), whole)
+        raise EOFError("short")
+
+    def messages(store: Any, kind: str) -> list[tuple[str, str, int, Any]]:
+        make, stamps = Messages(store, kind), [START + k * 10**7 for k in range(5)]
+        return [("/imu", "sensor_msgs/msg/Imu", at, make.imu(at, [1, 2, 3], [0, 0, 9.8])) for at in stamps]
+
+    path = write("mcap", tmp_path, messages)
+    monkeypatch.setattr(AnyReader, "messages", damaged)
+    if whole:
+        flight = load_flight(path)
+        assert flight["gyro"].time.size == whole
+        assert flight.notes == ("bag: is damaged and read up to there (EOFError: short).",)
+    else:
+        with pytest.raises(ValueError, match=r"bag: must be a whole bag of ROS \(EOFError: short\)"):
+            load_flight(path)

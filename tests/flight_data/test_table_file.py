@@ -122,6 +122,15 @@ def test_a_row_that_lost_or_won_a_cell_is_not_read_shifted(tmp_path: Path, cells
     assert ended.notes == ()
 
 
+@pytest.mark.parametrize(("every", "ordinal"), [(1, ""), (2, "2nd"), (3, "3rd")])
+def test_a_quantity_of_every_so_many_rows_is_said_to_be_one(tmp_path: Path, every: int, ordinal: str) -> None:
+    rows = [f"{k * 0.005:.3f},1,2,3,{7 if k % every == 0 else ''}" for k in range(120)]
+    found = flight(tmp_path, "\n".join(["t,p,q,r,v", *rows]), TIME + GYRO + '[voltage]\ncolumns = ["v"]\n')
+    assert found["voltage"].time.size == 120 // every
+    rate = f"{200.0 / every:.4g} Hz"
+    assert found.notes == ((f"voltage: has numbers in every {ordinal} row only, {rate}.",) if every > 1 else ())
+
+
 def test_a_slower_quantity_in_the_rows_of_a_faster_one_has_its_own_rate(tmp_path: Path) -> None:
     rows = [f"{k * 0.005:.3f},1,2,3,{k if k % 4 == 0 and k != 80 else ''}" for k in range(400)]
     found = flight(tmp_path, "\n".join(["t,p,q,r,v", *rows]), TIME + GYRO + '[voltage]\ncolumns = ["v"]\n')

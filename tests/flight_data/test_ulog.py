@@ -195,6 +195,26 @@ def test_the_faster_topic_of_motors_is_taken_where_both_are_signals(tmp_path: Pa
     assert load_flight(written(tmp_path, packed(motors))).notes == ()
 
 
+@pytest.mark.parametrize(
+    ("motors", "outputs_", "taken"),
+    [
+        ((10, 1000), (30, 10_000), "actuator_motors"),
+        ((30, 10_000), (10, 1000), "rotor signals"),
+        ((10, 10_000), (30, 10_000), "rotor signals"),  # as fast as the first choice
+        ((1, 1), (30, 10_000), "rotor signals"),
+    ],
+)
+def test_of_two_topics_the_one_of_the_higher_rate_is_taken_and_not_that_of_more_rows(
+    tmp_path: Path, motors: tuple[int, int], outputs_: tuple[int, int], taken: str
+) -> None:
+    """Rows and us between them; a log begins hours after the computer did."""
+    start = 10**10
+    rows = [("actuator_motors", (start + motors[1] * k, 0.1, 0.2, 0.3, 0.4)) for k in range(motors[0])]
+    rows += [outputs(start + outputs_[1] * k, 1500) for k in range(outputs_[0])]
+    rows.sort(key=lambda row: row[1][0])
+    assert load_flight(written(tmp_path, packed(rows)))["rotor_commands"].source.startswith(taken)
+
+
 def test_a_mapping_takes_any_topic_and_instance(tmp_path: Path) -> None:
     (tmp_path / "columns.toml").write_text(
         '[rotor_commands]\ntopic = "actuator_outputs[1]"\ncolumns = ["output[1]"]\nlow = 1000\nhigh = 2000\n'
@@ -309,6 +329,15 @@ def test_data_that_were_appended_after_a_crash_are_read(tmp_path: Path) -> None:
     assert flight["gyro"].time.size == 10
     assert flight["gyro"].time[-1] == pytest.approx(0.5)
     assert flight.notes == ()
+
+
+def test_a_log_to_which_nothing_was_appended_after_its_crash_is_cut_off(tmp_path: Path) -> None:
+    """Its flags have the place already, at the end of the file, where no data follow."""
+    cut = packed([combined(1_500_000 + 4000 * k) for k in range(10)])[:-7]
+    flags = bytes(8) + b"\1" + bytes(7) + struct.pack("<3Q", len(cut), 0, 0)
+    flight = load_flight(written(tmp_path, cut.replace(bytes(40), flags, 1)))
+    assert flight["gyro"].time.size == 9
+    assert flight.notes == ("file: ends within a message; it is cut off.",)
 
 
 def test_a_published_log_has_the_numbers_of_pyulog_and_stands_upright() -> None:

@@ -100,14 +100,19 @@ def test_of_segments_near_segments_none_leaves_the_ranges_and_each_is_a_motion()
 
 def test_a_range_is_that_of_box_and_joint_about_its_rest():
     """Joints of the vehicle: within 1.2 rad of the rest, and by a twentieth of their range inside of their limits."""
-    axes = axes_of(VEHICLE, 1.5, 3.0)
+    limits = [(-math.inf, math.inf), (-0.4, 0.8)]
+    links = [
+        dataclasses.replace(each, joint=dataclasses.replace(each.joint, lower=low, upper=high))
+        for each, (low, high) in zip(VEHICLE.links, limits, strict=True)
+    ]
+    axes = axes_of(dataclasses.replace(VEHICLE, links=tuple(links)), 1.5, 3.0)
     assert axes.rest[:4].tolist() == [0.0, 0.0, 3.0, 0.0]
     assert (axes.high - axes.low)[:4] == pytest.approx([1.5, 1.5, 1.5, 2.4])
     assert (axes.high + axes.low)[:4] == pytest.approx([0.0, 0.0, 6.0, 0.0])
-    for link, rest, low, high in zip(VEHICLE.links, axes.rest[4:], axes.low[4:], axes.high[4:], strict=True):
-        inside = 0.05 * (link.joint.upper - link.joint.lower)
-        assert low == pytest.approx(max(rest - 1.2, link.joint.lower + inside))
-        assert high == pytest.approx(min(rest + 1.2, link.joint.upper - inside))
+    assert (axes.low[4], axes.high[4]) == pytest.approx((axes.rest[4] - 1.2, axes.rest[4] + 1.2))
+    assert (axes.low[5], axes.high[5]) == pytest.approx((-0.4 + 0.06, 0.8 - 0.06))
+    assert -0.34 < axes.rest[5] < 0.74
+    assert axes.fastest.tolist() == [1.2] * 4 + [2.5] * 2
 
 
 def test_amplitudes_fall_with_a_drawn_power_of_the_frequency_between_none_and_two():
@@ -141,6 +146,9 @@ def test_the_reference_is_that_of_the_segments():
         at = segments[int(t // LENGTH)].motion(np.array([t % LENGTH]))[:, :, 0]
         found = path.at(t)
         assert tuple(found.position) == pytest.approx(tuple(at[0, :3] + AXES.rest[:3]), abs=1e-9)
+        assert tuple(found.velocity) == pytest.approx(tuple(at[1, :3]), abs=1e-9)
+        assert (found.yaw, found.yaw_rate) == pytest.approx((at[0, 3], at[1, 3]), abs=1e-9)
+        assert tuple(found.joints) == pytest.approx(tuple(at[0, 4:] + AXES.rest[4:]), abs=1e-9)
         assert tuple(found.joint_rates) == pytest.approx(tuple(at[1, 4:]), abs=1e-9)
 
 
@@ -233,6 +241,11 @@ def test_segments_are_those_that_leave_the_least_volume(monkeypatch):
             assert volume(*found) >= max(volume(first, each) for each in tried[:10] if each in kept)
             later = kept[max(next(i for i, one in enumerate(kept) if one is each) for each in found) :]
             assert volume(*found) >= max(volume(one, each) for one in found for each in later)
+            # Fedorov's exchange, of the same candidates in turn
+            taken = [first, max(kept, key=lambda each: -math.inf if each not in tried[:10] else volume(first, each))]
+            for each in (each for each in tried[10:] if each in kept):
+                taken = max((taken, [each, taken[1]], [taken[0], each]), key=lambda two: volume(*two))
+            assert [id(each) for each in found] == [id(each) for each in taken]
     monkeypatch.setattr(f"{module}.fitted_segment", lambda *_: None)
     with pytest.raises(
         ValueError, match=r"^box = 1\.5 m, tilt = 25 deg, clear = 0\.1 m: vehicle '.*widen one of them$"
@@ -266,7 +279,10 @@ def test_the_gain_is_that_of_the_marginal_covariance():
 def test_the_scenario_that_is_written_is_the_one_that_was_flown():
     segments = [draw_segment(AXES, LENGTH, np.random.default_rng(7))]
     document = scenario_document(VEHICLE, "hummingbird_arm2_rotors", segments, AXES, LENGTH, 1)
-    assert tomllib.loads(scenario_text(document)) == document
+    text = scenario_text(document)
+    assert tomllib.loads(text) == document
+    assert "\n[reference.base]\n" in text, "axes stand below each other"
+    assert document["seed"] == 1
     flown = scenario_from(document)
     assert {each.name for each in flown.sensors} == {"imu", "encoders"}
     assert flown.reference.at(4.2).position == trajectory_from(document["reference"], 2, "reference").at(4.2).position
@@ -291,9 +307,33 @@ def test_a_flight_beyond_a_limit_is_found_with_the_axes_at_fault():
 
     assert not any(broken())
     assert broken(position=AXES.rest[:3] + np.array([[0.0, 0.76, 0.0]])) == [False, True, *[False] * 4]
-    leaning = np.array([[math.cos(0.23), math.sin(0.23), 0.0, 0.0]])  # 26 degrees
-    assert broken(quaternion=leaning) == [True, True, *[False] * 4]
+    assert broken(position=AXES.rest[:3] - np.array([[0.74, 0.0, 0.76]])) == [False, False, True, *[False] * 3]
+    # at one instant, to either side
+    for angle, found in ((24.9, False), (25.1, True)):
+        half = 0.5 * math.radians(angle)
+        for side in ((math.sin(half), 0.0), (0.0, -math.sin(half))):
+            leaning = flown_log().quaternion
+            leaning[3] = math.cos(half), *side, 0.0
+            assert broken(quaternion=leaning) == [found, found, *[False] * 4]
+    turned = np.tile([math.cos(0.5), 0.0, 0.0, math.sin(0.5)], (5, 1))
+    assert not any(broken(quaternion=turned)), "a heading is no tilt"
     assert broken(joints=np.array([[0.0, math.pi]])) == [*[False] * 4, True, True]
+    limited = [
+        dataclasses.replace(each, joint=dataclasses.replace(each.joint, lower=-0.5, upper=0.4))
+        for each in VEHICLE.links
+    ]
+    vehicle = dataclasses.replace(VEHICLE, links=tuple(limited))
+    for angles in ((0.41, 0.0), (0.0, 0.41), (-0.51, 0.0), (0.0, -0.51), (0.39, -0.49)):
+        joints = np.zeros((5, 2))
+        joints[2] = angles
+        wanted = [not -0.5 <= each <= 0.4 for each in angles]
+        assert broken_axes(flown_log(joints=joints), vehicle, AXES, DesignLimits()).tolist() == [*[False] * 4, *wanted]
+    # at one of 500 instants a rotor may be at its limit
+    commands = np.full((500, 4), 500.0)
+    commands[:4, 0] = 838.0
+    assert not any(broken(rotor_commands=commands))
+    commands[4, 0] = 838.0
+    assert all(broken(rotor_commands=commands))
     assert all(broken(rotor_commands=np.full((5, 4), 838.0)))
 
 
@@ -330,7 +370,8 @@ def test_a_flight_is_flown_with_less_until_it_stays_in_the_limits(monkeypatch):
     Each number's half width is 2 in the undesigned flight and 1 in the designed one.
     """
     segments, tried, told = [draw_segment(AXES, LENGTH, np.random.default_rng(9)) for _ in range(2)], [], []
-    plain, flights = flown_log(), [flown_log(position=AXES.rest[:3] + np.eye(3)[[0, 0, 1, 2, 2]] * k) for k in (9, 3)]
+    extents = np.diag([3.0, 2.0, 1.0])[[0, 0, 1, 2, 2]]
+    plain, flights = flown_log(), [flown_log(position=AXES.rest[:3] + extents * k) for k in (3, 1)]
     flights[1].quaternion[2] = [math.cos(0.1), 0.0, math.sin(0.1), 0.0]
     flights[1].rotor_commands[:2] = 838.0
     flights[1].joints[4] = [0.0, math.pi]  # the tip in the base
@@ -377,7 +418,7 @@ def test_a_flight_is_flown_with_less_until_it_stays_in_the_limits(monkeypatch):
     assert tried[2] == scenario_from(found.document)
     assert tomllib.loads(found.text()) == found.document
     assert found.tilt == pytest.approx(0.2)
-    assert found.box == pytest.approx((3.0, 3.0, 3.0))
+    assert found.box == pytest.approx((3.0, 2.0, 1.0))
     assert found.clearance == pytest.approx(0.0, abs=1e-9)
     assert found.saturated == pytest.approx(0.4)
     assert {total for _, total, _ in told} == {14}

@@ -432,6 +432,8 @@ def test_the_cost_is_the_mean_logarithm_of_rows_that_are_not_white():
     assert left.cost(0.1) == pytest.approx((1.0 + 2.0 + 0.1 * (1.0 + 0.5 + 1.0 + 0.1)) / 2.0)
     assert left.largest == np.e**2
     assert dataclasses.replace(left, unusual=100.0).cost() == pytest.approx(1.5 + 0.3)
+    assert Left({("gyro", 0): np.e}).cost() == pytest.approx(1.0)
+    assert Left({(PUSHES[0], 0): np.e}).cost() == pytest.approx(1.0)
 
 
 def some_change(*amounts):

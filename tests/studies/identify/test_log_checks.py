@@ -11,7 +11,8 @@ from test_channel_changes import SOUND, VEHICLE, made, rows_of, then, times, tim
 
 from skyarm.flight_data.flight_data import Channel
 from skyarm.flight_data.own_log import SIMULATED
-from skyarm.studies.identify.log_checks import channel_gaps, check_log
+from skyarm.studies.identify.log_checks import channel_gaps, check_log, require_no_refusal
+from skyarm.vehicle.thrust_table import ThrustTable
 
 SPEED = "rotor_speed_commands"
 MAX = float(VEHICLE.rotors[0].max_speed)
@@ -113,10 +114,10 @@ def shares(flight):
     return dataclasses.replace(flight, channels={**rest, "rotor_commands": commands})
 
 
-def quiet(noise, path):
-    """Flight whose gyro deviates by some rad/s and whose position moves along x by so many m."""
+def quiet(noise, path, axes=(1.0, 1.0, 1.0)):
+    """Flight whose gyro deviates by some rad/s about some axes and whose position moves along x by so many m."""
     return then(
-        rows_of("gyro", lambda rows: noise * np.where(np.arange(len(rows)) % 2, 1.0, -1.0)[:, None] * np.ones(3)),
+        rows_of("gyro", lambda rows: noise * np.where(np.arange(len(rows)) % 2, 1.0, -1.0)[:, None] * np.array(axes)),
         rows_of("position", lambda rows: np.linspace(0.0, path, len(rows))[:, None] * [1.0, 0.0, 0.0]),
     )
 
@@ -221,9 +222,19 @@ AROUND = {
         "refused accelerometer: 7 of 800 samples are beyond 628",
     ),
     "damaged shares": (
-        then(shares, beyond("rotor_commands", 0.1, 1.04)),
+        then(shares, beyond("rotor_commands", 0.1, 1.05)),
         then(shares, beyond("rotor_commands", 0.009, 1.06)),
         "warned rotor_commands: 0.88 % of the rows are outside 0 to 1",
+    ),
+    "commands beyond full": (
+        then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 1.05)),
+        then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 1.06)),
+        "refused rotor_commands: is 1.06 on the median, and flights have 0 to 1.05: ",
+    ),
+    "shares below 0": (
+        then(shares, beyond("rotor_commands", 0.1, 0.05, -1.0)),
+        then(shares, beyond("rotor_commands", 0.1, 0.051, -1.0)),
+        "refused rotor_commands: 10 % of the rows are outside 0 to 1, from -0.051 to",
     ),
     "many damaged shares": (
         then(shares, beyond("rotor_commands", 0.009, 0.06, -1.0)),
@@ -242,6 +253,12 @@ AROUND = {
     ),
     "voltage": (added("voltage", 99.0), added("voltage", 1.1e4), "refused voltage: .* it looks like mV"),
     "low voltage": (added("voltage", 1.1), added("voltage", 0.9), "refused voltage: .* no unit fits"),
+    "high voltage": (added("voltage", 100.0), added("voltage", 100.1), "refused voltage: .* no unit fits"),
+    "fast velocity": (
+        rows_of("velocity", lambda rows: rows + np.array([0.0, 98.0, 0.0])),
+        rows_of("velocity", lambda rows: rows + np.array([0.0, 102.0, 0.0])),
+        "refused velocity: is .* on the median, and flights have 0 to 100: it looks like mm/s",
+    ),
     "angles": (
         rows_of("joint_positions", lambda rows: rows + 12.0),
         rows_of("joint_positions", lambda rows: rows + 50.0),
@@ -272,9 +289,24 @@ AROUND = {
         rows_of(SPEED, times(*(9.6,) * 4)),
         f"refused {SPEED}: lift .* they look like rpm",
     ),
+    "turns in a second": (
+        rows_of(SPEED, times(*(0.5,) * 4)),
+        rows_of(SPEED, times(*(0.5 / np.pi,) * 4)),
+        f"refused {SPEED}: lift .* they look like Hz",
+    ),
+    "speeds of motors behind gears": (
+        rows_of(SPEED, times(*(4.0,) * 4)),
+        rows_of(SPEED, times(*(7.0,) * 4)),
+        f"refused {SPEED}: lift .* they look like rad/s of a motor behind a gear",
+    ),
     "at rest": (
         quiet(0.0502, 0.0),
         quiet(0.0498, 0.0),
+        f"refused {SPEED}: lift 1 of the weight: the flight never took off",
+    ),
+    "at rest but for one axis": (
+        quiet(0.0502, 0.0, (0.0, 0.0, 1.0)),
+        quiet(0.0498, 0.0, (0.0, 0.0, 1.0)),
         f"refused {SPEED}: lift 1 of the weight: the flight never took off",
     ),
     "still": (
@@ -336,6 +368,26 @@ def test_what_hides_other_damage_is_told_alone():
     assert told(lost) == ["refused gyro: 900 of 1000 rows are lost", "warned position: is frozen for 0.4 s at 2 s"]
     wrong = then(beyond("gyro", 0.005, 99.0), rows_of("accelerometer", times(0.1, 0.1, 0.1)))(SOUND)
     assert [each.channel for each in check_log(wrong, VEHICLE)] == ["gyro"], "units are looked at without spikes"
+
+
+def test_rotors_that_turn_the_other_way_may_have_negative_speeds():
+    """Whether their thrust is that of a coefficient or of a table."""
+    first = VEHICLE.rotors[0]
+    speeds = tuple(MAX * share for share in (0.25, 0.5, 0.75, 1.0))
+    table = ThrustTable(speed=speeds, thrust=tuple(first.thrust_coefficient * speed**2 for speed in speeds))
+    own = {"table": table, "thrust_coefficient": table.thrust_coefficient}
+    rotors = [dataclasses.replace(each, **own) for each in VEHICLE.rotors]
+    signed = rows_of(SPEED, times(1, -1, 1, -1))(SOUND)
+    assert told(signed) == told(signed, dataclasses.replace(VEHICLE, rotors=tuple(rotors))) == []
+
+
+def test_a_warning_is_no_reason_to_refuse_a_flight_and_the_first_other_fault_is_named():
+    faults = check_log(then(held("position", 40), held("gyro", 40), held(SPEED, 120))(SOUND), VEHICLE)
+    assert [each.severity for each in faults] == ["refused", "warned", "refused"]
+    require_no_refusal(faults[1:2])
+    require_no_refusal(())
+    with pytest.raises(ValueError, match=r"^flight\.csv: gyro: is frozen for 0\.4 s"):
+        require_no_refusal([faults[1], faults[0], faults[2]])
 
 
 def test_speeds_tell_more_than_shares():

@@ -63,6 +63,16 @@ def test_samples_between_rows_are_found_where_lines_meet():
     assert sampling_period(given) == pytest.approx(0.1)
     inside = TIME[200:-300]
     np.testing.assert_allclose(smooth_commands(given, inside), swinging(inside), atol=0.05)
+    # at both ends the first and the last row themselves, and beyond them as well
+    for ends in (TIME[[0, -1]], np.array([0.0, 99.0])):
+        np.testing.assert_allclose(smooth_commands(given, ends), given.values[[0, -1]], atol=1e-6)
+
+
+@pytest.mark.parametrize("straight", [True, False], ids=["straight", "held"])
+def test_samples_are_found_though_a_rotor_stays_at_its_limit(straight):
+    rows = sampled_up(50, straight)
+    rows[:, 3] = 838.0
+    assert sampling_period(commands(rows)) == pytest.approx(0.1)
 
 
 def test_samples_on_a_line_are_as_far_apart_as_others():
@@ -85,6 +95,8 @@ def test_signals_are_shares_of_the_full_speed():
     share = commands(np.full((len(TIME), 4), 0.4))
     speeds = commanded_speeds(flight(share, "rotor_commands"), VEHICLE)
     assert speeds.values == pytest.approx(0.4 * VEHICLE.rotors[0].max_speed)
+    three = commands(np.full((len(TIME), 3), 0.4))
+    assert commanded_speeds(flight(three, "rotor_commands"), VEHICLE) is three, "of another vehicle"
     endless = dataclasses.replace(
         VEHICLE, rotors=tuple(dataclasses.replace(each, max_speed=np.inf) for each in VEHICLE.rotors)
     )
@@ -96,4 +108,5 @@ def test_a_vehicle_flies_where_its_rotors_lift_it():
     """Half a second inside of hover from 4 to 7 s, and of nothing at a third of the thrust."""
     share = np.where((TIME > 4.0) & (TIME < 7.0), 1.0, np.sqrt(1.0 / 3.0))
     (span,) = flying_spans(commands(HOVER * share[:, None] * np.ones(4)), VEHICLE)
+    assert flying_spans(commands(np.full((len(TIME), 4), 0.1 * HOVER)), VEHICLE) == []
     assert span == pytest.approx((4.0 + 0.5 - 0.125, 7.0 - 0.5 + 0.125), abs=0.03)

@@ -14,10 +14,12 @@ from planted_lags import lagging_drives, with_slower_motors
 from skyarm.algebra import Sym3
 from skyarm.dynamics.actuators.drive import LaggedTorque
 from skyarm.dynamics.actuators.servo import PositionServo
+from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.log.flight_log import rows_of
 from skyarm.scenario.scenario_record import JointDrive
 from skyarm.studies.identify.lag_report import _solid, lag_tables
-from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags, _control_period, loop_lags
+from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags, _control_period, _fit, _lag, _vary, loop_lags
+from skyarm.studies.identify.unknowns import Unknown
 from skyarm.studies.identify.windows import Held, lagging
 from skyarm.studies.tune.excitation import of_vehicle, tuning_flight
 from skyarm.vehicle.vehicle_records import MountedDrive
@@ -256,7 +258,15 @@ def test_a_servo_of_the_flight_is_flown_with_and_the_other_drives_are_fitted(flo
         monkeypatch.setattr(f"{module}.{name}", each)
     for name, each in (("_fit", fit), ("_lag", lag)):
         monkeypatch.setattr(f"{module}.{name}", each)
-    found = loop_lags(flown, VEHICLE)
+    # what is believed is that of the first rotor
+    slow = [
+        dataclasses.replace(each, time_constant_up=0.05, time_constant_down=0.06) if i else each
+        for i, each in enumerate(VEHICLE.rotors)
+    ]
+    found = loop_lags(flown, dataclasses.replace(VEHICLE, rotors=tuple(slow)))
+    begins = {each.name: each.start for each in fitted.searched["rotors"]}
+    assert begins["rotors.time_constant_up"] == VEHICLE.rotors[0].time_constant_up
+    assert begins["rotors.time_constant_down"] == VEHICLE.rotors[0].time_constant_down
     assert fitted.start.drives == (MountedDrive(name="joint1", drive=servo),)
     assert fitted.driven == [False, True]
     assert list(fitted.searched) == ["joint2", "rotors"]
@@ -265,6 +275,127 @@ def test_a_servo_of_the_flight_is_flown_with_and_the_other_drives_are_fitted(flo
     assert [each.name for each in found.joints] == ["joint2"]
     assert found.left_out == {"joint1": "its drive takes a setpoint, rad or m"}
     assert (found.period, found.seconds) == pytest.approx((PERIOD, 2.0), abs=PERIOD)
+
+
+NAMES = ["delay", "rotors.time_constant_up", "rotors.time_constant_down", "thrust"]
+
+
+def lag_of(delay=0.012, up=0.02, down=0.03, halves=(1e-3, 2e-3, 0.05, 0.1), explained=(0.9, 0.6, 0.9)):
+    """Lag of rotors from a search whose logarithms of time constants stand behind another number, and its slopes."""
+    order, rows = [3, 1, 2, 0], []
+    names = [NAMES[i] for i in order]
+    values = np.array([7.0, np.log(up), np.log(down), delay])
+
+    def half_widths(given):
+        rows.append(given)
+        return np.array([halves[0], halves[1], up * halves[2], down * halves[3]])
+
+    errors = SimpleNamespace(names=names, values=lambda each: np.append(each[:1], [*np.exp(each[1:3]), each[3]]))
+    fit = SimpleNamespace(values=values, half_widths=half_widths)
+    shares = dict(zip(("rate.x", "rate.y", "rate.z", "arm.position"), (*explained, 0.001), strict=True))
+    searched = [SimpleNamespace(name=each) for each in NAMES[:3]]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("skyarm.studies.identify.loop_lags.explained_shares", lambda *_: (shares, {}))
+        return _lag("rotors", searched, errors, fit, PERIOD), rows[0]
+
+
+def test_a_lag_is_the_dead_time_and_the_time_constants_and_what_a_small_swing_meets():
+    """The swing is up and down in turn at the mean rate; slopes are those of finite differences of the logarithms."""
+    found, rows = lag_of()
+    swing = 2.0 / (1.0 / 0.02 + 1.0 / 0.03)
+    values = [each.value for each in (found.together, found.delay, found.up, found.down)]
+    assert values == pytest.approx([0.012 + swing, 0.012, 0.02, 0.03])
+    assert found.explained == pytest.approx(0.8)
+    assert (found.name, found.reason, found.apart) == ("rotors", "", True)
+
+    def numbers(searched):
+        _, up, down, delay = searched
+        swing = 2.0 / (np.exp(-up) + np.exp(-down))
+        return np.array([delay + swing, delay, np.exp(up), np.exp(down)])
+
+    at, step = np.array([7.0, np.log(0.02), np.log(0.03), 0.012]), 1e-6
+    slopes = np.stack([(numbers(at + step * one) - numbers(at - step * one)) / (2.0 * step) for one in np.eye(4)], 1)
+    np.testing.assert_allclose(rows, slopes, atol=1e-9)
+    # a tenth of a period and a hundredth of the time itself are always left
+    least = 0.1 * PERIOD + 0.01 * (0.012 + swing)
+    halves = [each.high - each.value for each in (found.together, found.delay, found.up, found.down)]
+    assert halves == pytest.approx(np.hypot([1e-3, 2e-3, 1e-3, 3e-3], least))
+
+
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        ({"delay": 0.08}, ""),
+        ({"delay": 0.0801}, "the best of them lies at the end of what is looked for"),
+        ({"up": 0.49, "halves": (1e-3,) * 4}, ""),
+        ({"up": 0.51, "halves": (1e-3,) * 4}, "the best of them lies at the end of what is looked for"),
+        ({"down": 0.51, "halves": (1e-3,) * 4}, "the best of them lies at the end of what is looked for"),
+        ({"explained": (0.021, 0.021, 0.021)}, ""),
+        ({"explained": (0.019, 0.019, 0.019)}, "the commands explain 1.9% of the motion, under 2%"),
+        ({"halves": (0.0099, 2e-3, 0.05, 0.1)}, ""),
+        ({"halves": (0.0101, 2e-3, 0.05, 0.1)}, "delay and lag together are known to 10 ms only, over 10 ms"),
+        ({"halves": (np.inf, 2e-3, 0.05, 0.1)}, "the commands do not show in the motion"),
+        ({"halves": (1e-3, 2e-3, 0.05, np.nan)}, "the commands do not show in the motion"),
+    ],
+)
+def test_a_flight_that_does_not_tell_a_lag_says_why(changed, reason):
+    found, _ = lag_of(**changed)
+    assert found.reason == reason
+    assert found.is_known == (not reason)
+
+
+@pytest.mark.parametrize(("half", "apart"), [(3.8e-3, True), (4.1e-3, False)])
+def test_a_delay_that_is_known_to_four_milliseconds_is_apart_from_its_lag(half, apart):
+    assert lag_of(halves=(1e-3, half, 0.05, 0.1))[0].apart is apart
+
+
+def test_commands_vary_if_their_steps_do():
+    """By a hundred-thousandth of their size from period to period: neither a constant nor an even rise varies."""
+    time = np.arange(400.0)[:, None]
+    assert not _vary(np.full((400, 4), 500.0))
+    assert not _vary(500.0 + 0.1 * time)
+    wave = np.where(time % 2, 1.0, -1.0)
+    assert _vary(500.0 + 0.0026 * wave)
+    assert not _vary(500.0 + 0.0024 * wave)
+
+
+class _StopError(Exception):
+    """Ends a search once it was asked."""
+
+
+def test_of_joints_that_hold_a_setpoint_those_with_a_servo_are_flown_with_it(monkeypatch):
+    """Joint 1 has a servo and joint 2 a drive that takes efforts; gravity and the known numbers go to the errors."""
+    servo = PositionServo(inertia=0.001, stiffness=2.0, damping=0.09)
+    start = dataclasses.replace(VEHICLE, drives=(MountedDrive(name="joint1", drive=servo),))
+    asked, module = SimpleNamespace(), "skyarm.studies.identify.loop_lags"
+    channel = Channel(time=PERIOD * np.arange(200), values=np.zeros((200, 3)), source="")
+    flight = FlightData(name="log", file="", channels={"gyro": channel})
+
+    def usual(vehicle, *, driven, servoed, **_):
+        asked.servoed = servoed
+        names = ("rotors.thrust_coefficient", "base.com.x", "base.second_moment.x", "links.link1.mass", "drift")
+        return [Unknown(name=each, unit="", start=1.0, spread=1.0) for each in names]
+
+    def errors(windows, start, unknowns, known, driven, servoed, gravity):
+        asked.__dict__.update(names=[each.name for each in unknowns], known=known, driven=driven, gravity=gravity)
+        raise _StopError
+
+    fakes = {"on_clock": lambda *_, **__: None, "clock_step": lambda *_: PERIOD, "Windows": lambda *_: None}
+    for name, each in {**fakes, "unknowns_of": usual, "WindowErrors": errors}.items():
+        monkeypatch.setattr(f"{module}.{name}", each)
+    searched = {"rotors": [Unknown(name="delay", unit="s", start=0.0, spread=0.05)]}
+    for driven, servoed in (
+        ([False, True], [True, False]),
+        ([False, False], [True, False]),
+        ([True, True], [False] * 2),
+    ):
+        with pytest.raises(_StopError):
+            _fit(flight, start, driven, searched, {"setpoint_hold": 1.0}, 9.7)
+        assert (asked.servoed, asked.driven) == (servoed, driven)
+    assert (asked.known, asked.gravity) == ({"setpoint_hold": 1.0}, 9.7)
+    # beside the lags what answers to commands, and the gyro's bias; not what a delay has nothing to do with
+    modelled = ["rotors.thrust_coefficient", "base.second_moment.x", "links.link1.mass"]
+    assert asked.names == ["delay", *modelled, "gyro_bias.x", "gyro_bias.y", "gyro_bias.z"]
 
 
 def test_an_interval_reaches_as_far_to_both_sides_but_not_below_what_is_possible():
@@ -292,7 +423,7 @@ def test_instants_may_be_off_an_even_clock_by_a_hundredth_of_a_period(flown, lat
         (lambda log: {"rotor_commands": log.rotor_commands[:, :3]}, "rotor_commands: the log has 3"),
         (lambda log: {"joints": log.joints[:, :1]}, "joints: the log has 1"),
         (lambda log: {"time": log.time**2}, "time: must be evenly spaced"),
-        (lambda log: {"time": 0.1 * log.time}, "s are too short"),
+        (lambda log: {"time": 0.1 * log.time}, r"^time: 0\.1995 s are too short; at least 1 s of flight are needed$"),
         (lambda log: {"rate": log.rate * np.nan}, "rate: must be finite"),
         (lambda log: {"efforts": log.efforts * np.nan}, "efforts: must be finite"),
         (lambda log: {"quaternion": log.quaternion * 0.0}, "quaternion: must be of unit length"),

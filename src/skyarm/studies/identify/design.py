@@ -203,7 +203,7 @@ def design_segments(
     axes: Axes,
     limits: DesignLimits,
     *,
-    candidates: int = 120,
+    candidates: int,
     seed: int = 0,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> list[Segment]:

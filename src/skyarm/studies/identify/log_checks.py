@@ -245,7 +245,7 @@ def _ground(flight: FlightData, start: Vehicle, spans: Sequence[tuple[float, flo
     speeds, gyro = commanded_speeds(flight, start), flight["gyro"]
     rows = np.concatenate([speeds.section(*each).values for each in spans]) if spans else speeds.values
     rows = rows[np.median(np.abs(rows), axis=1) > 0.0]
-    pairs = zip(start.rotors, np.abs(rows).T, strict=True)
+    pairs = zip(start.rotors, rows.T, strict=True)
     lift = sum(float(rotor.thrust_coefficient) * push(rotor, speed) for rotor, speed in pairs)
     share = float(np.median(lift)) / weight if len(rows) else 0.0
     size = max(2, round(0.5 * gyro.rate))

@@ -153,14 +153,10 @@ def highest_speeds(rotors: Sequence[Rotor]) -> Array:
     return np.array([float(each.max_speed) for each in rotors])
 
 
-def _moving_mean(rows: Array, width: int) -> Array:
-    """Moving mean (N, ...) over an odd number of rows, of what there is at both ends."""
-    if width <= 1:
-        return rows
+def _moving_mean(values: Array, width: int) -> Array:
+    """Moving mean (N,) over an odd number of values, of what there is at both ends."""
     half = width // 2
-    total = np.cumsum(np.concatenate([np.zeros((1, *rows.shape[1:])), rows]), axis=0)
-    low = np.maximum(np.arange(len(rows)) - half, 0)
-    high = np.minimum(np.arange(len(rows)) + half + 1, len(rows))
-    count = (high - low).reshape(-1, *[1] * (rows.ndim - 1))
-    mean: Array = (total[high] - total[low]) / count
-    return mean
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    low = np.maximum(np.arange(len(values)) - half, 0)
+    high = np.minimum(np.arange(len(values)) + half + 1, len(values))
+    return np.asarray((total[high] - total[low]) / (high - low))
