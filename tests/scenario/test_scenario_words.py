@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import skyarm
-from skyarm.scenario.scenario_record import GROUPS
+from skyarm.records.words import groups
 
 
 def test_a_word_is_the_field_of_its_group() -> None:
@@ -13,6 +13,6 @@ def test_a_word_is_the_field_of_its_group() -> None:
 
 
 def test_the_class_has_its_words_too() -> None:
-    assert {"environment", "agent", "solver"} == set(GROUPS)
+    assert {"environment", "agent", "solver"} == set(groups(skyarm.Scenario))
     for name in ("wind", "plant", "kind"):
         assert hasattr(skyarm.Scenario, name)

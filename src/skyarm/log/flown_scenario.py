@@ -15,9 +15,6 @@ from skyarm.records.restore import restore
 SCENARIO = "skyarm.scenario.scenario_record:Scenario"
 """Class of what a log keeps as ``scenario_record``."""
 
-GROUPS = ("solver", "agent", "environment")
-"""Fields of a scenario that are records themselves."""
-
 
 def written_scenario(info: Mapping[str, Any]) -> dict[str, Any]:
     """Scenario of a log as plain data; empty if the log stores none."""
@@ -50,7 +47,7 @@ def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
     """Restore the scenario of a log from its description, with some fields replaced."""
     written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
     of = (info.get("versions") or {}).get("skyarm", "unknown")
-    if not isinstance(written, dict) or written.get("type") != SCENARIO or not written.keys() >= {*GROUPS}:
+    if not isinstance(written, dict) or written.get("type") != SCENARIO or "agent" not in written:
         raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
     if not _matches_digest(info, written, code):
         raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")

@@ -7,47 +7,28 @@ file's word may be another than the record's (``force`` is ``force_W``). Both wo
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics import State
 from skyarm.plant.interface import Truth
 from skyarm.records.files import did_you_mean
 from skyarm.records.leaves import Place, field_names, part, parts
 from skyarm.records.registry.registrations import name_of
+from skyarm.records.words import EACH, lifted_fields, slots
 from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.reference.path_time import PLANNED
 from skyarm.reference.tip_motion import TipMotion
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.scenario.scenario_tables import PARTS
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import Air, AirSignals, Force, ForceWind, Gust, MovingAir
 
-ROOTS: Mapping[str, Place] = {
-    "plant": ("agent", "plant"),
-    "model": ("agent", "controller", "par", "model"),
-    "controller": ("agent", "controller", "par"),
-    **{path: place for path, (place, _) in PARTS.items() if path != "environment.ground"},
-    "sensors": ("agent", "noise"),
-    "initial": ("agent", "initial"),
-    "reference": ("agent", "reference"),
-    "changes": ("changes",),
-    "payloads": ("agent", "payloads"),
-    "world": ("environment", "world"),
-}
-"""Beginning of a path -> its place in the scenario's record."""
-
-STRUCTURE = ("duration", "rates", "delays", "seed", "episode", "environment.ground", "plant.integrator", "plant.kind")
-"""Fields of the file that shape an episode or key its noise; they are the same for all episodes of a batch."""
-
 LATE = "delays.command"
-LATER = (LATE, "delays.rotors", "delays.joints")
-"""They vary where the scenario says how long they get (:class:`skyarm.scenario.scenario_record.Delays`)."""
-
-TRACKING_START = "reference.tracking_start"
-"""A number of the agent, not of the trajectory."""
+"""Path of the commands' delay, which stays out of the numbers of a flight that has none."""
 
 
 def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
@@ -56,13 +37,15 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
     Raises:
         ScenarioError: a field that does not exist (with those that do), or one that is structure.
     """
-    if path in LATER and scenario.delays.longest_command is not None:
-        return (("agent", "delays", path.removeprefix("delays.")),)
-    if path == TRACKING_START:
-        return (("agent", "tracking_start"),)
-    for field in STRUCTURE:
-        if path == field or path.startswith(f"{field}."):
-            raise ScenarioError(f"path = {path!r}: {field} is structure, the same for all episodes; fly two studies")
+    if (held := place_of_delay(scenario, path)) is not None:
+        return (held,)
+    for slot in slots(Scenario):
+        if slot.word.varies == "never" and is_below(path, slot.path):
+            raise ScenarioError(
+                f"path = {path!r}: {slot.path} is structure, the same for all episodes; fly two studies"
+            )
+        if slot.type is Scalar and path == slot.path:
+            return (slot.place,)
     if path.startswith("reference.") and scenario.path_time is not None:
         raise ScenarioError(f"path = {path!r}: {PLANNED}; make a scenario of each (skyarm.govern)")
     if path.startswith("changes.") and not path.endswith(".value"):
@@ -70,22 +53,57 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
     for root, start in roots(scenario).items():
         if path.startswith(f"{root}."):
             return _follow(scenario, path, start, path[len(root) + 1 :].split("."))
-    near = did_you_mean(".".join(path.split(".")[:2]), ROOTS) or did_you_mean(path.split(".", maxsplit=1)[0], ROOTS)
-    raise ScenarioError(f"path = {path!r}: {near}must start with one of {', '.join(ROOTS)}")
+    known = variable_words()
+    near = did_you_mean(".".join(path.split(".")[:2]), known) or did_you_mean(path.split(".", maxsplit=1)[0], known)
+    raise ScenarioError(f"path = {path!r}: {near}must start with one of {', '.join(known)}")
+
+
+def is_below(path: str, word: str) -> bool:
+    """True if a path is a word of a file or leads to something inside it."""
+    return path == word or path.startswith(f"{word}.")
+
+
+@cache
+def variable_words() -> dict[str, Place]:
+    """Words of a file below which numbers may vary, with the field that each denotes."""
+    return {
+        slot.path: slot.place
+        for slot in slots(Scenario)
+        if slot.word.varies != "never" and slot.type is not Scalar and EACH not in slot.path
+    }
+
+
+@cache
+def delay_words() -> dict[str, tuple[Place, str]]:
+    """Numbers that vary only where a field beside them is stated: path -> record, and name of that field."""
+    return {
+        f"{slot.path}.{name}": (slot.place, other)
+        for slot in slots(Scenario)
+        if isinstance(slot.type, type)
+        for name, other in lifted_fields(slot.type).items()
+    }
+
+
+def place_of_delay(scenario: Scenario, path: str) -> Place | None:
+    """Field of a delay that may vary, as the scenario states how long it gets at most; None for all else."""
+    record, other = delay_words().get(path, ((), ""))
+    if not other or part(scenario, (*record, other)) is None:
+        return None
+    return (*record, path.rpartition(".")[2])
 
 
 def roots(scenario: Scenario) -> dict[str, Place]:
     """Beginnings of parameter paths, such as plant or sensors.imu, with the scenario fields that they denote."""
-    named: dict[str, Place] = {
-        f"sensors.{each.name}": ("agent", "sensors", str(i), "sensor") for i, each in enumerate(scenario.sensors)
-    }
     carried = ("agent", "plant", "vehicle", "drives")
-    mounted = enumerate(scenario.plant.vehicle.drives)
-    named |= {f"plant.drives.{each.name}": (*carried, str(i), "drive") for i, each in mounted}
-    named |= {
-        f"plant.drives.{each.joint}": ("agent", "drives", str(i), "drive") for i, each in enumerate(scenario.drives)
+    found: dict[str, Place] = {
+        f"plant.drives.{each.name}": (*carried, str(i), "drive") for i, each in enumerate(scenario.plant.vehicle.drives)
     }
-    return {**named, **ROOTS}
+    for slot in slots(Scenario):
+        if EACH in slot.path:
+            inside = slot.place[len(slot.record) + 1 :]
+            for i, each in enumerate(part(scenario, slot.record)):
+                found[f"{slot.table}.{each.name}"] = (*slot.record, str(i), *inside)
+    return {**found, **variable_words()}
 
 
 def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tuple[Place, ...]:
@@ -97,7 +115,10 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tu
         else:
             options, heads = places, (start,)
         if word not in options:
-            known = [*options, *(_named_sensors_and_drives(scenario, path) if start in ROOTS.values() else ())]
+            known = [
+                *options,
+                *(_named_sensors_and_drives(scenario, path) if start in variable_words().values() else ()),
+            ]
             there = f"{did_you_mean(word, known)}there are {', '.join(known) or 'no fields'}"
             raise ScenarioError(f"path = {path!r}: no {word!r} here; {there}")
         places = _with_heads(heads, options[word])
@@ -111,7 +132,9 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tu
 def _named_sensors_and_drives(scenario: Scenario, path: str) -> list[str]:
     """Names of sensors and drives, listed as suggestions for a misspelt parameter path."""
     head = path[: path.index(".") + 1]
-    return [name.removeprefix(head) for name in roots(scenario) if name not in ROOTS and name.startswith(head)]
+    return [
+        name.removeprefix(head) for name in roots(scenario) if name not in variable_words() and name.startswith(head)
+    ]
 
 
 def _with_heads(heads: tuple[Place, ...], found: object) -> Any:

@@ -21,7 +21,8 @@ from skyarm.plant.largest_step import check_largest_step
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.field_rules import require_fields
 from skyarm.records.files import did_you_mean, errors_as, number, shown
-from skyarm.records.leaves import leaves, named_leaves
+from skyarm.records.leaves import leaves, named_leaves, part
+from skyarm.records.words import slots
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor import Sensor
@@ -44,23 +45,6 @@ LONGEST_QUEUE_OF_SERVO = 1000
 MOST_JOINTS = 256
 """Of a vehicle that flies. LLVM makes a loop's code in a stack whose depth grows with the loop: of 400 joints it still
 does, of 1200 it ends the process."""
-
-ADDED = {
-    "estimator": "estimator",
-    "drives": "drives",
-    "endings": "endings",
-    "initial": "initial",
-    "air": "environment.air",
-    "forces": "environment.forces",
-    "sensors": "sensors",
-}
-"""Fields whose records may not check themselves -> their name in messages."""
-
-FLOWN = (
-    *("plant", "reference", "tracking_start", "components", "faults", "noise"),
-    *("sensors", "drives", "delays", "initial", "world"),
-)
-"""Fields of a scenario, beside the law's constants, whose numbers a flight takes."""
 
 
 def check_scenario(scenario: Scenario) -> None:
@@ -85,8 +69,9 @@ def check_scenario(scenario: Scenario) -> None:
     _check_vehicles(scenario)
     _check_surroundings(scenario)
     _check_clocks_of_law(scenario)
-    for field, where in ADDED.items():
-        require_fields(getattr(scenario, field), where)
+    for slot in slots(Scenario):
+        if slot.word.kind:  # classes of users, whose records may not check themselves
+            require_fields(part(scenario, slot.record), slot.table)
 
 
 def _check_times(scenario: Scenario) -> None:
@@ -314,9 +299,8 @@ def require_flight(scenario: object) -> None:
     """
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario; load_scenario(name) makes one")
-    records = [*((getattr(scenario, field), field) for field in FLOWN), (scenario.controller.par, "controller")]
-    for record, where in records:
-        for field, value in named_leaves(record, where):
+    for slot in slots(Scenario):
+        for field, value in named_leaves(part(scenario, slot.record), slot.table):
             if not (concrete(value) or callable(value)):
                 raise ScenarioError(f"{field} = {shown(value)}: must be one number; a Batch flies several side by side")
     if scenario.worlds:

@@ -28,6 +28,7 @@ from skyarm.records.notebook import notebook_html
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.registry.registrations import registrations
 from skyarm.records.units import Unit
+from skyarm.records.words import STRUCTURAL, Word, groups
 from skyarm.reference import Trajectory
 from skyarm.reference.path_time import PathTime
 from skyarm.scenario.endings import Ending
@@ -82,6 +83,10 @@ class Rates:
                 )
 
 
+QUEUED = Word(unless="longest_command")
+"""Of a delay that may vary where the longest is stated, which is the length of the loop's queue."""
+
+
 @immutable
 @checked("delays", ScenarioError)
 class Delays:
@@ -95,10 +100,10 @@ class Delays:
     """
 
     measurement: Annotated[float, Unit("s", "age of the measurement", low=0.0, usual=1.0)] = 0.0
-    command: Annotated[Scalar, Unit("s", "before a command takes effect", low=0.0, usual=1.0)] = 0.0
+    command: Annotated[Scalar, Unit("s", "before a command takes effect", low=0.0, usual=1.0), QUEUED] = 0.0
     longest_command: Annotated[float | None, Unit("s", low=0.0, strict=True)] = None
-    rotors: Annotated[Scalar, Unit("s", "before the rotors hear of it, on top", low=0.0)] = 0
-    joints: Annotated[Scalar, Unit("s", "before the joints hear of it, on top", low=0.0)] = 0
+    rotors: Annotated[Scalar, Unit("s", "before the rotors hear of it, on top", low=0.0), QUEUED] = 0
+    joints: Annotated[Scalar, Unit("s", "before the joints hear of it, on top", low=0.0), QUEUED] = 0
 
     @property
     def apart(self) -> bool:
@@ -133,6 +138,11 @@ class JointDrive:
 
     joint: str
     drive: Drive
+
+    @property
+    def name(self) -> str:
+        """Name of the joint."""
+        return self.joint
 
     def __post_init__(self) -> None:
         if not isinstance(self.joint, str):
@@ -229,8 +239,8 @@ class Solver:
         kind: "rigid_body" or "mujoco". integrator: "rk4", "euler" or "rk4_staged".
     """
 
-    kind: str = "rigid_body"
-    integrator: str = "rk4"
+    kind: Annotated[str, STRUCTURAL] = "rigid_body"
+    integrator: Annotated[str, STRUCTURAL] = "rk4"
 
     def __post_init__(self) -> None:
         for field, value, allowed in (
@@ -251,11 +261,11 @@ class Environment:
         world: surfaces, and the vehicle's points that touch them (:mod:`skyarm.world.contact`); None for free flight.
     """
 
-    wind: Wind = NO_WIND
-    air: tuple[Component, ...] = ()
-    forces: tuple[Component, ...] = ()
-    ground: bool = True
-    world: Contact | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    wind: Annotated[Wind, Word(whole=True, kind="air", reader="skyarm.world.environment_tables:wind_from")] = NO_WIND
+    air: Annotated[tuple[Component, ...], Word(whole=True, kind="air")] = ()
+    forces: Annotated[tuple[Component, ...], Word(whole=True, kind="force")] = ()
+    ground: Annotated[bool, Word(whole=True, varies="never")] = True
+    world: Annotated[Contact | None, Word("/world")] = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         if self.world is not None and not hasattr(self.world, "on"):
@@ -284,18 +294,30 @@ class Agent:
     """
 
     plant: Truth
-    controller: Controller
-    reference: Trajectory
-    tracking_start: Scalar = 0
-    path_time: PathTime | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
-    noise: SensorNoise = PERFECT_SENSORS
-    sensors: tuple[NamedSensor, ...] = ()
-    estimator: Estimator = PASS_THROUGH
-    drives: tuple[JointDrive, ...] = ()
-    delays: Delays = Delays()
-    initial: State | None = None
-    faults: tuple[Fault, ...] = ()
-    payloads: tuple[TimedPayload, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+    controller: Annotated[
+        Controller,
+        Word("model", inside=("par", "model")),
+        Word(whole=True, entries=(("law", ()),), inside=("par",)),
+    ]
+    reference: Annotated[
+        Trajectory, Word(whole=True, entries=(("base", ("x", "y", "z")), ("yaw", ("yaw",)), ("joints", ("joints",))))
+    ]
+    tracking_start: Annotated[Scalar, Word("reference.tracking_start")] = 0
+    path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = dataclasses.field(
+        default=None, metadata=WRITTEN_IF_ANY
+    )
+    noise: Annotated[SensorNoise, Word("sensors")] = PERFECT_SENSORS
+    sensors: Annotated[tuple[NamedSensor, ...], Word("sensors.*", kind="sensor", inside=("*", "sensor"))] = ()
+    estimator: Annotated[Estimator, Word(whole=True, kind="estimator")] = PASS_THROUGH
+    drives: Annotated[tuple[JointDrive, ...], Word("plant.drives.*", kind="drive", inside=("*", "drive"))] = ()
+    delays: Annotated[Delays, STRUCTURAL] = Delays()
+    initial: Annotated[State | None, Word(varies="between")] = None
+    faults: Annotated[
+        tuple[Fault, ...], Word("/environment.faults", whole=True, reader="skyarm.world.faults:faults_from")
+    ] = ()
+    payloads: Annotated[tuple[TimedPayload, ...], Word("payloads")] = dataclasses.field(
+        default=(), metadata=WRITTEN_IF_ANY
+    )
 
     def __post_init__(self) -> None:
         accept_fields(self, "", ScenarioError)
@@ -309,16 +331,13 @@ class Agent:
             object.__setattr__(self, "initial", _as_data(self.initial))
 
 
-GROUPS: Mapping[str, type] = {"solver": Solver, "agent": Agent, "environment": Environment}
-"""Fields of a scenario that are records of several of a file's words."""
-
-
-class Word(Generic[Held]):
+class Shortcut(Generic[Held]):
     """Descriptor that makes ``scenario.wind`` a shortcut for ``scenario.environment.wind``."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
-        self._group = next(group for group, kind in GROUPS.items() if name in (field_names(kind) or ()))
+        groups = (("solver", Solver), ("agent", Agent), ("environment", Environment))
+        self._group = next(group for group, kind in groups if name in (field_names(kind) or ()))
 
     def __get__(self, scenario: Scenario | None, owner: type) -> Held:
         if scenario is None:  # of the class, as for any descriptor
@@ -345,18 +364,20 @@ class Scenario:
         seed, episode: keys of all noise.
     """
 
-    name: str
-    title: str = ""
-    duration: Annotated[float, Unit("s", low=0.0, strict=True)]
-    rates: Rates = Rates()
-    solver: Solver = Solver()
-    agent: Agent
-    environment: Environment = Environment()
-    endings: tuple[Ending, ...] = ()
-    windows: Windows = Windows()
-    changes: tuple[Change, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
-    seed: int = 0
-    episode: int = 0
+    name: Annotated[str, STRUCTURAL]
+    title: Annotated[str, STRUCTURAL] = ""
+    duration: Annotated[float, Unit("s", low=0.0, strict=True), STRUCTURAL]
+    rates: Annotated[Rates, STRUCTURAL] = Rates()
+    solver: Annotated[Solver, Word("plant", group=True)] = Solver()
+    agent: Annotated[Agent, Word("", group=True)]
+    environment: Annotated[Environment, Word(group=True)] = Environment()
+    endings: Annotated[tuple[Ending, ...], Word(whole=True, kind="ending")] = ()
+    windows: Annotated[Windows, STRUCTURAL] = Windows()
+    changes: Annotated[tuple[Change, ...], Word(varies="between")] = dataclasses.field(
+        default=(), metadata=WRITTEN_IF_ANY
+    )
+    seed: Annotated[int, STRUCTURAL] = 0
+    episode: Annotated[int, STRUCTURAL] = 0
 
     def __init__(self, **words: Any) -> None:
         from skyarm.scenario.scenario_checks import check_scenario
@@ -389,26 +410,26 @@ class Scenario:
         kept = tuple(each for each in self.changes if not each.of_law)
         return self.with_words(controller=controller, changes=kept)
 
-    kind = Word[str]()
-    integrator = Word[str]()
-    wind = Word[Wind]()
-    air = Word[tuple[Component, ...]]()
-    forces = Word[tuple[Component, ...]]()
-    ground = Word[bool]()
-    world = Word["Contact | None"]()
-    plant = Word[Truth]()
-    controller = Word[Controller]()
-    reference = Word[Trajectory]()
-    tracking_start = Word[Scalar]()
-    path_time = Word["PathTime | None"]()
-    noise = Word[SensorNoise]()
-    sensors = Word[tuple[NamedSensor, ...]]()
-    estimator = Word[Estimator]()
-    drives = Word[tuple[JointDrive, ...]]()
-    delays = Word[Delays]()
-    initial = Word["State | None"]()
-    faults = Word[tuple[Fault, ...]]()
-    payloads = Word[tuple[TimedPayload, ...]]()
+    kind = Shortcut[str]()
+    integrator = Shortcut[str]()
+    wind = Shortcut[Wind]()
+    air = Shortcut[tuple[Component, ...]]()
+    forces = Shortcut[tuple[Component, ...]]()
+    ground = Shortcut[bool]()
+    world = Shortcut["Contact | None"]()
+    plant = Shortcut[Truth]()
+    controller = Shortcut[Controller]()
+    reference = Shortcut[Trajectory]()
+    tracking_start = Shortcut[Scalar]()
+    path_time = Shortcut["PathTime | None"]()
+    noise = Shortcut[SensorNoise]()
+    sensors = Shortcut[tuple[NamedSensor, ...]]()
+    estimator = Shortcut[Estimator]()
+    drives = Shortcut[tuple[JointDrive, ...]]()
+    delays = Shortcut[Delays]()
+    initial = Shortcut["State | None"]()
+    faults = Shortcut[tuple[Fault, ...]]()
+    payloads = Shortcut[tuple[TimedPayload, ...]]()
 
     @property
     def steps(self) -> int:
@@ -477,7 +498,7 @@ def _group_fields(words: dict[str, Any]) -> dict[str, Any]:
     """Sort keywords such as ``wind`` into the Scenario fields that contain them, and add defaults."""
     found: dict[str, Any] = {}
     for name, default in defaults(Scenario).items():
-        kind = GROUPS.get(name)
+        kind = groups(Scenario).get(name)
         inner = {word: words.pop(word) for word in field_names(kind) or () if word in words} if kind else {}
         if kind and inner:
             given = words.pop(name, None)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any, get_args, get_origin
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
@@ -16,66 +17,61 @@ from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import rules
 from skyarm.records.files import Fields, errors_as, number, shown
 from skyarm.records.files.fields import list_of_tables
-from skyarm.records.leaves import Place, parts
+from skyarm.records.leaves import parts
 from skyarm.records.read_table import record_from, registered_from
 from skyarm.records.registry.plugins import known_names
 from skyarm.records.registry.registrations import LOADED_BY
+from skyarm.records.words import Slot, slots
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
-from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario, trimmed_state
-from skyarm.sensing.estimate.estimator import Estimator
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
 from skyarm.vehicle.vehicle_tables import mounted_drives
-from skyarm.world import Component, Payload, faults_from, wind_from
+from skyarm.world import Payload
 
 if TYPE_CHECKING:
     from skyarm.reference.feasibility import Feasibility
     from skyarm.world.contact.contact import Contact
 
 
-def _several(kind: str, base: type, tables: object, where: str) -> tuple[Any, ...]:
-    """Read a list of tables ``{ kind = NAME, ... }``, each as an instance of the class registered as NAME."""
-    return tuple(registered_from(kind, base, each.table, each.where) for each in list_of_tables(tables, where))
+@cache
+def parts_by_path() -> dict[str, Slot]:
+    """Words of a file that are read by themselves, and may be replaced by a scheduled change as a whole."""
+    return {slot.path: slot for slot in slots(Scenario) if slot.word.whole and not slot.word.entries}
 
 
-def _estimator(table: object, where: str) -> Estimator:
-    """Read an estimator from a table, or from the name of its kind."""
-    found: Estimator = registered_from(
-        "estimator", Estimator, {"kind": table} if isinstance(table, str) else table, where
-    )
-    return found
+def read_part(slot: Slot, entry: object) -> Any:
+    """Value of a word's field, from what a file has in its place.
 
+    A list of tables is read if the field is a tuple; a text alone names the kind of a single component.
 
-def _ground(value: object, where: str) -> bool:
-    return Fields({"ground": value}, where.rpartition(".")[0]).flag("ground")
-
-
-PARTS: Mapping[str, tuple[Place, Callable[[Any, str], Any]]] = {
-    "environment.wind": (("environment", "wind"), wind_from),
-    "environment.faults": (("agent", "faults"), faults_from),
-    "environment.air": (("environment", "air"), partial(_several, "air", Component)),
-    "environment.forces": (("environment", "forces"), partial(_several, "force", Component)),
-    "environment.ground": (("environment", "ground"), _ground),
-    "estimator": (("agent", "estimator"), _estimator),
-    "endings": (("endings",), partial(_several, "ending", Ending)),
-}
-"""Path in a file -> place in the scenario, and reader of (value, path): parts that need no others to be read."""
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    word, path = slot.word, slot.path
+    if word.reader:
+        return resolve_name(word.reader)(entry, path)
+    if not word.kind:
+        return Fields({path.rpartition(".")[2]: entry}, path.rpartition(".")[0]).flag(path.rpartition(".")[2])
+    if get_origin(slot.type) is not tuple:
+        return registered_from(word.kind, slot.type, {"kind": entry} if isinstance(entry, str) else entry, path)
+    base = get_args(slot.type)[0]
+    return tuple(registered_from(word.kind, base, each.table, each.where) for each in list_of_tables(entry, path))
 
 
 def parts_from(tables: Mapping[str, Fields]) -> dict[str, Any]:
     """Read the optional wind, faults, air, forces, ground, estimator and endings of a scenario file."""
     found = {}
-    for path, (place, read) in PARTS.items():
+    for path, slot in parts_by_path().items():
         within, _, name = path.rpartition(".")
-        value = tables[within].take(name, None)
+        entry = tables[within].take(name, None)
         if name in tables[within].table:
-            found[place[-1]] = read(value, path)
+            found[slot.place[-1]] = read_part(slot, entry)
     return found
 
 
