@@ -21,7 +21,7 @@ from shipped_files import NAMES, PINS, RICH, scenario
 import skyarm
 from skyarm.records.leaves import Place, is_record, part
 from skyarm.scenario.numbers import number_at, unit_at
-from skyarm.scenario.paths import LATER, TRACKING_START, names, places_of, roots
+from skyarm.scenario.paths import delay_words, names, places_of, roots
 from skyarm.scenario.scenario_record import ScenarioError, first_state
 
 FILE = PINS / "paths.json"
@@ -42,7 +42,7 @@ def paths(given: skyarm.Scenario) -> Iterator[str]:
     for root, start in roots(given).items():
         if part(given, start) is not None:
             yield from _below(given, root, (start,), names(part(given, start)))
-    yield from (*LATER, TRACKING_START)
+    yield from (*delay_words(), "reference.tracking_start")
 
 
 def _below(given: skyarm.Scenario, path: str, heads: tuple[Place, ...], options: Mapping[str, Any]) -> Iterator[str]:
