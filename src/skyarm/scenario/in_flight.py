@@ -29,6 +29,7 @@ from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.controller_table import controller_by_name, controller_from, loop_facts
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
 from skyarm.scenario.paths import delay_words, is_below, place_of_delay, roots, variable_words
+from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -58,7 +59,10 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     """
     model = scenario.controller.par.model
     with errors_as(ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError):
-        return dataclasses.replace(scenario, **_fields_of_part(scenario, path, value))
+        fields = _fields_of_part(scenario, path, value)
+        changed = dataclasses.replace(scenario, **fields)
+        check_scenario(changed, [slot.record for slot in slots(Scenario) if not fields.keys().isdisjoint(slot.record)])
+        return changed
 
 
 def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[str, Any]:

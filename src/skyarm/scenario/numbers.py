@@ -37,6 +37,7 @@ from skyarm.records.files import errors_as, shown
 from skyarm.records.leaves import Place, part, replace_at
 from skyarm.records.units import Unit, units
 from skyarm.scenario.paths import places_of
+from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state, trimmed_state
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.payload import LOAD, Payload
@@ -44,6 +45,8 @@ from skyarm.world.payload import LOAD, Payload
 ROTORS: Place = ("agent", "controller", "par", "model", "vehicle", "rotors")
 
 DRIVES: Place = (*ROTORS[:-1], "drives")
+
+INITIAL: Place = ("agent", "initial")
 
 DERIVED = ("initial.", "reference.", "plant.payload.", "model.payload.")
 """Beginnings of paths that need not be made data in the scenario before they vary."""
@@ -157,7 +160,6 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     for (field, *inner, _, frame), mass in loads.items():
         record, place = fields.get(field, getattr(scenario, field)), tuple(inner)
         fields[field] = replace_at(record, {place: part(record, place).with_payload(mass, frame)})
-    # a scenario is checked whenever it is made: once
     changed = dataclasses.replace(scenario, **fields) if fields else scenario
     if any(place[: len(ROTORS)] == ROTORS for place in leaves):
         par = changed.controller.par
@@ -169,6 +171,8 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         changed = changed.with_words(controller=made)
     if start:
         changed = changed.with_words(initial=start_with(changed, start))
+    places = [*leaves, *(place[:-2] for place in loads), *([INITIAL] if start else [])]
+    check_scenario(changed, places, numbers=True)
     return changed
 
 

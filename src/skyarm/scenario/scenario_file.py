@@ -69,6 +69,8 @@ from skyarm.records.read_table import record_from
 from skyarm.records.registry import names
 from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.controller_table import controller_from, loop_facts, require_servos_said, under_law
+from skyarm.scenario.numbers import INITIAL
+from skyarm.scenario.scenario_checks import check_scenario, require_start_outside
 from skyarm.scenario.scenario_record import (
     Change,
     Delays,
@@ -250,6 +252,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         **reference,
         **chosen,
     )
+    check_scenario(scenario)
     for fields in (plant, environment):
         fields.done()
     if "duration" not in replaced:  # what takes its place shortens the flight, not the file
@@ -273,9 +276,8 @@ def _at_start(scenario: Scenario, initial: object) -> Scenario:
         scenario = scenario.with_words(world=rested)
     if initial is not None:
         scenario = scenario.with_words(initial=tables.initial(Fields(initial, "initial"), scenario))
+        check_scenario(scenario, [INITIAL])
     if scenario.world is not None:
-        from skyarm.scenario.scenario_checks import require_start_outside
-
         require_start_outside(scenario)
     return scenario
 

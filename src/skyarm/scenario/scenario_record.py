@@ -380,8 +380,6 @@ class Scenario:
     episode: Annotated[int, STRUCTURAL] = 0
 
     def __init__(self, **words: Any) -> None:
-        from skyarm.scenario.scenario_checks import check_scenario
-
         with errors_as(ScenarioError):
             for name, value in _group_fields(words).items():
                 object.__setattr__(self, name, value)
@@ -391,7 +389,6 @@ class Scenario:
             accept_fields(self, "")
             if self.world is not None and (fitted := self.world.on(self.plant.vehicle)) is not self.world:
                 object.__setattr__(self, "environment", dataclasses.replace(self.environment, world=fitted))
-            check_scenario(self)
 
     def with_words(self, **words: Any) -> Scenario:
         """Scenario with some fields replaced, also fields of its groups, such as ``wind`` of ``environment``."""
