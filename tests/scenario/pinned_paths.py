@@ -20,8 +20,9 @@ from shipped_files import NAMES, PINS, RICH, scenario
 
 import skyarm
 from skyarm.records.leaves import Place, is_record, part
+from skyarm.records.path_names import path_names
 from skyarm.scenario.numbers import number_at, unit_at
-from skyarm.scenario.paths import delay_words, names, places_of, roots
+from skyarm.scenario.paths import delay_words, places_of, roots
 from skyarm.scenario.scenario_record import ScenarioError, first_state
 
 FILE = PINS / "paths.json"
@@ -41,7 +42,7 @@ def paths(given: skyarm.Scenario) -> Iterator[str]:
     """Every path that begins with a root and goes on through names, those of records and lists included."""
     for root, start in roots(given).items():
         if part(given, start) is not None:
-            yield from _below(given, root, (start,), names(part(given, start)))
+            yield from _below(given, root, (start,), path_names(part(given, start)))
     yield from (*delay_words(), "reference.tracking_start")
 
 
@@ -50,7 +51,7 @@ def _below(given: skyarm.Scenario, path: str, heads: tuple[Place, ...], options:
         yield f"{path}.{name}"
         if isinstance(found, tuple):
             places = tuple((*head, *tail) for head in heads for tail in found)
-            yield from _below(given, f"{path}.{name}", places, names(part(given, places[0])))
+            yield from _below(given, f"{path}.{name}", places, path_names(part(given, places[0])))
         else:
             yield from _below(given, f"{path}.{name}", heads, found)
 

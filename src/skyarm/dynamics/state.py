@@ -11,6 +11,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
+from skyarm.records.words import Word
 
 
 @immutable
@@ -18,7 +19,7 @@ class State:
     """State of a vehicle: all quantities that the simulation integrates."""
 
     position: Annotated[Vec3, Unit("m", "base origin, world axes", usual=1000.0)]
-    quaternion: Annotated[Quaternion, Unit("", "w x y z, unit, base to world")]
+    quaternion: Annotated[Quaternion, Unit("", "w x y z, unit, base to world"), Word("quaternion_wxyz")]
     velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
     rate: Annotated[Vec3, Unit("rad/s", "angular velocity, base axes", usual=50.0)]
     joints: Annotated[tuple[Scalar, ...], Unit("rad or m")] = ()

@@ -171,8 +171,8 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         changed = changed.with_words(controller=made)
     if start:
         changed = changed.with_words(initial=start_with(changed, start))
-    places = [*leaves, *(place[:-2] for place in loads), *([INITIAL] if start else [])]
-    check_scenario(changed, places, numbers=True)
+    replaced = [*leaves, *(place[:-2] for place in loads), *([INITIAL] if start else [])]
+    check_scenario(changed, replaced, numbers=True)
     return changed
 
 

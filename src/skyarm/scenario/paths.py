@@ -6,26 +6,16 @@ file's word may be another than the record's (``force`` is ``force_W``). Both wo
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
-from skyarm.dynamics import State
-from skyarm.plant.interface import Truth
 from skyarm.records.files import did_you_mean
-from skyarm.records.leaves import Place, field_names, part, parts
-from skyarm.records.registry.registrations import name_of
+from skyarm.records.leaves import Place, part
+from skyarm.records.path_names import path_names
 from skyarm.records.words import EACH, lifted_fields, slots
-from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.reference.path_time import PLANNED
-from skyarm.reference.tip_motion import TipMotion
-from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.vehicle.linkage import JOINT_NUMBERS
-from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world import Air, AirSignals, Force, ForceWind, Gust, MovingAir
 
 LATE = "delays.command"
 """Path of the commands' delay, which stays out of the numbers of a flight that has none."""
@@ -110,7 +100,7 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tu
     places: Any = (start,)
     for word in words:
         if isinstance(places, tuple):
-            options = names(part(scenario, places[0]))
+            options = path_names(part(scenario, places[0]))
             heads = places
         else:
             options, heads = places, (start,)
@@ -125,8 +115,7 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tu
         start = heads[0]
     if not isinstance(places, tuple):
         raise ScenarioError(f"path = {path!r}: must lead to a number; there are {', '.join(places)}")
-    # a number of the file that is held as a signal
-    return tuple((*at, "value") if isinstance(part(scenario, at), Constant) else at for at in places)
+    return tuple((*at, *getattr(part(scenario, at), "own_number", ())) for at in places)
 
 
 def _named_sensors_and_drives(scenario: Scenario, path: str) -> list[str]:
@@ -142,142 +131,3 @@ def _with_heads(heads: tuple[Place, ...], found: object) -> Any:
     if isinstance(found, tuple):
         return tuple((*head, *tail) for head in heads for tail in found)
     return found
-
-
-Tree = Mapping[str, Any]
-"""Name -> places it stands for, or a tree of more names."""
-
-WORDS: Mapping[type, Mapping[str, str]] = {
-    ForceWind: {"force": "force_W", "point": "point_B", "air_velocity": "air_velocity_W"},
-    MovingAir: {"velocity": "velocity_W"},
-    AirSignals: {"velocity": "velocity_W"},
-    Gust: {"force": "peak", "velocity": "peak"},
-    State: {"quaternion_wxyz": "quaternion"},
-}
-"""Words of the file for fields of records."""
-
-
-REGISTERED: Mapping[type, str] = {Air: "air", Force: "force", Ending: "ending"}
-"""Items of lists that bear the name of their class."""
-
-
-def names(record: object) -> dict[str, tuple[Place, ...] | Tree]:
-    """Names that may continue a parameter path inside a given dataclass or tuple, with the field of each."""
-    found: dict[str, tuple[Place, ...] | Tree] = {}
-    if isinstance(record, tuple):
-        found |= {number: ((number,),) for number in parts(record)}
-        named = [_name(item) for item in record]
-        return found | {name: ((str(i),),) for i, name in enumerate(named) if name and named.count(name) == 1}
-    fields = field_names(type(record))
-    if fields is None:
-        return found
-    signal: Any = record
-    if isinstance(signal, Signal):
-        return _signal(signal)
-    found |= {field: ((field,),) for field in fields}
-    if isinstance(record, (Vec3, Quaternion)):
-        found |= {str(i): ((field,),) for i, field in enumerate(fields)}
-    for word, field in WORDS.get(type(record), {}).items():
-        found[word] = ((field,),)
-    if isinstance(record, Truth):
-        found["joints"] = _every_joint(record.vehicle)
-    if isinstance(record, Trajectory):
-        found["base"] = _motions(record)
-        for part_name in ("tip", "push", "load"):
-            if getattr(record, part_name) is None:
-                del found[part_name]
-    if isinstance(record, TipMotion):
-        found["path"] = _motions(record)
-    return found
-
-
-def _name(item: object) -> str | None:
-    """Name of a list item: its ``name`` field, else the name under which its class is registered."""
-    own = getattr(item, "name", None)
-    if isinstance(own, str):
-        return own
-    kind = next((kind for base, kind in REGISTERED.items() if isinstance(item, base)), None)
-    return name_of(kind, type(item)) if kind else None
-
-
-def _every_joint(vehicle: Vehicle) -> Tree:
-    """Parameter names of [plant] joints = { damping, ... }, each of which sets one number for every joint."""
-    return {
-        field: tuple(("vehicle", "links", str(i), "joint", field) for i in range(vehicle.n))
-        for field in JOINT_NUMBERS
-        if vehicle.n
-    }
-
-
-def _signal(signal: Signal) -> dict[str, tuple[Place, ...] | Tree]:
-    """Parameter names of a signal's fields, including those of a signal inside a window or time shift."""
-    found: dict[str, tuple[Place, ...] | Tree] = {}
-    if isinstance(signal, (Windowed, Shifted)):
-        found |= {name: _under(("signal",), at) for name, at in names(signal.signal).items()}
-    if isinstance(signal, Sum):
-        found |= {str(i): (("signals", str(i)),) for i in range(len(signal.signals))}
-    found |= {field: ((field,),) for field in parts(signal)}
-    if isinstance(signal, Windowed) and isinstance(signal.signal, Shifted) and isinstance(signal.signal.signal, Sine):
-        # the time of a sine that starts counts from there
-        found["start"] = (("start",), ("signal", "delay"))
-    return found
-
-
-def _under(head: Place, at: tuple[Place, ...] | Tree) -> tuple[Place, ...] | Tree:
-    """Prepend the field of a containing dataclass to the fields of the contained dataclass."""
-    if isinstance(at, tuple):
-        return tuple((*head, *place) for place in at)
-    return {name: _under(head, inner) for name, inner in at.items()}
-
-
-def _motions(motion: Trajectory | TipMotion) -> Tree:
-    """Parameter names of [reference.base] or the tip's path, as in the file: hover, circle, signals, or a list."""
-    axes = [(getattr(motion, letter), (letter,)) for letter in "xyz"]
-    terms = [_terms(*axis) for axis in axes]
-    if all(terms):
-        return {str(i): _motion(*term) for i, term in enumerate(zip(*terms, strict=False))}
-    return _motion(*axes)
-
-
-def _terms(signal: Signal, at: Place) -> list[tuple[Signal, Place]] | None:
-    """Terms of a sum ((0 + a) + b) ... of a list of motions, with their field paths; None for any other signal."""
-    match signal:
-        case Constant(value=int() | float() as value) if value == 0.0:
-            return []
-        case Sum(signals=(before, last)):
-            terms = _terms(before, (*at, "signals", "0"))
-            return None if terms is None else [*terms, (last, (*at, "signals", "1"))]
-    return None
-
-
-def _motion(*axes: tuple[Signal, Place]) -> Tree:
-    """Parameter names of one motion, such as "radius" for a circle, by its three signals with their field paths."""
-    places = [place for _, place in axes]
-    found: dict[str, Any] = {letter: (place,) for letter, place in zip("xyz", places, strict=True)}
-    if all(isinstance(signal, Constant) for signal, _ in axes):
-        found["position"] = _vector([(*place, "value") for place in places])
-    if all(_is_circle(signal) for signal, _ in axes[:2]):
-        centers = [(*place, "signals", "0", "value") for place in places[:2]]
-        windows = [(*place, "signals", "1") for place in places[:2]]
-        sines = [(*place, "signal", "signal") for place in windows]
-        found |= {
-            "radius": tuple((*place, "amplitude") for place in sines),
-            "frequency_hz": tuple((*place, "frequency_hz") for place in sines),
-            "center": _vector([*centers, (*places[2], "value")]),
-            "start": tuple(place for at in windows for place in ((*at, "start"), (*at, "signal", "delay"))),
-            "stop": tuple((*place, "stop") for place in windows),
-        }
-    return found
-
-
-def _is_circle(signal: object) -> bool:
-    """True for a centre plus a windowed, shifted sine, the form that :func:`skyarm.reference.circle` builds."""
-    match signal:
-        case Sum(signals=(Constant(), Windowed(signal=Shifted(signal=Sine())))):
-            return True
-    return False
-
-
-def _vector(places: Sequence[Place]) -> Tree:
-    """Parameter names of a vector's components: x, y, z and 0, 1, 2."""
-    return {name: (place,) for i, place in enumerate(places) for name in ("xyz"[i], str(i))}

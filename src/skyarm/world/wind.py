@@ -15,6 +15,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
+from skyarm.records.words import Word
 from skyarm.world import dryden
 from skyarm.world.component import Air, Component, Event, Force, Wrench
 from skyarm.world.dryden import Dryden
@@ -75,9 +76,13 @@ class ForceWind(GustyWind, Force):
     Source: RotorS, gazebo_wind_plugin.cpp lines 137-177.
     """
 
-    force_W: Annotated[Vec3, Unit("N", "mean force on the base, world axes", folds=True, usual=500.0)] = ZERO3
-    point_B: Annotated[Vec3, Unit("m", "where mean and gust force act, base axes", folds=True)] = ZERO3
-    air_velocity_W: Annotated[Vec3, Unit("m/s", "constant wind that the rotors feel", folds=True, usual=60.0)] = ZERO3
+    force_W: Annotated[
+        Vec3, Unit("N", "mean force on the base, world axes", folds=True, usual=500.0), Word("force")
+    ] = ZERO3
+    point_B: Annotated[Vec3, Unit("m", "where mean and gust force act, base axes", folds=True), Word("point")] = ZERO3
+    air_velocity_W: Annotated[
+        Vec3, Unit("m/s", "constant wind that the rotors feel", folds=True, usual=60.0), Word("air_velocity")
+    ] = ZERO3
     gust: Gust | None = None
     gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
 
@@ -109,7 +114,9 @@ class MovingAir(GustyWind, Air):
         turbulence: parameters of the Dryden model; None for smooth air.
     """
 
-    velocity_W: Annotated[Vec3, Unit("m/s", "mean velocity of the air, world axes", folds=True, usual=60.0)] = ZERO3
+    velocity_W: Annotated[
+        Vec3, Unit("m/s", "mean velocity of the air, world axes", folds=True, usual=60.0), Word("velocity")
+    ] = ZERO3
     gust: Gust | None = None
     turbulence: Dryden | None = None
     gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)

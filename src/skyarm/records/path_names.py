@@ -1,0 +1,71 @@
+"""Names that continue a parameter path inside a record: its fields, their words in a file, items of a list.
+
+A class whose numbers a file calls otherwise has a method ``path_names`` that says how: a circle is three signals, and
+its radius the amplitude of two.
+"""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.records.leaves import Place, field_names, parts
+from skyarm.records.registry.registrations import name_of
+from skyarm.records.words import declared_words
+
+Names = Mapping[str, Any]
+"""Name -> the places that it denotes (several if one number is stored more than once), or more names."""
+
+
+def path_names(record: Any) -> dict[str, Any]:
+    """Names that may continue a parameter path inside a given dataclass or tuple, as :data:`Names`."""
+    own = getattr(record, "path_names", None)
+    found: dict[str, Any] = field_paths(record) if own is None else own()
+    return found
+
+
+def field_paths(record: Any) -> dict[str, Any]:
+    """Names of a dataclass' fields and their words in a file, or of a tuple's items by number and name."""
+    if isinstance(record, tuple):
+        named = [_name(item) for item in record]
+        found: dict[str, Any] = {number: ((number,),) for number in parts(record)}
+        return found | {name: ((str(i),),) for i, name in enumerate(named) if name and named.count(name) == 1}
+    fields = field_names(type(record)) or ()
+    found = {field: ((field,),) for field in fields}
+    if isinstance(record, (Vec3, Quaternion)):
+        found |= {str(i): ((field,),) for i, field in enumerate(fields)}
+    return found | {word: ((field,),) for word, field in _words(type(record)).items()}
+
+
+@cache
+def _words(kind: Any) -> dict[str, str]:
+    """A file's words for fields of a dataclass that are called otherwise."""
+    if field_names(kind) is None:
+        return {}
+    try:
+        full = typing.get_type_hints(kind, include_extras=True)
+    except (NameError, TypeError):  # a name that only type checkers import
+        return {}
+    said = ((word.at, name) for name in field_names(kind) or () if name in full for word in declared_words(full[name]))
+    return {word: name for word, name in said if word and word.isidentifier()}
+
+
+def _name(item: object) -> str | None:
+    """Name of a list item: its ``name`` field, else the name under which its class is registered."""
+    own = getattr(item, "name", None)
+    if isinstance(own, str):
+        return own
+    kind = getattr(item, "registered_as", None)
+    return name_of(kind, type(item)) if isinstance(kind, str) else None
+
+
+def below(head: Place, found: Names) -> dict[str, Any]:
+    """Names of a part, with places as seen from the record that holds the part at a place."""
+
+    def placed(inner: Any) -> Any:
+        return tuple((*head, *place) for place in inner) if isinstance(inner, tuple) else below(head, inner)
+
+    return {name: placed(inner) for name, inner in found.items()}
