@@ -36,7 +36,7 @@ def test_a_payload_is_at_the_tip_or_at_a_frame_of_the_vehicle():
     for path in ("plant.payload.mass", "plant.payload.tip.mass"):
         assert float(skyarm.with_numbers(CASE, {path: 0.05}).plant.vehicle.mass) == pytest.approx(own + 0.05)
     for path in ("plant.payload.hand.mass", "plant.payload.tip", "plant.payload.tip.mass.kg"):
-        with pytest.raises(ScenarioError, match=r"must be plant\.payload\.mass \(at the tip\) or one of"):
+        with pytest.raises(ScenarioError, match=r"there are mass|must lead to a number|no 'kg' here"):
             skyarm.with_numbers(CASE, {path: 0.05})
 
 

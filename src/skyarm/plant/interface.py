@@ -31,9 +31,9 @@ class Truth:
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, rule=coerce.number, usual=25.0)] = 9.81
 
     def path_names(self) -> Names:
-        """Names of the fields; of a number that [plant] joints sets for every joint; of drives by their joints."""
+        """Names of the fields, of loads, of numbers that [plant] joints sets for all joints, and of drives by joint."""
         vehicle = self.vehicle
-        found = field_paths(self)
+        found = field_paths(self) | {"payload": vehicle.load_names()}
         found["joints"] = {
             name: tuple(("vehicle", "links", str(i), "joint", name) for i in range(vehicle.n))
             for name in JOINT_NUMBERS

@@ -7,17 +7,48 @@ its radius the amplitude of two.
 from __future__ import annotations
 
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any
+from typing import Any, Protocol
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, field_names, parts
 from skyarm.records.registry.registrations import name_of
+from skyarm.records.units import Unit
 from skyarm.records.words import declared_words
 
 Names = Mapping[str, Any]
-"""Name -> the places that it denotes (several if one number is stored more than once), or more names."""
+"""Name -> the places that it denotes (several if one number is stored more than once), or a view, or more names."""
+
+
+@immutable(kw_only=False)
+class View:
+    """Number that is no field of a record but follows from several, such as an angle of an attitude.
+
+    Attributes:
+        name: as the methods of :class:`Viewed` take it. unit: of the number.
+        inside: place of the record with these methods.
+        adds: a number in its place comes on top of what the record has.
+    """
+
+    name: str
+    unit: Unit
+    inside: Place = ()
+    adds: bool = False
+
+
+class Viewed(Protocol):
+    """Record with numbers that follow from several of its fields."""
+
+    def viewed(self, name: str) -> float:
+        """Return the number of a view."""
+        ...
+
+    def with_viewed(self, values: Mapping[str, Scalar]) -> Any:
+        """Return the record with the numbers of some views, by name, replaced together."""
+        ...
 
 
 def path_names(record: Any) -> dict[str, Any]:
@@ -37,12 +68,10 @@ def field_paths(record: Any) -> dict[str, Any]:
     found = {field: ((field,),) for field in fields}
     if isinstance(record, (Vec3, Quaternion)):
         found |= {str(i): ((field,),) for i, field in enumerate(fields)}
-    return found | {word: ((field,),) for word, field in _words(type(record)).items()}
+    return found | {word: ((field,),) for word, field in words_of_fields(type(record)).items()}
 
 
-@cache
-def _words(kind: Any) -> dict[str, str]:
-    """A file's words for fields of a dataclass that are called otherwise."""
+def _words(kind: type) -> dict[str, str]:
     if field_names(kind) is None:
         return {}
     try:
@@ -51,6 +80,10 @@ def _words(kind: Any) -> dict[str, str]:
         return {}
     said = ((word.at, name) for name in field_names(kind) or () if name in full for word in declared_words(full[name]))
     return {word: name for word, name in said if word and word.isidentifier()}
+
+
+words_of_fields: Callable[[type], dict[str, str]] = cache(_words)
+"""A file's words for fields of a dataclass that are called otherwise."""
 
 
 def _name(item: object) -> str | None:

@@ -140,7 +140,7 @@ class Overrides:
             if not self.holds(parts, path):
                 with suppress(ScenarioError):
                     numbers[path] = number_at(parts, path)
-        if sum(is_added(path) for path in numbers) <= 1:  # loads add up, and sums depend on their order
+        if sum(is_added(parts, path) for path in numbers) <= 1:  # loads add up, and sums depend on their order
             with suppress(ScenarioError):
                 require_apart(parts, tuple(numbers))
                 numbers = dict(sorted(numbers.items()))
@@ -148,7 +148,7 @@ class Overrides:
 
     def holds(self, scenario: Scenario, path: str) -> bool:
         """True if the parameter at a path is overridden, also under another name: faults.0 may be faults.front."""
-        if not self.numbers or is_added(path) or path in dict(self.numbers):
+        if not self.numbers or is_added(scenario, path) or path in dict(self.numbers):
             return path in dict(self.numbers)
         for own, _ in self.numbers:
             with suppress(ScenarioError):
@@ -363,8 +363,8 @@ def _require_number(scenario: Scenario, change: Change) -> None:
 
 def _require_one_load(scenario: Scenario, path: str, changed: Sequence[str]) -> None:
     """Raise an error if two paths set the payload mass at one frame, because payload masses add up."""
-    for other in changed if is_added(path) else ():
-        if other != path and is_added(other) and means_the_same(scenario, path, other):
+    for other in changed if is_added(scenario, path) else ():
+        if other != path and is_added(scenario, other) and means_the_same(scenario, path, other):
             raise ScenarioError(f"path = {path!r}: is the same load as {other!r}, must be changed by that name")
 
 

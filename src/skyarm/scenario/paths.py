@@ -7,12 +7,12 @@ file's word may be another than the record's (``force`` is ``force_W``). Both wo
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.files import did_you_mean
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, part
-from skyarm.records.path_names import path_names
+from skyarm.records.path_names import Names, View, path_names
 from skyarm.records.words import EACH, lifted_fields, slots
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -21,21 +21,47 @@ LATE = "delays.command"
 """Path of the commands' delay, which stays out of the numbers of a flight that has none."""
 
 
+@immutable(kw_only=False)
+class Target:
+    """Number that a path leads to: the fields that store it, or a view of a record at a place.
+
+    Attributes:
+        places: fields; of a view its record. view: None for fields.
+    """
+
+    places: tuple[Place, ...]
+    view: View | None = None
+
+    @property
+    def names(self) -> tuple[Place, ...]:
+        """Names of the number: two paths with a name in common lead to the same number."""
+        return self.places if self.view is None else ((*self.places[0], f"view of {self.view.name}"),)
+
+
 def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
     """Fields of a scenario that store the parameter at a path; several if one number is stored more than once.
+
+    Raises:
+        ScenarioError: as :func:`target_of`.
+    """
+    return target_of(scenario, path).names
+
+
+def target_of(scenario: Scenario, path: str) -> Target:
+    """Number that a path of a scenario's file, or of its records, leads to.
 
     Raises:
         ScenarioError: a field that does not exist (with those that do), or one that is structure.
     """
     if (held := place_of_delay(scenario, path)) is not None:
-        return (held,)
+        return Target((held,))
     for slot in slots(Scenario):
         if slot.word.varies == "never" and is_below(path, slot.path):
             raise ScenarioError(
                 f"path = {path!r}: {slot.path} is structure, the same for all episodes; fly two studies"
             )
         if slot.type is Scalar and path == slot.path:
-            return (slot.place,)
+            return Target((slot.place,))
     if path.startswith("reference.") and scenario.path_time is not None:
         raise ScenarioError(f"path = {path!r}: {PLANNED}; make a scenario of each (skyarm.govern)")
     if path.startswith("changes.") and not path.endswith(".value"):
@@ -96,26 +122,25 @@ def roots(scenario: Scenario) -> dict[str, Place]:
     return {**found, **variable_words()}
 
 
-def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> tuple[Place, ...]:
-    places: Any = (start,)
+def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> Target:
+    places: tuple[Place, ...] = (start,)
+    tree: Names | None = None
+    whole = True
     for word in words:
-        if isinstance(places, tuple):
-            options = path_names(part(scenario, places[0]))
-            heads = places
-        else:
-            options, heads = places, (start,)
+        options: Names = path_names(part(scenario, places[0])) if tree is None else tree
         if word not in options:
-            known = [
-                *options,
-                *(_named_sensors_and_drives(scenario, path) if start in variable_words().values() else ()),
-            ]
+            known = [*options, *(_named_sensors_and_drives(scenario, path) if whole else ())]
             there = f"{did_you_mean(word, known)}there are {', '.join(known) or 'no fields'}"
             raise ScenarioError(f"path = {path!r}: no {word!r} here; {there}")
-        places = _with_heads(heads, options[word])
-        start = heads[0]
-    if not isinstance(places, tuple):
-        raise ScenarioError(f"path = {path!r}: must lead to a number; there are {', '.join(places)}")
-    return tuple((*at, *getattr(part(scenario, at), "own_number", ())) for at in places)
+        found, whole = options[word], False
+        if isinstance(found, View):
+            return Target(((*places[0], *found.inside),), found)
+        tree = None if isinstance(found, tuple) else found
+        if tree is None:
+            places = tuple((*head, *tail) for head in places for tail in found)
+    if tree is not None:
+        raise ScenarioError(f"path = {path!r}: must lead to a number; there are {', '.join(tree)}")
+    return Target(tuple((*at, *getattr(part(scenario, at), "own_number", ())) for at in places))
 
 
 def _named_sensors_and_drives(scenario: Scenario, path: str) -> list[str]:
@@ -124,10 +149,3 @@ def _named_sensors_and_drives(scenario: Scenario, path: str) -> list[str]:
     return [
         name.removeprefix(head) for name in roots(scenario) if name not in variable_words() and name.startswith(head)
     ]
-
-
-def _with_heads(heads: tuple[Place, ...], found: object) -> Any:
-    """Prepend each of several parent fields to the fields that a name denotes."""
-    if isinstance(found, tuple):
-        return tuple((*head, *tail) for head in heads for tail in found)
-    return found

@@ -257,7 +257,7 @@ def _refusals(scenario: Scenario, path: str) -> Iterator[str]:
         where = f"changes[{i}].path = {change.path!r}"
         if path == f"changes.{i}.value" and change.path.startswith(STATED):
             yield f"must not vary, since a largest integration step may follow from {where}"
-        if is_added(path) and is_added(change.path) and means_the_same(scenario, path, change.path):
+        if is_added(scenario, path) and is_added(scenario, change.path) and means_the_same(scenario, path, change.path):
             yield f"adds to {where}; vary changes.{i}.value, and set the payload of the start by a change at 0"
         if change.path in LAWS and path.startswith("model."):
             yield f"must not vary, since the law of {where} is made for one belief"

@@ -25,9 +25,8 @@ from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Body
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import LOAD, Vehicle
 from skyarm.world.component import Column, Component, Event, require_frame, select
-from skyarm.world.payload import LOAD
 
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene

@@ -100,7 +100,7 @@ def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
     """Field paths in the scenario record of a parameter path; empty if the parameter cannot vary."""
     try:
         number_at(scenario, path)
-        return ((path,),) if ".payload." in path else places_of(scenario, path)
+        return places_of(scenario, path)
     except ScenarioError:
         return ()
 
