@@ -46,11 +46,11 @@ class State:
         """Names of the fields, and of the ZYX Euler angles in place of the quaternion."""
         return field_paths(self) | {name: View(name, Unit("rad")) for name in ANGLES}
 
-    def viewed(self, name: str) -> float:
+    def number_of_view(self, name: str) -> float:
         """Angle of the attitude (roll, pitch or yaw), rad."""
         return float(euler_angles(self.quaternion.rotation())[ANGLES.index(name)])
 
-    def with_viewed(self, values: Mapping[str, Scalar]) -> State:
+    def with_views(self, values: Mapping[str, Scalar]) -> State:
         """State with some of roll, pitch and yaw (rad) replaced."""
         usual = dict(zip(ANGLES, euler_angles(self.quaternion.rotation()), strict=True))
         half = [(cos(0.5 * angle), sin(0.5 * angle)) for angle in (usual | dict(values)).values()]

@@ -42,11 +42,11 @@ class View:
 class Viewed(Protocol):
     """Record with numbers that follow from several of its fields."""
 
-    def viewed(self, name: str) -> float:
+    def number_of_view(self, name: str) -> float:
         """Return the number of a view."""
         ...
 
-    def with_viewed(self, values: Mapping[str, Scalar]) -> Any:
+    def with_views(self, values: Mapping[str, Scalar]) -> Any:
         """Return the record with the numbers of some views, by name, replaced together."""
         ...
 
@@ -98,7 +98,7 @@ def _name(item: object) -> str | None:
 def below(head: Place, found: Names) -> dict[str, Any]:
     """Names of a part, with places as seen from the record that holds the part at a place."""
 
-    def placed(inner: Any) -> Any:
+    def from_head(inner: Any) -> Any:
         return tuple((*head, *place) for place in inner) if isinstance(inner, tuple) else below(head, inner)
 
-    return {name: placed(inner) for name, inner in found.items()}
+    return {name: from_head(inner) for name, inner in found.items()}

@@ -109,7 +109,7 @@ def _number(scenario: Scenario, path: str, target: Target) -> float:
     found = part(scenario, target.places[0])
     if target.view is not None:
         seen: Viewed = found
-        return seen.viewed(target.view.name)
+        return seen.number_of_view(target.view.name)
     if isinstance(found, bool) or not isinstance(found, (int, float)):
         raise ScenarioError(f"path = {path!r}: must lead to a number, not to {type(found).__name__}")
     if target.places[0][:2] != INITIAL and _declaration(scenario, target.places[0]).fixed:
@@ -162,7 +162,7 @@ def _replaced(scenario: Scenario, fields: Mapping[Place, Any], views: Mapping[Pl
         if (name, *rest) != INITIAL:
             held, place = found.get(name, getattr(scenario, name)), tuple(rest)
             seen: Viewed = part(held, place)
-            found[name] = replace_at(held, {place: seen.with_viewed(numbers)})
+            found[name] = replace_at(held, {place: seen.with_views(numbers)})
     changed = dataclasses.replace(scenario, **found) if found else scenario
     law = [place[len(CONTROLLER) :] for place in fields if place[: len(CONTROLLER)] == CONTROLLER]
     after = with_consequences(changed.controller, law, 1.0 / scenario.rates.control)
@@ -206,7 +206,7 @@ def _start_with(started: Scenario, changed: Scenario, fields: Mapping[Place, Any
         held = first_state(changed.with_words(initial=trim))  # with plain numbers, as any initial state has them
     state: State = replace_at(held, inside) if inside else held
     if angles:
-        return dataclasses.replace(state, quaternion=held.with_viewed(angles).quaternion)
+        return dataclasses.replace(state, quaternion=held.with_views(angles).quaternion)
     if any(place[0] == "quaternion" for place in inside):
         q = state.quaternion
         length = q.norm()

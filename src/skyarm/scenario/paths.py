@@ -125,19 +125,21 @@ def roots(scenario: Scenario) -> dict[str, Place]:
 def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> Target:
     places: tuple[Place, ...] = (start,)
     tree: Names | None = None
+    view: View | None = None
     whole = True
     for word in words:
-        options: Names = path_names(part(scenario, places[0])) if tree is None else tree
+        options: Names = {} if view is not None else path_names(part(scenario, places[0])) if tree is None else tree
         if word not in options:
             known = [*options, *(_named_sensors_and_drives(scenario, path) if whole else ())]
             there = f"{did_you_mean(word, known)}there are {', '.join(known) or 'no fields'}"
             raise ScenarioError(f"path = {path!r}: no {word!r} here; {there}")
         found, whole = options[word], False
-        if isinstance(found, View):
-            return Target(((*places[0], *found.inside),), found)
-        tree = None if isinstance(found, tuple) else found
-        if tree is None:
+        view = found if isinstance(found, View) else None
+        tree = None if isinstance(found, (tuple, View)) else found
+        if isinstance(found, tuple):
             places = tuple((*head, *tail) for head in places for tail in found)
+    if view is not None:
+        return Target(((*places[0], *view.inside),), view)
     if tree is not None:
         raise ScenarioError(f"path = {path!r}: must lead to a number; there are {', '.join(tree)}")
     return Target(tuple((*at, *getattr(part(scenario, at), "own_number", ())) for at in places))

@@ -261,11 +261,11 @@ class Vehicle:
         masses = {frame.name: {"mass": View(frame.name, LOAD, ("vehicle",), adds=True)} for frame in self.frames}
         return {**masses[self.end_effector], **masses} if self.end_effector else {}
 
-    def viewed(self, name: str) -> float:
+    def number_of_view(self, name: str) -> float:
         """Point mass at a frame that is not a part of the vehicle yet: none, kg."""
         return 0.0
 
-    def with_viewed(self, values: Mapping[str, Scalar]) -> Vehicle:
+    def with_views(self, values: Mapping[str, Scalar]) -> Vehicle:
         """Vehicle with point masses (kg) at some frames, by their names, on top of what is there."""
         found = self
         for frame, mass in values.items():
