@@ -50,7 +50,7 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
     Raises:
         ScenarioError: names both.
     """
-    scenario = _started(scenario, paths)
+    scenario = _with_initial_state(scenario, paths)
     seen: dict[Place, str] = {}
     viewed: dict[Place, str] = {}
     for path in paths:
@@ -69,14 +69,14 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
 
 def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
     """True if two parameter paths denote the same number of a scenario."""
-    scenario = _started(scenario, (path, other))
+    scenario = _with_initial_state(scenario, (path, other))
     return not set(places_of(scenario, path)).isdisjoint(places_of(scenario, other))
 
 
 def is_added(scenario: Scenario, path: str) -> bool:
     """True if a parameter path denotes a payload mass, which adds to the vehicle's own mass."""
     try:
-        view = target_of(_started(scenario, (path,)), path).view
+        view = target_of(_with_initial_state(scenario, (path,)), path).view
     except ScenarioError:
         return False
     return view is not None and view.adds
@@ -84,11 +84,11 @@ def is_added(scenario: Scenario, path: str) -> bool:
 
 def is_computed(scenario: Scenario, path: str) -> bool:
     """True if the number at a path is no field of the scenario as it is, or one of its reference or start."""
-    target = target_of(_started(scenario, (path,)), path)
+    target = target_of(_with_initial_state(scenario, (path,)), path)
     return target.view is not None or target.places[0][:2] in (INITIAL, ("agent", "reference"))
 
 
-def _started(scenario: Scenario, paths: Iterable[str]) -> Scenario:
+def _with_initial_state(scenario: Scenario, paths: Iterable[str]) -> Scenario:
     """Scenario with an explicit initial state if a path leads into it: the stated one, else hover trim."""
     if scenario.initial is not None or not any(path.startswith("initial.") for path in paths):
         return scenario
@@ -101,7 +101,7 @@ def number_at(scenario: Scenario, path: str) -> float:
     Raises:
         ScenarioError: a field that does not exist (with those that do), or something that is not a number.
     """
-    scenario = _started(scenario, (path,))
+    scenario = _with_initial_state(scenario, (path,))
     return _number(scenario, path, target_of(scenario, path))
 
 
@@ -134,7 +134,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         ValueError: a number that the scenario cannot have.
     """
     _require_numbers(values)
-    started = _started(scenario, values)
+    started = _with_initial_state(scenario, values)
     fields: dict[Place, Any] = {}
     views: dict[Place, dict[str, Any]] = {}
     for path, value in values.items():
@@ -239,7 +239,7 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
     Raises:
         ScenarioError: no number is there.
     """
-    scenario = _started(scenario, (path,))
+    scenario = _with_initial_state(scenario, (path,))
     target = target_of(scenario, path)
     return _declaration(scenario, target.places[0]) if target.view is None else target.view.unit
 
