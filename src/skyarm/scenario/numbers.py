@@ -144,14 +144,14 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
             fields |= dict.fromkeys(target.places, value)
         else:
             views.setdefault(target.places[0], {})[target.view.name] = accept_scalar(path, value, target.view.unit)
-    changed = _replaced(scenario, fields, views)
+    changed = _with_fields_and_views(scenario, fields, views)
     if any(place[:2] == INITIAL for place in (*fields, *views)):
         changed = changed.with_words(initial=_start_with(started, changed, fields, views.get(INITIAL, {})))
     check_scenario(changed, [*fields, *views], numbers=True)
     return changed
 
 
-def _replaced(scenario: Scenario, fields: Mapping[Place, Any], views: Mapping[Place, Mapping[str, Any]]) -> Scenario:
+def _with_fields_and_views(scenario: Scenario, fields: Mapping[Place, Any], views: Mapping[Place, Mapping[str, Any]]) -> Scenario:
     """Scenario with fields and views replaced, and what follows from them; the initial state stays."""
     below: dict[str, dict[Place, Any]] = {}
     for place, value in fields.items():
