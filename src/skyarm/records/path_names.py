@@ -6,9 +6,7 @@ its radius the amplitude of two.
 
 from __future__ import annotations
 
-import typing
-from collections.abc import Callable, Mapping
-from functools import cache
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 from skyarm.algebra import Quaternion, Vec3
@@ -17,7 +15,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, field_names, parts
 from skyarm.records.registry.registrations import name_of
 from skyarm.records.units import Unit
-from skyarm.records.words import declared_words
+from skyarm.records.words import words_of_fields
 
 Names = Mapping[str, Any]
 """Name -> the places that it denotes (several if one number is stored more than once), or a view, or more names."""
@@ -69,21 +67,6 @@ def field_paths(record: Any) -> dict[str, Any]:
     if isinstance(record, (Vec3, Quaternion)):
         found |= {str(i): ((field,),) for i, field in enumerate(fields)}
     return found | {word: ((field,),) for word, field in words_of_fields(type(record)).items()}
-
-
-def _words(kind: type) -> dict[str, str]:
-    if field_names(kind) is None:
-        return {}
-    try:
-        full = typing.get_type_hints(kind, include_extras=True)
-    except (NameError, TypeError):  # a name that only type checkers import
-        return {}
-    said = ((word.at, name) for name in field_names(kind) or () if name in full for word in declared_words(full[name]))
-    return {word: name for word, name in said if word and word.isidentifier()}
-
-
-words_of_fields: Callable[[type], dict[str, str]] = cache(_words)
-"""A file's words for fields of a dataclass that are called otherwise."""
 
 
 def _name(item: object) -> str | None:

@@ -17,37 +17,43 @@ from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find
 from skyarm.records.units import NUMBER, Unit, declared_units, units
+from skyarm.records.words import words_of_fields
 
 Record = TypeVar("Record")
 
 
-def record_from(kind: type[Record], fields: Fields) -> Record:
+def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> Record:
     """Read an instance of a given dataclass from a table of a file.
 
     A number may stand where the field is a ``float`` or ``Scalar``; three numbers where it is a ``Vec3``; a list where
     it is a tuple; a table where it is a record, or whatever its class reads by ``from_table``. Fields with a default
-    may be left out.
+    may be left out. A class with other spellings reads them by ``spelled(fields)``, which returns values by field.
 
     Args:
         kind: a dataclass.
         fields: the table; words that are no field are refused.
+        folds: exact zeros of vectors whose fields say so become structure.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
     if field_names(kind) is None:
         raise ValueError(f"{fields.where}: {kind.__name__} must be a dataclass to be read from a file")
-    known = declared_units(kind)
-    values: dict[str, Any] = {}
-    fields.expect(field_names(kind) or ())
+    known, words = declared_units(kind), words_of_fields(kind)
+    fields.expect((*(field_names(kind) or ()), *words))
+    spelled: Callable[[Fields], dict[str, Any]] = getattr(kind, "spelled", lambda _: {})
+    values = spelled(fields)
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         name, required = field.name, field.default is field.default_factory is dataclasses.MISSING
-        if not field.init or (name not in fields.table and not required):
-            fields.take(name, None)
+        if name in values:
+            continue
+        word = next((word for word, of in words.items() if of == name and word in fields.table), name)
+        if not field.init or (word not in fields.table and not required):
+            fields.take(word, None)
         elif name in known:
-            values[name] = _value(*known[name], fields, name)
+            values[name] = _value(*known[name], fields, word, folds)
         else:
-            raise ValueError(f"{fields.at(name)}: the annotation of this field names a type that cannot be found")
+            raise ValueError(f"{fields.at(word)}: the annotation of this field names a type that cannot be found")
     fields.done()
     return make_at(fields.where, kind, **values)
 
@@ -112,7 +118,7 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
     return values
 
 
-def _value(wanted: object, unit: Unit, fields: Fields, name: str) -> Any:
+def _value(wanted: object, unit: Unit, fields: Fields, name: str, folds: bool = False) -> Any:
     """Read a field of a table as the type that the dataclass declares for it."""
     if typing.get_origin(wanted) in (typing.Union, types.UnionType):
         wanted = next(each for each in typing.get_args(wanted) if each is not type(None))
@@ -122,7 +128,7 @@ def _value(wanted: object, unit: Unit, fields: Fields, name: str) -> Any:
     if wanted is int:
         return whole(fields.at(name), fields.take(name))
     if wanted is Vec3:
-        return Vec3(*fields.vector(name))
+        return fields.vector(name) if folds and unit.folds else Vec3(*fields.vector(name))
     if wanted is str:
         return fields.text(name, "")
     if typing.get_origin(wanted) is typing.Literal:
@@ -162,24 +168,29 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[Any, ...]:
     return tuple(rows.numbers(i) for i in rows.table)
 
 
-def registered_from(kind: str, base: type, table: Any, where: str) -> Any:
+def registered_from(
+    kind: str, base: type, table: Any, where: str, usual: str = "", *, word: str = "kind", folds: bool = False
+) -> Any:
     """Read a table ``{ kind = NAME, ... }`` as an instance of the class that is registered as NAME.
 
     Args:
-        kind: of the registry.
+        kind: of the registry, or several with a space between them.
         base: class that the registered one must have.
         table: as read.
         where: of it, for messages.
+        usual: NAME where the table states none.
+        word: that names the kind.
+        folds: as of :func:`record_from`.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
     fields = Fields(table, where)
-    name = fields.take("kind")
-    found = find(kind, name, fields.at("kind"))
+    name = fields.take(word, usual) if usual else fields.take(word)
+    found = find(kind, name, fields.at(word))
     if not isinstance(found, type) or not issubclass(found, base):
-        raise ValueError(f"{fields.at('kind')} = {name!r}: must be registered as a subclass of {base.__name__}")
-    record = record_from(found, fields)
+        raise ValueError(f"{fields.at(word)} = {name!r}: must be registered as a subclass of {base.__name__}")
+    record = record_from(found, fields, folds=folds)
     require_stated = getattr(found, "require_stated", None)
     if require_stated is not None:  # numbers that others of the table need
         with errors_as(ValueError, f"{where}."):

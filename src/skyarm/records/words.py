@@ -7,7 +7,7 @@ says nothing stands under its own. Reading, parameter paths, scheduled changes a
 from __future__ import annotations
 
 import typing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any, Literal, NamedTuple
 
@@ -32,6 +32,7 @@ class Word:
         entries: words below it that may be replaced alone, each with the names of the fields that it fills.
         inside: from the field on to the record that the word means.
         group: its fields are words of the table.
+        usual: name of the kind where a table names none.
         reader: ``module:function`` of (entry, path) that reads it, where no type of a record can.
     """
 
@@ -39,6 +40,7 @@ class Word:
     varies: Literal["always", "between", "never"] = "always"
     unless: str = ""
     kind: str = ""
+    usual: str = ""
     whole: bool = False
     entries: tuple[tuple[str, Place], ...] = ()
     inside: Place = ()
@@ -113,3 +115,18 @@ def lifted_fields(kind: type) -> dict[str, str]:
     hints = typing.get_type_hints(kind, include_extras=True)
     said = {name: word.unless for name in field_names(kind) or () for word in declared_words(hints[name])}
     return {name: other for name, other in said.items() if other}
+
+
+def _words(kind: type) -> dict[str, str]:
+    if field_names(kind) is None:
+        return {}
+    try:
+        full = typing.get_type_hints(kind, include_extras=True)
+    except (NameError, TypeError):  # a name that only type checkers import
+        return {}
+    said = ((word.at, name) for name in field_names(kind) or () if name in full for word in declared_words(full[name]))
+    return {word: name for word, name in said if word and word.isidentifier()}
+
+
+words_of_fields: Callable[[type], dict[str, str]] = cache(_words)
+"""A file's words for fields of a dataclass that are called otherwise."""

@@ -16,7 +16,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
                   safety = true, or a table of limits (skyarm.control.safety.limits)
     [reference]   see skyarm.reference.reference_tables; tracking_start (s): until then the law gets that of t = 0;
                   governor = true, or a table of limits (skyarm.scenario.path_governor)
-    [environment] wind (see skyarm.world.environment_tables), ground (true),
+    [environment] wind (see skyarm.world.wind), ground (true),
                   faults = [{ rotor or joint = name, effectiveness (a number or a signal), start }],
                   or { joint = name, stuck = true, start }
                   [[environment.air]], [[environment.forces]] kind = NAME and its numbers, added to the wind
@@ -224,7 +224,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         from skyarm.scenario import payload_tables as loads
 
         handled = [event for event in setting.events if not event.gripper]
-        payloads = loads.payloads_from(loads.with_instants(flying, handled, rates.control))
+        payloads = tables.read_part(tables.slot_of("payloads"), loads.with_instants(flying, handled, rates.control))
         reference["payloads"], changes = loads.with_model_changes(
             payloads, reference["reference"], chosen["duration"], rates.control
         )

@@ -35,7 +35,7 @@ from skyarm.scenario.endings import Ending
 from skyarm.sensing.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor import Sensor
-from skyarm.world import NO_WIND, Component, Fault, TimedPayload, Wind
+from skyarm.world import NO_WIND, Component, Fault, TimedPayload
 
 if TYPE_CHECKING:
     from skyarm.world.battery_drain import BatteryDrain
@@ -261,11 +261,13 @@ class Environment:
         world: surfaces, and the vehicle's points that touch them (:mod:`skyarm.world.contact`); None for free flight.
     """
 
-    wind: Annotated[Wind, Word(whole=True, kind="air", reader="skyarm.world.environment_tables:wind_from")] = NO_WIND
+    wind: Annotated[Component, Word(whole=True, kind="air force", reader="skyarm.world.wind:wind_from")] = NO_WIND
     air: Annotated[tuple[Component, ...], Word(whole=True, kind="air")] = ()
     forces: Annotated[tuple[Component, ...], Word(whole=True, kind="force")] = ()
     ground: Annotated[bool, Word(whole=True, varies="never")] = True
-    world: Annotated[Contact | None, Word("/world")] = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    world: Annotated[Contact | None, Word("/world", kind="world", usual="contact")] = dataclasses.field(
+        default=None, metadata=WRITTEN_IF_ANY
+    )
 
     def __post_init__(self) -> None:
         if self.world is not None and not hasattr(self.world, "on"):
@@ -312,10 +314,8 @@ class Agent:
     drives: Annotated[tuple[JointDrive, ...], Word("plant.drives.*", kind="drive", inside=("*", "drive"))] = ()
     delays: Annotated[Delays, STRUCTURAL] = Delays()
     initial: Annotated[State | None, Word(varies="between")] = None
-    faults: Annotated[
-        tuple[Fault, ...], Word("/environment.faults", whole=True, reader="skyarm.world.faults:faults_from")
-    ] = ()
-    payloads: Annotated[tuple[TimedPayload, ...], Word("payloads")] = dataclasses.field(
+    faults: Annotated[tuple[Fault, ...], Word("/environment.faults", whole=True, kind="fault", usual="loss")] = ()
+    payloads: Annotated[tuple[TimedPayload, ...], Word(kind="payload", usual="rigid")] = dataclasses.field(
         default=(), metadata=WRITTEN_IF_ANY
     )
 
@@ -409,7 +409,7 @@ class Scenario:
 
     kind = Shortcut[str]()
     integrator = Shortcut[str]()
-    wind = Shortcut[Wind]()
+    wind = Shortcut[Component]()
     air = Shortcut[tuple[Component, ...]]()
     forces = Shortcut[tuple[Component, ...]]()
     ground = Shortcut[bool]()

@@ -32,7 +32,7 @@ from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
 from skyarm.vehicle.vehicle_tables import mounted_drives
-from skyarm.world import Payload
+from skyarm.world import Component, Payload
 
 if TYPE_CHECKING:
     from skyarm.reference.feasibility import Feasibility
@@ -43,6 +43,11 @@ if TYPE_CHECKING:
 def parts_by_path() -> dict[str, Slot]:
     """Words of a file that are read by themselves, and may be replaced by a scheduled change as a whole."""
     return {slot.path: slot for slot in slots(Scenario) if slot.word.whole and not slot.word.entries}
+
+
+def slot_of(path: str) -> Slot:
+    """Word of a scenario's file at a path."""
+    return next(slot for slot in slots(Scenario) if slot.path == path)
 
 
 def read_part(slot: Slot, entry: object) -> Any:
@@ -59,9 +64,10 @@ def read_part(slot: Slot, entry: object) -> Any:
     if not word.kind:
         return Fields({path.rpartition(".")[2]: entry}, path.rpartition(".")[0]).flag(path.rpartition(".")[2])
     if get_origin(slot.type) is not tuple:
-        return registered_from(word.kind, slot.type, {"kind": entry} if isinstance(entry, str) else entry, path)
-    base = get_args(slot.type)[0]
-    return tuple(registered_from(word.kind, base, each.table, each.where) for each in list_of_tables(entry, path))
+        named = {"kind": entry} if isinstance(entry, str) else entry
+        return registered_from(word.kind, slot.type, named, path, word.usual)
+    base, tables = get_args(slot.type)[0], list_of_tables(entry, path)
+    return tuple(registered_from(word.kind, base, each.table, each.where, word.usual) for each in tables)
 
 
 def parts_from(tables: Mapping[str, Fields]) -> dict[str, Any]:
@@ -137,9 +143,8 @@ def contact(table: object, folder: Path) -> Contact | None:
     """Read the contact model [world]: surfaces and the vehicle's contact points; mesh paths start from a folder."""
     if table is None:
         return None
-    from skyarm.world.contact.contact import Contact
-
-    return record_from(Contact, Fields(with_files(table, "world", folder), "world"))
+    found: Contact = registered_from("world", Component, with_files(table, "world", folder), "world", "contact")
+    return found
 
 
 def with_files(table: object, where: str, folder: Path) -> Any:

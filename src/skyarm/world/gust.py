@@ -10,8 +10,8 @@ from skyarm.algebra.scalars import Scalar, cos, mul, where
 from skyarm.records.coerce import absent, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
+from skyarm.records.path_names import Names, field_paths
 from skyarm.records.units import Unit
-from skyarm.records.words import Word
 
 SHAPES = ("step", "one_minus_cosine")
 
@@ -25,15 +25,14 @@ class Gust:
         shape: "step", or "one_minus_cosine" = peak/2 (1 - cos(2 pi (t - start)/duration)), smooth at both ends.
     """
 
-    peak: Annotated[
-        Vec3,
-        Unit("N or m/s", "of a ForceWind or of MovingAir, world axes", folds=True),
-        Word("force"),
-        Word("velocity"),
-    ] = ZERO3
+    peak: Annotated[Vec3, Unit("N or m/s", "of a ForceWind or of MovingAir, world axes", folds=True)] = ZERO3
     start: Annotated[Scalar, Unit("s")] = 0.0
     duration: Annotated[Scalar, Unit("s")] = 0.0
     shape: str = "step"
+
+    def path_names(self) -> Names:
+        """Names of the fields, and of the peak as what blows."""
+        return field_paths(self) | {"force": (("peak",),), "velocity": (("peak",),)}
 
     def __post_init__(self) -> None:
         accept_fields(self, "gust")

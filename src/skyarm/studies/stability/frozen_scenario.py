@@ -15,7 +15,7 @@ from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
-from skyarm.world import Component, MovingAir, Wind
+from skyarm.world import Component, MovingAir
 
 LAGS = ("up", "down")
 """Which time constant of the rotors holds in both directions: the two between which every motion lies."""
@@ -40,7 +40,7 @@ def nominal(scenario: Scenario) -> Scenario:
     if scenario.delays.apart:
         raise ScenarioError("delays.rotors, delays.joints: must be left out of margins, which know delays.command only")
     scenario = _without_tilts(scenario)
-    calm: Wind = scenario.wind
+    calm = scenario.wind
     if isinstance(calm, MovingAir):
         calm = dataclasses.replace(calm, turbulence=None)
     drives = tuple(
