@@ -151,7 +151,9 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     return changed
 
 
-def _with_fields_and_views(scenario: Scenario, fields: Mapping[Place, Any], views: Mapping[Place, Mapping[str, Any]]) -> Scenario:
+def _with_fields_and_views(
+    scenario: Scenario, fields: Mapping[Place, Any], views: Mapping[Place, Mapping[str, Any]]
+) -> Scenario:
     """Scenario with fields and views replaced, and what follows from them; the initial state stays."""
     below: dict[str, dict[Place, Any]] = {}
     for place, value in fields.items():

@@ -7,7 +7,7 @@ A rule says which words of the file it reads. All run where a scenario is loaded
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache, partial
 from typing import Any, NamedTuple
 
@@ -395,7 +395,8 @@ def require_flight(scenario: object) -> None:
     check_scenario(scenario)
     for slot in slots(Scenario):
         for field, value in named_leaves(part(scenario, slot.record), slot.table):
-            if not (concrete(value) or callable(value)):
+            # the table of a change holds what a file would, plain numbers only
+            if not (concrete(value) or callable(value) or isinstance(value, Mapping)):
                 raise ScenarioError(f"{field} = {shown(value)}: must be one number; a Batch flies several side by side")
     if scenario.worlds:
         with errors_as(ScenarioError):
