@@ -255,9 +255,7 @@ def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment models are stable."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.drives]
-    added: list[tuple[str, Component | Drive]] = [
-        each for each in scenario.placed_components if each[0].startswith("environment.")
-    ]
+    added: list[tuple[str, Component | Drive]] = [*scenario.placed_winds_and_forces]
     for fitted in scenario.joint_drives:
         where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"
         added.append((where, fitted.drive))
