@@ -443,7 +443,12 @@ class Scenario:
         """All environment models with their parameter paths, such as ``environment.air[0]``."""
         loads = tuple((f"payloads[{i}]", each) for i, each in enumerate(self.payloads))
         touched = tuple(("world", each) for each in self.worlds)
-        return (*self.placed_winds_and_forces, *loads, *touched, *(("plant.vehicle.battery", each) for each in self.power))
+        return (
+            *self.placed_winds_and_forces,
+            *loads,
+            *touched,
+            *(("plant.vehicle.battery", each) for each in self.power),
+        )
 
     @property
     def placed_winds_and_forces(self) -> tuple[tuple[str, Component], ...]:

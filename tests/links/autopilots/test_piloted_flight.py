@@ -175,10 +175,14 @@ def test_a_session_of_an_autopilot_is_one_that_starts_its_program(monkeypatch: p
 
 def test_clocks_and_sensors_that_the_autopilot_needs_are_checked_too(tmp_path: Path) -> None:
     late = load_scenario("case3", controller="px4", duration=1.005)
-    with pytest.raises(ScenarioError, match=r"^duration = 1\.005: must be a whole number of control periods of 0\.004 s"):
+    with pytest.raises(
+        ScenarioError, match=r"^duration = 1\.005: must be a whole number of control periods of 0\.004 s"
+    ):
         Session(late)
     broken = scenario_of(tmp_path, preparation=60.001)
-    with pytest.raises(ScenarioError, match=r"^duration = 60\.001: must be a whole number of control periods of 0\.004"):
+    with pytest.raises(
+        ScenarioError, match=r"^duration = 60\.001: must be a whole number of control periods of 0\.004"
+    ):
         Session(broken)
 
 
