@@ -130,7 +130,8 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> Ta
     for word in words:
         options: Names = {} if view is not None else path_names(part(scenario, places[0])) if tree is None else tree
         if word not in options:
-            known = [*options, *(_named_sensors_and_drives(scenario, path) if whole else ())]
+            at_word = whole and start in variable_words().values()
+            known = [*options, *(_named_sensors_and_drives(scenario, path) if at_word else ())]
             there = f"{did_you_mean(word, known)}there are {', '.join(known) or 'no fields'}"
             raise ScenarioError(f"path = {path!r}: no {word!r} here; {there}")
         found, whole = options[word], False

@@ -7,7 +7,7 @@ A rule says which words of the file it reads. All run where a scenario is loaded
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache, partial
 from typing import Any, NamedTuple
 
@@ -255,9 +255,7 @@ def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment models are stable."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.drives]
-    added: list[tuple[str, Component | Drive]] = [
-        each for each in scenario.placed_components if each[0].startswith("environment.")
-    ]
+    added: list[tuple[str, Component | Drive]] = [*scenario.placed_winds_and_forces]
     for fitted in scenario.joint_drives:
         where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"
         added.append((where, fitted.drive))
@@ -395,7 +393,8 @@ def require_flight(scenario: object) -> None:
     check_scenario(scenario)
     for slot in slots(Scenario):
         for field, value in named_leaves(part(scenario, slot.record), slot.table):
-            if not (concrete(value) or callable(value)):
+            # the table of a change holds what a file would, plain numbers only
+            if not (concrete(value) or callable(value) or isinstance(value, Mapping)):
                 raise ScenarioError(f"{field} = {shown(value)}: must be one number; a Batch flies several side by side")
     if scenario.worlds:
         with errors_as(ScenarioError):

@@ -441,10 +441,21 @@ class Scenario:
     @property
     def placed_components(self) -> tuple[tuple[str, Component], ...]:
         """All environment models with their parameter paths, such as ``environment.air[0]``."""
-        lists = {"environment.air": self.air, "environment.forces": self.forces, "payloads": self.payloads}
-        numbered = (f"{where}[{i}]" for where, several in lists.items() for i in range(len(several)))
-        last = *("world" for _ in self.worlds), *("plant.vehicle.battery" for _ in self.power)
-        return tuple(zip(("environment.wind", *numbered, *last), self.components, strict=True))
+        loads = tuple((f"payloads[{i}]", each) for i, each in enumerate(self.payloads))
+        touched = tuple(("world", each) for each in self.worlds)
+        return (
+            *self.placed_winds_and_forces,
+            *loads,
+            *touched,
+            *(("plant.vehicle.battery", each) for each in self.power),
+        )
+
+    @property
+    def placed_winds_and_forces(self) -> tuple[tuple[str, Component], ...]:
+        """Wind, air and added forces with their parameter paths."""
+        lists = {"environment.air": self.air, "environment.forces": self.forces}
+        numbered = ((f"{where}[{i}]", each) for where, several in lists.items() for i, each in enumerate(several))
+        return (("environment.wind", self.wind), *numbered)
 
     @property
     def worlds(self) -> tuple[Contact, ...]:

@@ -173,6 +173,19 @@ def test_a_session_of_an_autopilot_is_one_that_starts_its_program(monkeypatch: p
         Session(load_scenario("case3", controller="px4"))
 
 
+def test_clocks_and_sensors_that_the_autopilot_needs_are_checked_too(tmp_path: Path) -> None:
+    late = load_scenario("case3", controller="px4", duration=1.005)
+    with pytest.raises(
+        ScenarioError, match=r"^duration = 1\.005: must be a whole number of control periods of 0\.004 s"
+    ):
+        Session(late)
+    broken = scenario_of(tmp_path, preparation=60.001)
+    with pytest.raises(
+        ScenarioError, match=r"^duration = 60\.001: must be a whole number of control periods of 0\.004"
+    ):
+        Session(broken)
+
+
 def test_the_take_off_begins_at_rest_on_the_stand_below_the_start(tmp_path: Path) -> None:
     scenario = planned_scenario(scenario_of(tmp_path, climb=0.4, yaw=0.6))
     session = Plain(take_off_scenario(scenario))

@@ -24,6 +24,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.files import errors_as
 from skyarm.reference import Reference, Trajectory, hover
 from skyarm.scenario.in_flight import stretches
+from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Environment, NamedSensor, Rates, Scenario, ScenarioError, first_state
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import EpisodeInputs
@@ -220,6 +221,9 @@ class PilotedSession(Session):
         progress: Callable[[float, float], object] | None = None,
     ) -> None:
         planned = planned_scenario(scenario)
+        take_off = take_off_scenario(planned)
+        for each in (planned, take_off):  # their clocks and sensors are others than the scenario's
+            check_scenario(each)
         self._autopilot: Autopilot = autopilot_of(planned.controller)
         self._tape = Tape(self._autopilot.transcript, self._autopilot.replayed, self._autopilot.name)
         self._seconds, self._prepared = 0.0, 0.0
@@ -229,7 +233,7 @@ class PilotedSession(Session):
         self._wall, self._late = 0.0, 0
         self._state: list[float] = []  # true, at the last exchange
         self._arm: list[float] = []  # measured, the last period's: a program outside gets what an encoder reads
-        super().__init__(take_off_scenario(planned), machine_code=machine_code)
+        super().__init__(take_off, machine_code=machine_code)
         self._begin_flight()
         try:
             self._open_joint_port()
