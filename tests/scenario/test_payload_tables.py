@@ -54,7 +54,10 @@ def test_kinds_have_their_own_numbers():
             r"payloads\.0\.inertia = \[1\.0, 1\.0, 3\.0\]: no moment may",
         ),
         ({"mass": 0.1, "pick": 1, "cord": 1}, r"payloads\.0\.cord = 1: unknown field"),
-        ({"mass": 0.1, "pick": 1, "kind": "hanging", "com": [0, 0, 0]}, r"payloads\.0\.com = .*: unknown field"),
+        (
+            {"mass": 0.1, "pick": 1, "kind": "hanging", "com": [0, 0, 0.1]},
+            r"payloads\.0\.com = .*: must be left out of a hanging",
+        ),
         ({"mass": 0.1, "pick": 1, "kind": "glued"}, r"payloads\.0\.kind = 'glued': must be one of rigid, hanging"),
         ({"mass": 0.1, "pick": 1, "frame": "hand"}, r"payloads\.0\.frame = 'hand': .*no frame 'hand'; there are"),
         (

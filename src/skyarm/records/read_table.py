@@ -47,7 +47,8 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         name, required = field.name, field.default is field.default_factory is dataclasses.MISSING
         if name in values:
             continue
-        word = next((word for word, of in words.items() if of == name and word in fields.table), name)
+        said = [*(word for word, of in words.items() if of == name), name]
+        word = next((word for word in said if word in fields.table), said[0])
         if not field.init or (word not in fields.table and not required):
             fields.take(word, None)
         elif name in known:
@@ -186,7 +187,7 @@ def registered_from(
         ValueError: one line with field, value and what is allowed.
     """
     fields = Fields(table, where)
-    name = fields.take(word, usual) if usual else fields.take(word)
+    name = usual if usual and word not in fields.table else fields.take(word)
     found = find(kind, name, fields.at(word))
     if not isinstance(found, type) or not issubclass(found, base):
         raise ValueError(f"{fields.at(word)} = {name!r}: must be registered as a subclass of {base.__name__}")

@@ -28,7 +28,7 @@ from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
-from skyarm.records.registry import find
+from skyarm.records.registry import find, names
 from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Sum, Windowed, sequence
 
 SIGNAL = "must be a finite number, a list of signals of time or a table with a kind of signal"
@@ -44,7 +44,7 @@ def signal_from(entry: Any, where: str) -> Signal:
     if not isinstance(entry, dict):
         return Constant(number(entry, where))
     fields = Fields(entry, where)
-    make = find("signal", fields.take("kind"), fields.at("kind"))
+    make = find("signal", fields.choice("kind", names("signal")))
     signal: Signal = record_from(make, fields) if isinstance(make, type) else make(fields)
     fields.done()
     return signal
