@@ -149,8 +149,8 @@ TOUCHED = {
     "controller.gains.position.x": ("clocks_of_law_agree", "sensors_suffice", "law_can_be_called"),
     "environment.wind.velocity.0": ("drives_fit", "surroundings_fit", "fields of environment.wind"),
     "plant.drives.joint1.time_constant": ("sensors_suffice", "drives_fit", "fields of plant.drives"),
-    "payloads.0.mass": ("surroundings_fit",),
-    "world.surfaces.wall.material.friction": ("sensors_suffice", "surroundings_fit"),
+    "payloads.0.mass": ("surroundings_fit", "fields of payloads"),
+    "world.surfaces.wall.material.friction": ("sensors_suffice", "surroundings_fit", "fields of world"),
     "initial.roll": ("initial_state_is_possible",),
     "plant.payload.mass": (
         *("initial_state_is_possible", "reference_fits", "sensors_suffice", "drives_fit", "plant_can_fly"),

@@ -33,7 +33,7 @@ class Word:
         inside: from the field on to the record that the word means.
         group: its fields are words of the table.
         usual: name of the kind where a table names none.
-        reader: ``module:function`` of (entry, path) that reads it, where no type of a record can.
+        reader: function of :mod:`skyarm.scenario.readers` that reads it, where no type of a record can.
     """
 
     at: str | None = None

@@ -16,24 +16,22 @@ from functools import cache
 from typing import Any
 
 from skyarm.control.actuator_layer import believed_drives
-from skyarm.control.controller import Controller, ControllerError, autopilot_of
+from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.drive import Drive
-from skyarm.records.files import Fields, did_you_mean, errors_as, shown
+from skyarm.records.files import did_you_mean, errors_as, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.registry.plugins import is_law_of_file
-from skyarm.records.words import Slot, slots
+from skyarm.records.words import Slot, groups, slots
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
-from skyarm.scenario import scenario_tables as tables
-from skyarm.scenario.controller_table import controller_by_name, controller_from, loop_facts
+from skyarm.scenario import readers
+from skyarm.scenario.document import OfScenario, read_part
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
 from skyarm.scenario.paths import delay_words, is_below, place_of_delay, roots, variable_words
+from skyarm.scenario.readers import LAW
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.vehicle.vehicle_records import Vehicle
-
-LAW = "controller.law"
 
 
 @cache
@@ -67,38 +65,22 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
 
 def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[str, Any]:
     """Scenario fields that result from replacing a section, such as the wind, by a table of a scenario file."""
-    slot = whole_parts()[path]
-    if path in tables.parts_by_path():
-        return {slot.place[-1]: tables.read_part(slot, value)}
+    slot, reading = whole_parts()[path], OfScenario(scenario)
     if path == LAW:
-        return {"controller": _law(scenario, value)}
-    if path == "controller":
-        known = loop_facts(scenario.rates, scenario.delays)
-        return {path: controller_from(Fields(value, path), scenario.controller.par.model, None, known)}
-    setting = tables.setting_of(scenario.plant, scenario.duration)
+        return {"controller": readers.law(scenario, value)}
     if path != slot.path:
         fixed = "must stay as it is where the reference has a tip" if scenario.reference.tip is not None else ""
         fixed = PLANNED if scenario.path_time is not None else fixed
         if fixed:
             raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
         entry = path.removeprefix(f"{slot.path}.")
-        found = trajectory_from({entry: value}, scenario.plant.vehicle.n, "reference", setting)
+        found = trajectory_from({entry: value}, scenario.plant.vehicle.n, "reference", reading.setting)
         fields = {name: getattr(found, name) for name in dict(slot.word.entries)[entry]}
         return {"reference": dataclasses.replace(scenario.reference, **fields)}
-    given, planned = tables.reference(value, scenario.plant, setting)
-    return {**given, "path_time": planned(scenario.with_words(**given, path_time=None)).path_time}
-
-
-def _law(scenario: Scenario, name: object) -> Controller:
-    """Controller of a given name, with the safety layer of the present controller if it has one."""
-    if not isinstance(name, str):
-        raise ValueError(f"{LAW} = {shown(name)}: must be the name of a preset, a law or LAW_tuned")
-    if is_law_of_file(name):
-        raise ValueError(f"{LAW} = {shown(name)}: must not be a file's; only --laws takes FILE.py:make")
-    try:
-        return controller_by_name(scenario, name)
-    except ControllerError as error:
-        raise ValueError(str(error).replace("controller = ", f"{LAW} = ", 1)) from None
+    if path != "reference":
+        return {slot.record[1 if slot.record[0] in groups(Scenario) else 0]: read_part(slot, value, reading)}
+    given, governor = readers.reference_fields(value, reading)
+    return {**given, "path_time": governor(scenario.with_words(**given, path_time=None)).path_time}
 
 
 def _prefix_of_part(path: str) -> str:

@@ -261,11 +261,11 @@ class Environment:
         world: surfaces, and the vehicle's points that touch them (:mod:`skyarm.world.contact`); None for free flight.
     """
 
-    wind: Annotated[Component, Word(whole=True, kind="air force", reader="skyarm.world.wind:wind_from")] = NO_WIND
+    wind: Annotated[Component, Word(whole=True, kind="air force", reader="wind")] = NO_WIND
     air: Annotated[tuple[Component, ...], Word(whole=True, kind="air")] = ()
     forces: Annotated[tuple[Component, ...], Word(whole=True, kind="force")] = ()
     ground: Annotated[bool, Word(whole=True, varies="never")] = True
-    world: Annotated[Contact | None, Word("/world", kind="world", usual="contact")] = dataclasses.field(
+    world: Annotated[Contact | None, Word("/world", kind="world", usual="contact", reader="world")] = dataclasses.field(
         default=None, metadata=WRITTEN_IF_ANY
     )
 
@@ -295,23 +295,34 @@ class Agent:
         payloads: loads that are picked up and set down in flight.
     """
 
-    plant: Truth
+    plant: Annotated[Truth, Word(reader="plant")]
     controller: Annotated[
         Controller,
-        Word("model", inside=("par", "model")),
-        Word(whole=True, entries=(("law", ()),), inside=("par",)),
+        Word("model", inside=("par", "model"), reader="model"),
+        Word(whole=True, entries=(("law", ()),), inside=("par",), reader="controller"),
     ]
     reference: Annotated[
-        Trajectory, Word(whole=True, entries=(("base", ("x", "y", "z")), ("yaw", ("yaw",)), ("joints", ("joints",))))
+        Trajectory,
+        Word(
+            whole=True,
+            entries=(("base", ("x", "y", "z")), ("yaw", ("yaw",)), ("joints", ("joints",))),
+            reader="reference",
+        ),
     ]
-    tracking_start: Annotated[Scalar, Word("reference.tracking_start")] = 0
+    tracking_start: Annotated[Scalar, Word("reference.tracking_start", reader="tracking_start")] = 0
     path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = dataclasses.field(
         default=None, metadata=WRITTEN_IF_ANY
     )
-    noise: Annotated[SensorNoise, Word("sensors")] = PERFECT_SENSORS
-    sensors: Annotated[tuple[NamedSensor, ...], Word("sensors.*", kind="sensor", inside=("*", "sensor"))] = ()
+    noise: Annotated[SensorNoise, Word("sensors", reader="noise")] = PERFECT_SENSORS
+    sensors: Annotated[
+        tuple[NamedSensor, ...],
+        Word("sensors.*", kind="sensor", inside=("*", "sensor"), reader="sensors"),
+    ] = ()
     estimator: Annotated[Estimator, Word(whole=True, kind="estimator")] = PASS_THROUGH
-    drives: Annotated[tuple[JointDrive, ...], Word("plant.drives.*", kind="drive", inside=("*", "drive"))] = ()
+    drives: Annotated[
+        tuple[JointDrive, ...],
+        Word("plant.drives.*", kind="drive", inside=("*", "drive"), reader="drives"),
+    ] = ()
     delays: Annotated[Delays, STRUCTURAL] = Delays()
     initial: Annotated[State | None, Word(varies="between")] = None
     faults: Annotated[tuple[Fault, ...], Word("/environment.faults", whole=True, kind="fault", usual="loss")] = ()
@@ -366,7 +377,7 @@ class Scenario:
 
     name: Annotated[str, STRUCTURAL]
     title: Annotated[str, STRUCTURAL] = ""
-    duration: Annotated[float, Unit("s", low=0.0, strict=True), STRUCTURAL]
+    duration: Annotated[float, Unit("s", low=0.0, strict=True), Word(varies="never", reader="duration")]
     rates: Annotated[Rates, STRUCTURAL] = Rates()
     solver: Annotated[Solver, Word("plant", group=True)] = Solver()
     agent: Annotated[Agent, Word("", group=True)]

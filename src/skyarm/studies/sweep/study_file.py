@@ -48,9 +48,9 @@ from skyarm.records.files.names import names_in, read_named
 from skyarm.records.read_table import record_from
 from skyarm.records.registry.plugins import is_law_of_file
 from skyarm.scenario.numbers import is_computed, number_at, with_numbers
+from skyarm.scenario.readers import require_plugins
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.scenario_record import Scenario, check_name, noise_key
-from skyarm.scenario.scenario_tables import require_plugins
 from skyarm.studies.sweep.distributions import Distribution, distribution_from, finite
 from skyarm.studies.sweep.expressions import derived_from, is_own_name
 from skyarm.studies.sweep.sobol import DIMENSIONS
