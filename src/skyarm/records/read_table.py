@@ -27,7 +27,7 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
 
     A number may stand where the field is a ``float`` or ``Scalar``; three numbers where it is a ``Vec3``; a list where
     it is a tuple; a table where it is a record, or whatever its class reads by ``from_table``. Fields with a default
-    may be left out. A class with other spellings reads them by ``spelled(fields)``, which returns values by field.
+    may be left out. A class with other spellings reads them by ``short_spellings(fields)``: values by field.
 
     Args:
         kind: a dataclass.
@@ -41,8 +41,8 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         raise ValueError(f"{fields.where}: {kind.__name__} must be a dataclass to be read from a file")
     known, words = declared_units(kind), words_of_fields(kind)
     fields.expect((*(field_names(kind) or ()), *words))
-    spelled: Callable[[Fields], dict[str, Any]] = getattr(kind, "spelled", lambda _: {})
-    values = spelled(fields)
+    read_short: Callable[[Fields], dict[str, Any]] = getattr(kind, "short_spellings", lambda _: {})
+    values = read_short(fields)
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         name, required = field.name, field.default is field.default_factory is dataclasses.MISSING
         if name in values:

@@ -1,4 +1,4 @@
-"""Document of a scenario: tables of a file, read word by word when a word is first asked for.
+"""Tables of a scenario file, read word by word at the first use of each.
 
 A reader of one word may ask for others: the reference for the plant that flies it, payloads for the events of the
 reference's task. A scenario that exists answers the same questions, so that a scheduled change of a part is read by the
@@ -35,7 +35,7 @@ OPTIONAL: Mapping[str, Any] = {"model": None, "reference": {}}
 
 
 class Reading(Protocol):
-    """What the reader of one word may ask for others.
+    """Source of the other words of a scenario, for the reader of one.
 
     Attributes:
         folder: where paths of files begin.
@@ -124,14 +124,14 @@ class Document:
         self._vehicles = dict[str, Vehicle]()
 
     def table(self, path: str) -> Fields:
-        """Reader of the table at a path, which remembers the words that were asked for."""
+        """Reader of the table at a path, one for all words of the table."""
         if path not in self._tables:
             within, _, name = path.rpartition(".")
             self._tables[path] = self.table(within).inner(name)
         return self._tables[path]
 
     def word(self, path: str) -> Any:
-        """Value of a word, read when it is first asked for; of a word that is left out the default of its field."""
+        """Value of a word, read at its first use; the default of its field where the file leaves it out."""
         if path not in self._words:
             slot = slot_of(path)
             entry = self._entry(slot)
@@ -153,7 +153,7 @@ class Document:
         return readers.setting_of(self.word("plant"), max(self.word("duration"), stated))
 
     def _entry(self, slot: Slot) -> Any:
-        """What the file has for a word, without what other words have below it."""
+        """Entry of a word in the file, without the words below it that have fields of their own."""
         if slot.path in self.replaced and not slot.word.entries:
             return self.replaced[slot.path]
         within, _, name = slot.table.rpartition(".")

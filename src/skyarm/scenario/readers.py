@@ -60,7 +60,7 @@ def duration(entry: object, path: str, reading: Reading) -> float:
 def plant(entry: object, path: str, reading: Reading) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
     fields = Fields(entry, path)
-    found = Truth(vehicle=_loaded(fields, reading), gravity=gravity(fields))
+    found = Truth(vehicle=_vehicle_of_table(fields, reading), gravity=gravity(fields))
     fields.done(beside=("kind", "integrator", "drives"))
     return found
 
@@ -70,7 +70,7 @@ def model(entry: object, path: str, reading: Reading) -> Model:
     if entry is None:
         return Model(vehicle=reading.vehicle("plant"), gravity=reading.word("plant").gravity)
     fields = Fields(entry, path)
-    found = Model(vehicle=_loaded(fields, reading), gravity=gravity(fields))
+    found = Model(vehicle=_vehicle_of_table(fields, reading), gravity=gravity(fields))
     fields.done()
     return found
 
@@ -86,7 +86,7 @@ def vehicle(named: object, at: str, folder: Path) -> Vehicle:
         raise ValueError(f"{at} = {shown(named)}: {words}") from None
 
 
-def _loaded(fields: Fields, reading: Reading) -> Vehicle:
+def _vehicle_of_table(fields: Fields, reading: Reading) -> Vehicle:
     """Vehicle of [plant] or [model] with the payload, drives and joint values that the table states."""
     fields.take("vehicle")
     found = reading.vehicle(fields.where)

@@ -49,7 +49,7 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
         text = file_name(name_or_path, "vehicle")
     path, known = Path(text), ", ".join(list_vehicles())
     if text in list_vehicles():
-        return _shipped(text)
+        return _library_vehicle(text)
     if is_robot(text):
         return _name_file_in_errors(text, lambda: plain_vehicle(robot_file(text)))
     if path.suffix == ".xacro":
@@ -66,7 +66,7 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
 
 
 @cache
-def _shipped(name: str) -> Vehicle:
+def _library_vehicle(name: str) -> Vehicle:
     """Vehicle of the library, read once in a process: plant and model, and every scenario of a study, share it."""
     return _name_file_in_errors(name, lambda: _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None))
 

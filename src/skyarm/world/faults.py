@@ -50,7 +50,7 @@ class Fault:
             raise ValueError(f"effectiveness = {shown(given)}: must be left out beside stuck, which holds the joint")
 
     @staticmethod
-    def spelled(fields: Fields) -> dict[str, Any]:
+    def short_spellings(fields: Fields) -> dict[str, Any]:
         """Effectiveness from a table: a number, or a signal of time; left out of a joint that is stuck."""
         share = fields.table.get("effectiveness")
         if isinstance(share, (dict, list)):

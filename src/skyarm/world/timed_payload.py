@@ -88,7 +88,7 @@ class TimedPayload(Component):
     believed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
 
     @staticmethod
-    def spelled(fields: Fields) -> dict[str, Any]:
+    def short_spellings(fields: Fields) -> dict[str, Any]:
         """Pick-up and set-down from a table: an instant (s), or ``{ within, of, after }``: arrival at a place."""
         values: dict[str, Any] = {}
         for name in ("pick", "drop"):

@@ -84,7 +84,7 @@ class GustyWind(Component):
     """A file's word for the peak of a gust."""
 
     @classmethod
-    def spelled(cls, fields: Fields) -> dict[str, Any]:
+    def short_spellings(cls, fields: Fields) -> dict[str, Any]:
         """Short spellings of a table: gusts whose peak is called by what blows."""
         return cls.gusts_from(fields)
 
@@ -183,7 +183,7 @@ class MovingAir(GustyWind, Air):
     blows: ClassVar[str] = "velocity"
 
     @classmethod
-    def spelled(cls, fields: Fields) -> dict[str, Any]:
+    def short_spellings(cls, fields: Fields) -> dict[str, Any]:
         """Gusts, and turbulence by altitude and wind speed, from a table."""
         values = cls.gusts_from(fields)
         table = fields.table.get("turbulence")
