@@ -1,4 +1,4 @@
-"""Readers of the words of a scenario file that no type of a record says; the grammar is in its module's text.
+"""Readers of those words of a scenario file whose records have other fields than their tables.
 
 Each takes the entry of its word, the word's path and a :class:`skyarm.scenario.document.Reading` of all others.
 """
