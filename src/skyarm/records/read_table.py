@@ -10,12 +10,14 @@ import typing
 from collections.abc import Callable, Collection, Iterable
 from typing import Any, TypeVar
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.coerce import whole
+from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find
+from skyarm.records.registry.registrations import name_of
 from skyarm.records.units import NUMBER, Unit, declared_units, units
 from skyarm.records.words import words_of_fields
 
@@ -57,6 +59,42 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
             raise ValueError(f"{fields.at(word)}: the annotation of this field names a type that cannot be found")
     fields.done()
     return make_at(fields.where, kind, **values)
+
+
+def entry_of(value: object) -> Any:
+    """Entry of a file from which a value is read again: a table of a record's fields that are not their defaults.
+
+    Raises:
+        TypeError: a value that no file has words for.
+    """
+    if isinstance(value, (bool, int, float, str)):
+        return value
+    if isinstance(value, (Vec3, Quaternion, tuple)):
+        return [entry_of(each) for each in value]
+    own = getattr(value, "to_entry", None)
+    return record_entry(value) if own is None else own()
+
+
+def record_entry(value: object) -> dict[str, Any]:
+    """Table of a record's fields that are not their defaults, and of its kind if its class is registered.
+
+    Raises:
+        TypeError: no record, or one of values that no file has words for.
+    """
+    names = field_names(type(value))
+    if names is None:
+        raise TypeError(f"{type(value).__name__} has no words in a file")
+    kind = getattr(value, "registered_as", "")
+    named = {"kind": name_of(kind, type(value))} if kind else {}
+    usual, words = defaults(type(value)), {name: word for word, name in words_of_fields(type(value)).items()}
+    held = ((name, getattr(value, name)) for name in names)
+    stated = ((name, each) for name, each in held if each is not None and not same_as(each, usual[name]))
+    return named | {words.get(name, name): entry_of(each) for name, each in stated}
+
+
+def same_as(value: object, usual: object) -> bool:
+    """True if a value is a field's default, bit for bit: a 0 that is structure is another than 0.0."""
+    return type(value) is type(usual) and value == usual and repr(value) == repr(usual)
 
 
 def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record:
@@ -144,7 +182,7 @@ def _value(wanted: object, unit: Unit, fields: Fields, name: str, folds: bool = 
     if hasattr(wanted, "from_table"):
         return wanted.from_table(value, at)
     if isinstance(wanted, type) and field_names(wanted) is not None:
-        return record_from(wanted, Fields(value, at))
+        return record_from(wanted, Fields(value, at), folds=folds)
     raise ValueError(f"{at}: a field of type {wanted} cannot be read from a file")
 
 

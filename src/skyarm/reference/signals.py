@@ -22,6 +22,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, parts
 from skyarm.records.path_names import Names, below, path_names
+from skyarm.records.read_table import entry_of
 from skyarm.records.units import Unit
 
 Derivatives = tuple[Any, ...]
@@ -53,6 +54,10 @@ class Signal(ABC):
     def __add__(self, other: Signal) -> Signal:
         """Return the sum of two time signals."""
         return Sum((self, other))
+
+    def to_entry(self) -> Any:
+        """Entry of a file from which the signal is read again: a table of its kind and its numbers."""
+        return {"kind": type(self).__name__.lower()} | {name: entry_of(each) for name, each in parts(self).items()}
 
     @classmethod
     def from_table(cls, entry: object, where: str) -> Signal:
@@ -87,6 +92,10 @@ class Constant(Signal):
     """Signal with a constant value and zero derivatives."""
 
     value: Annotated[Scalar, Unit("", "in the unit of the signal")] = 0.0
+
+    def to_entry(self) -> Any:
+        """Entry of a file: the value."""
+        return self.value
 
     own_number: ClassVar[Place] = ("value",)
     """What a path that leads to the signal means: in a file it is a number."""

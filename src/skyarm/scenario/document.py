@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol, get_args, get_origin
 
 from skyarm.records.field_rules import defaults
-from skyarm.records.files import Fields, number
+from skyarm.records.files import Fields, errors_as, number
 from skyarm.records.files.fields import list_of_tables
 from skyarm.records.leaves import field_names, part
 from skyarm.records.read_table import record_from, registered_from
@@ -22,6 +22,7 @@ from skyarm.records.words import EACH, Slot, groups, slots
 from skyarm.reference.task_records import Setting
 from skyarm.scenario import readers
 from skyarm.scenario.controller_table import require_servos_said
+from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -205,6 +206,7 @@ class Document:
         if "duration" not in self.replaced:  # what takes its place shortens the flight, not the file
             scenario.windows.require_within(scenario.duration)
             require_within(scenario.changes, scenario.steps, scenario.rates.control)
+        numbers = self.table("numbers").table
         initial, governor = self._entry(slot_of("initial")), self._entry(slot_of("reference.governor"))
         top.done()
         if scenario.changes:
@@ -212,7 +214,9 @@ class Document:
 
             require_changes(scenario)
         planned = readers.governor(False if governor is LEFT_OUT else governor, self.setting)
-        return planned(readers.at_start(scenario, None if initial is LEFT_OUT else initial))
+        made = planned(readers.at_start(scenario, None if initial is LEFT_OUT else initial))
+        with errors_as(ScenarioError, "numbers: "):
+            return with_numbers(made, numbers) if numbers else made
 
     def _fields(self) -> dict[str, Any]:
         """Fields of the scenario by name, those of its groups as tables."""

@@ -6,6 +6,7 @@ file's word may be another than the record's (``force`` is ``force_W``). Both wo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 from skyarm.algebra.scalars import Scalar
@@ -13,7 +14,7 @@ from skyarm.records.files import did_you_mean
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, part
 from skyarm.records.path_names import Names, View, path_names
-from skyarm.records.words import EACH, lifted_fields, slots
+from skyarm.records.words import EACH, Slot, lifted_fields, slots
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
@@ -72,6 +73,27 @@ def target_of(scenario: Scenario, path: str) -> Target:
     known = variable_words()
     near = did_you_mean(".".join(path.split(".")[:2]), known) or did_you_mean(path.split(".", maxsplit=1)[0], known)
     raise ScenarioError(f"path = {path!r}: {near}must start with one of {', '.join(known)}")
+
+
+def path_of(scenario: Scenario, place: Place) -> str:
+    """Path of a field of a scenario, by the words of its file and the names of its records' fields."""
+    slot, name = slot_at(place)
+    if EACH in slot.place:
+        name = str(part(scenario, (*slot.record, name)).name)
+    head = slot.path.replace(EACH, name) if EACH in slot.place else slot.path
+    return ".".join((head, *place[len(slot.place) :]))
+
+
+def slot_at(place: Sequence[str]) -> tuple[Slot, str]:
+    """Word around a field, the innermost if there are several, and the number of its item, if it has items."""
+    inside = [slot for slot in slots(Scenario) if matches(place[: len(slot.place)], slot.place)]
+    slot = max(inside, key=lambda each: len(each.place))
+    return slot, next((a for a, b in zip(place, slot.place, strict=False) if b == EACH), "")
+
+
+def matches(place: Sequence[str], pattern: Place) -> bool:
+    """True if a place is that of a word, whatever the number of its item."""
+    return len(place) == len(pattern) and all(b in (a, EACH) for a, b in zip(place, pattern, strict=True))
 
 
 def is_below(path: str, word: str) -> bool:

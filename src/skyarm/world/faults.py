@@ -49,6 +49,8 @@ class Fault:
             given = self.effectiveness if self.signal is None else self.signal
             raise ValueError(f"effectiveness = {shown(given)}: must be left out beside stuck, which holds the joint")
 
+    registered_as = "fault"
+
     @staticmethod
     def short_spellings(fields: Fields) -> dict[str, Any]:
         """Effectiveness from a table: a number, or a signal of time; left out of a joint that is stuck."""

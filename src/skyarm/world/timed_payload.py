@@ -87,6 +87,8 @@ class TimedPayload(Component):
     drop_place: Reach | None = None
     believed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
 
+    registered_as = "payload"
+
     @staticmethod
     def short_spellings(fields: Fields) -> dict[str, Any]:
         """Pick-up and set-down from a table: an instant (s), or ``{ within, of, after }``: arrival at a place."""

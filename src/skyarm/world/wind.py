@@ -37,7 +37,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.read_table import record_from, registered_from
+from skyarm.records.read_table import record_entry, record_from, registered_from
 from skyarm.records.registry import names
 from skyarm.records.units import Unit
 from skyarm.records.words import Word
@@ -95,6 +95,19 @@ class GustyWind(Component):
         if isinstance(entry, list):
             return {"gusts": tuple(cls._gust(each, f"{at}[{i}]") for i, each in enumerate(entry)), "gust": None}
         return {} if entry is None else {"gust": cls._gust(entry, at)}
+
+    def to_entry(self) -> dict[str, Any]:
+        """Table of a file: gusts as a list, their peaks called by what blows."""
+        found = record_entry(self)
+        for name in ("gust", "gusts"):
+            found.pop(name, None)
+        gusts = [
+            {self.blows: list(each.peak), "start": each.start, "duration": each.duration, "shape": each.shape}
+            for each in self.all_gusts
+        ]
+        if gusts:
+            found["gust"] = gusts if self.gust is None else gusts[0]
+        return found
 
     @classmethod
     def _gust(cls, entry: object, where: str) -> Gust:
