@@ -20,7 +20,7 @@ from skyarm.records.identity import identity
 from skyarm.records.leaves import Place, is_leaf, leaves, part, walk
 from skyarm.records.plain import digest, plain
 from skyarm.records.read_table import entry_of
-from skyarm.records.words import EACH, Slot, slots
+from skyarm.records.words import EACH, Slot, groups, slots
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import path_of
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
@@ -100,7 +100,8 @@ def _different_words(one: Scenario, other: Scenario) -> dict[str, Slot]:
     """Words whose values differ between two scenarios."""
 
     def content(scenario: Scenario, slot: Slot) -> str:
-        return digest(plain(part(scenario, slot.record)))
+        field = slot.record[: 2 if slot.record[0] in groups(Scenario) else 1]
+        return digest(plain(part(scenario, field)))
 
     return {slot.table: slot for slot in slots(Scenario) if content(one, slot) != content(other, slot)}
 
