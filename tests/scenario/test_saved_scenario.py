@@ -113,6 +113,11 @@ def test_what_words_and_numbers_cannot_say_is_refused_and_nothing_is_written(cas
     ],
 )
 def test_a_wrong_number_of_a_file_is_one_line(numbers, words):
-    tables = {"name": "n", "duration": 1.0, "plant": {"vehicle": "hummingbird_arm2_rotors"}, "controller": {"preset": "paper_ct"}}
+    tables = {
+        "name": "n",
+        "duration": 1.0,
+        "plant": {"vehicle": "hummingbird_arm2_rotors"},
+        "controller": {"preset": "paper_ct"},
+    }
     with pytest.raises(ScenarioError, match=words):
         skyarm.scenario_from(tables | {"numbers": numbers})
