@@ -53,11 +53,11 @@ def save_scenario(path: PathLike, scenario: Scenario, base: PathLike | Mapping[s
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario")
     tables = _from_folder(tables, folder, file.parent)
     with errors_as(ScenarioError, f"{file}: "):
-        found = scenario_tables(scenario, tables, file.parent)
+        found = tables_of(scenario, tables, file.parent)
         return write_atomically(file, scenario_text(found).encode())
 
 
-def scenario_tables(scenario: Scenario, tables: Mapping[str, Any], folder: PathLike = "") -> Tables:
+def tables_of(scenario: Scenario, tables: Mapping[str, Any], folder: PathLike = "") -> Tables:
     """Tables that a scenario is read from, made of those of another one.
 
     Args:
