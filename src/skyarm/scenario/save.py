@@ -113,7 +113,7 @@ def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables
         before, after = part(begun, slot.record), part(scenario, slot.record)
         if slot.word.reader in WITHOUT_ENTRY or (slot.word.varies == "always" and _alike(before, after)):
             continue
-        found = _replaced(found, path.split("."), _entry(slot, after))
+        found = _with_entry(found, path.split("."), _entry(slot, after))
     return found
 
 
@@ -139,15 +139,15 @@ def _entry(slot: Slot, value: Any) -> Any:
     return found
 
 
-def _replaced(tables: Tables, path: list[str], entry: Any) -> Tables:
+def _with_entry(tables: Tables, path: list[str], entry: Any) -> Tables:
     """Tables with the entry at a path replaced."""
     first, *rest = path
     inner = tables.get(first, {})
-    return tables | {first: _replaced(inner if isinstance(inner, dict) else {}, rest, entry) if rest else entry}
+    return tables | {first: _with_entry(inner if isinstance(inner, dict) else {}, rest, entry) if rest else entry}
 
 
 def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
-    """Numbers by path that make one scenario of another; those that follow from others only if they must be said."""
+    """Numbers by path that make one scenario of another, without those that follow from others where that is enough."""
     places = [
         place
         for (place, before), (_, after) in zip(walk(begun), walk(scenario), strict=False)
