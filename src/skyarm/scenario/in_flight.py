@@ -21,7 +21,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.files import did_you_mean, errors_as, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, replace_at
+from skyarm.records.leaves import Place, part, replace_at
 from skyarm.records.words import Slot, slots
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
@@ -81,7 +81,8 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place,
     if path != "reference":
         return {slot.field: read_part(slot, value, reading)}
     agent, governor = readers.with_reference(scenario.agent, value, reading)
-    return {slot.field[:-1]: governor(dataclasses.replace(scenario, agent=agent)).agent}
+    planned = governor(dataclasses.replace(scenario, agent=agent))
+    return {each.field: part(planned, each.field) for each in slots(Scenario) if is_below(each.path, path)}
 
 
 def _prefix_of_part(path: str) -> str:
