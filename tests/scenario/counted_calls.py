@@ -10,6 +10,7 @@ class, does not count.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import platform
 import sys
@@ -62,7 +63,7 @@ def works() -> dict[str, Callable[[], object]]:
     given = skyarm.load_scenario(LOADED)
     found: dict[str, Callable[[], object]] = {
         f"load {LOADED}": partial(skyarm.load_scenario, LOADED),
-        "seed": partial(given.with_words, seed=given.seed + 1),
+        "seed": partial(dataclasses.replace, given, seed=given.seed + 1),
     }
     return found | {path: partial(skyarm.with_numbers, given, {path: value}) for path, value in REPLACED.items()}
 

@@ -8,6 +8,7 @@ this one function.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import sys
@@ -35,7 +36,7 @@ Pinned = Mapping[str, tuple[tuple[Place, ...], str]]
 
 def started(given: skyarm.Scenario) -> skyarm.Scenario:
     """A scenario with an initial state, so that there are paths of it."""
-    return given if given.initial is not None else given.with_words(initial=first_state(given))
+    return given if given.initial is not None else dataclasses.replace(given, initial=first_state(given))
 
 
 def paths(given: skyarm.Scenario) -> Iterator[str]:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import sys
 from collections.abc import Callable
@@ -124,7 +125,7 @@ def answers(given: skyarm.Scenario, path: str, value: Any) -> dict[str, Any]:
     """Fields that a path leads to, number there, and whether a change of it is accepted."""
 
     def change() -> str:
-        require_changes(given.with_words(changes=(Change(at=1.0, path=path, value=value),)))
+        require_changes(dataclasses.replace(given, changes=(Change(at=1.0, path=path, value=value),)))
         return "may change in flight"
 
     places = answer(lambda: " & ".join(map(".".join, places_of(given, path))))

@@ -170,7 +170,7 @@ def test_a_replaced_number_runs_the_rules_that_read_it(path: str, runs: Counter[
 
 def test_a_replaced_seed_runs_no_rule_and_a_check_runs_all_once(runs: Counter[str]) -> None:
     given = scenario(RICH)
-    other = given.with_words(seed=given.seed + 1)
+    other = dataclasses.replace(given, seed=given.seed + 1)
     assert not runs
     check_scenario(other)
     assert runs == ONCE

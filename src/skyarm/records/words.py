@@ -71,6 +71,11 @@ class Slot(NamedTuple):
         return self.path.removesuffix(f".{EACH}")
 
     @property
+    def field(self) -> Place:
+        """Place of the field that declares the word."""
+        return self.place[: len(self.place) - len(self.word.inside)]
+
+    @property
     def record(self) -> Place:
         """Place of the record that holds all items of the word."""
         return self.place[: self.place.index(EACH)] if EACH in self.place else self.place

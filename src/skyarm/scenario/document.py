@@ -260,7 +260,7 @@ def require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
 
 def _default(slot: Slot) -> Any:
     """Default of the field that holds a word; ``dataclasses.MISSING`` if there is none."""
-    *above, name = slot.record[:2]
+    *above, name = slot.field
     owner = groups(Scenario)[above[0]] if above else Scenario
     return defaults(owner)[name]
 

@@ -21,7 +21,8 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.files import did_you_mean, errors_as, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.words import Slot, groups, slots
+from skyarm.records.leaves import Place, part, replace_at
+from skyarm.records.words import Slot, slots
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import readers
@@ -58,16 +59,16 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     model = scenario.controller.par.model
     with errors_as(ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError):
         fields = _fields_of_part(scenario, path, value)
-        changed = dataclasses.replace(scenario, **fields)
-        check_scenario(changed, [slot.record for slot in slots(Scenario) if not fields.keys().isdisjoint(slot.record)])
+        changed: Scenario = replace_at(scenario, fields)
+        check_scenario(changed, fields)
         return changed
 
 
-def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[str, Any]:
-    """Scenario fields that result from replacing a section, such as the wind, by a table of a scenario file."""
+def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place, Any]:
+    """Scenario fields by place that result from a table of a scenario file in place of a section, such as the wind."""
     slot, reading = whole_parts()[path], OfScenario(scenario)
     if path == LAW:
-        return {"controller": readers.law(scenario, value)}
+        return {slot.field: readers.law(scenario, value)}
     if path != slot.path:
         fixed = "must stay as it is where the reference has a tip" if scenario.reference.tip is not None else ""
         fixed = PLANNED if scenario.path_time is not None else fixed
@@ -75,12 +76,13 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[str, A
             raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
         entry = path.removeprefix(f"{slot.path}.")
         found = trajectory_from({entry: value}, scenario.plant.vehicle.n, "reference", reading.setting)
-        fields = {name: getattr(found, name) for name in dict(slot.word.entries)[entry]}
-        return {"reference": dataclasses.replace(scenario.reference, **fields)}
+        fields: dict[Place, Any] = {(name,): getattr(found, name) for name in dict(slot.word.entries)[entry]}
+        return {slot.field: replace_at(scenario.reference, fields)}
     if path != "reference":
-        return {slot.record[1 if slot.record[0] in groups(Scenario) else 0]: read_part(slot, value, reading)}
-    given, governor = readers.reference_fields(value, reading)
-    return {**given, "path_time": governor(scenario.with_words(**given, path_time=None)).path_time}
+        return {slot.field: read_part(slot, value, reading)}
+    agent, governor = readers.with_reference(scenario.agent, value, reading)
+    planned = governor(dataclasses.replace(scenario, agent=agent))
+    return {each.field: part(planned, each.field) for each in slots(Scenario) if is_below(each.path, path)}
 
 
 def _prefix_of_part(path: str) -> str:

@@ -92,7 +92,7 @@ def _with_initial_state(scenario: Scenario, paths: Iterable[str]) -> Scenario:
     """Scenario with an explicit initial state if a path leads into it: the stated one, else hover trim."""
     if scenario.initial is not None or not any(path.startswith("initial.") for path in paths):
         return scenario
-    return scenario.with_words(initial=first_state(scenario))
+    return scenario.with_initial(first_state(scenario))
 
 
 def number_at(scenario: Scenario, path: str) -> float:
@@ -146,7 +146,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
             views.setdefault(target.places[0], {})[target.view.name] = accept_scalar(path, value, target.view.unit)
     changed = _with_fields_and_views(scenario, fields, views)
     if any(place[:2] == INITIAL for place in (*fields, *views)):
-        changed = changed.with_words(initial=_start_with(started, changed, fields, views.get(INITIAL, {})))
+        changed = changed.with_initial(_start_with(started, changed, fields, views.get(INITIAL, {})))
     check_scenario(changed, [*fields, *views], numbers=True)
     return changed
 
@@ -155,20 +155,21 @@ def _with_fields_and_views(
     scenario: Scenario, fields: Mapping[Place, Any], views: Mapping[Place, Mapping[str, Any]]
 ) -> Scenario:
     """Scenario with fields and views replaced, and what follows from them; the initial state stays."""
-    below: dict[str, dict[Place, Any]] = {}
+    below: dict[Place, dict[Place, Any]] = {}
     for place, value in fields.items():
         if place[:2] != INITIAL:
-            below.setdefault(place[0], {})[place[1:]] = value
-    found = {name: replace_at(getattr(scenario, name), inner) for name, inner in below.items()}
-    for (name, *rest), numbers in views.items():
-        if (name, *rest) != INITIAL:
-            held, place = found.get(name, getattr(scenario, name)), tuple(rest)
-            seen: Viewed = part(held, place)
-            found[name] = replace_at(held, {place: seen.with_views(numbers)})
-    changed = dataclasses.replace(scenario, **found) if found else scenario
+            below.setdefault(place[:1], {})[place[1:]] = value
+    found = {field: replace_at(part(scenario, field), inner) for field, inner in below.items()}
+    for place, numbers in views.items():
+        if place != INITIAL:
+            field, inside = place[:1], place[1:]
+            held = found.get(field, part(scenario, field))
+            seen: Viewed = part(held, inside)
+            found[field] = replace_at(held, {inside: seen.with_views(numbers)})
+    changed: Scenario = replace_at(scenario, found) if found else scenario
     law = [place[len(CONTROLLER) :] for place in fields if place[: len(CONTROLLER)] == CONTROLLER]
     after = with_consequences(changed.controller, law, 1.0 / scenario.rates.control)
-    return changed if after is changed.controller else changed.with_words(controller=after)
+    return changed if after is changed.controller else changed.with_controller(after)
 
 
 def _require_numbers(values: object) -> None:
@@ -205,7 +206,7 @@ def _start_with(started: Scenario, changed: Scenario, fields: Mapping[Place, Any
         at = changed.reference.at(0.0)
         posture = tuple(joints.get(i, data(q)) for i, q in enumerate(at.joints))
         trim = trimmed_state(changed.plant, at.position, data(at.yaw), posture)
-        held = first_state(changed.with_words(initial=trim))  # with plain numbers, as any initial state has them
+        held = first_state(changed.with_initial(trim))  # with plain numbers, as any initial state has them
     state: State = replace_at(held, inside) if inside else held
     if angles:
         return dataclasses.replace(state, quaternion=held.with_views(angles).quaternion)

@@ -30,7 +30,7 @@ from skyarm.reference.task_records import Setting
 from skyarm.scenario.controller_table import controller_by_name, controller_from, loop_facts
 from skyarm.scenario.numbers import INITIAL
 from skyarm.scenario.scenario_checks import check_quaternion, check_scenario, require_start_outside
-from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario, trimmed_state
+from skyarm.scenario.scenario_record import Agent, JointDrive, NamedSensor, Scenario, trimmed_state
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.linkage import JOINT_NUMBERS
@@ -228,14 +228,16 @@ def tracking_start(entry: object, path: str, reading: Reading) -> Scalar:
     return number(entry, path, low=0.0)
 
 
-def reference_fields(table: object, reading: Reading) -> tuple[dict[str, Any], Callable[[Scenario], Scenario]]:
-    """Fields of an agent that [reference] gives, and the function that slows a scenario's reference."""
+def with_reference(agent: Agent, table: object, reading: Reading) -> tuple[Agent, Callable[[Scenario], Scenario]]:
+    """Agent with the reference that [reference] gives, and the function that slows a scenario's reference."""
     words = dict(table) if isinstance(table, Mapping) else {}
     slowed, start = words.pop("governor", False), words.pop("tracking_start", None)
-    found = {
-        "reference": reference(words if isinstance(table, Mapping) else table, "reference", reading),
-        "tracking_start": 0 if start is None else tracking_start(start, "reference.tracking_start", reading),
-    }
+    found = dataclasses.replace(
+        agent,
+        reference=reference(words if isinstance(table, Mapping) else table, "reference", reading),
+        tracking_start=0 if start is None else tracking_start(start, "reference.tracking_start", reading),
+        path_time=None,
+    )
     return found, governor(slowed, reading.setting)
 
 
@@ -254,9 +256,9 @@ def at_start(scenario: Scenario, initial: object) -> Scenario:
         from skyarm.world.contact.static_equilibrium import with_standing_objects
 
         rested = with_standing_objects(scenario.world, float(scenario.plant.gravity))
-        scenario = scenario.with_words(world=rested)
+        scenario = dataclasses.replace(scenario, environment=dataclasses.replace(scenario.environment, world=rested))
     if initial is not None:
-        scenario = scenario.with_words(initial=initial_state(Fields(initial, "initial"), scenario))
+        scenario = scenario.with_initial(initial_state(Fields(initial, "initial"), scenario))
         check_scenario(scenario, [INITIAL])
     if scenario.world is not None:
         require_start_outside(scenario)

@@ -162,7 +162,7 @@ def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:
     """Load the scenario stored in a log file, with some values replaced."""
     from skyarm.log.formats import load_log
 
-    replaced = {"kind" if name == "plant" else name: value for name, value in given.items() if name != "controller"}
+    replaced = _by_path({name: value for name, value in given.items() if name != "controller"})
     try:
         if reason := unreadable(Path(path)):
             raise ValueError(reason)
@@ -171,6 +171,11 @@ def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:
     except (ValueError, OSError, AllocationError) as error:
         words = str(error).removeprefix(f"log = {shown(path)}: ")
         raise ScenarioError(f"{path}: {words}") from None
+
+
+def _by_path(replaced: Mapping[str, Any]) -> dict[str, Any]:
+    """Replaced values by their path in a file, where ``plant`` is the kind of the plant."""
+    return {"plant.kind" if name == "plant" else name: value for name, value in replaced.items()}
 
 
 def scenario_from(
@@ -189,7 +194,6 @@ def scenario_from(
     if not isinstance(document, Mapping):
         raise ScenarioError(f"document = {shown(document)}: must be a table")
     try:
-        given = {"plant.kind" if name == "plant" else name: value for name, value in (replaced or {}).items()}
-        return Document(document, Path(folder), given).scenario()
+        return Document(document, Path(folder), _by_path(replaced or {})).scenario()
     except ValueError as error:
         raise ScenarioError(one_line(str(error))) from None

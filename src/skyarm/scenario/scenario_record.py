@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import numbers
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, cos, data, minimum, sin
@@ -54,7 +55,7 @@ LATEST = 1e7
 
 PERFECT_SENSORS = SensorNoise()
 
-Held = TypeVar("Held")
+Record = TypeVar("Record")
 
 
 class ScenarioError(ValueError):
@@ -342,27 +343,48 @@ class Agent:
             object.__setattr__(self, "initial", _as_data(self.initial))
 
 
-class Shortcut(Generic[Held]):
-    """Descriptor that makes ``scenario.wind`` a shortcut for ``scenario.environment.wind``."""
+def words_as_keywords(kind: type[Record]) -> type[Record]:
+    """Decorator of a record whose keywords may be words of its groups, such as ``wind`` of ``environment``.
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name = name
-        groups = (("solver", Solver), ("agent", Agent), ("environment", Environment))
-        self._group = next(group for group, kind in groups if name in (field_names(kind) or ()))
+    ``dataclasses.replace`` calls the class and takes them too. Type checkers see the record's own fields alone.
+    """
+    generated: Callable[..., None] = kind.__init__
 
-    def __get__(self, scenario: Scenario | None, owner: type) -> Held:
-        if scenario is None:  # of the class, as for any descriptor
-            return self  # type: ignore[return-value]
-        found: Held = getattr(getattr(scenario, self._group), self._name)
-        return found
+    @functools.wraps(generated)
+    def take_words(record: Record, **words: object) -> None:
+        complete = words.keys() == defaults(kind).keys()
+        generated(record, **(words if complete else _fields_from_words(kind, words)))
+
+    kind.__init__ = take_words  # type: ignore[assignment, method-assign]
+    return kind
 
 
-@immutable(init=False)
+def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object]:
+    """Sort keywords such as ``wind`` into the groups that have them as fields.
+
+    Raises:
+        TypeError: a field is missing, or there is no such field or word.
+    """
+    found: dict[str, Any] = {name: words.pop(name) for name in defaults(kind) if name in words}
+    for group, held in groups(kind).items() if words else ():
+        if inner := {word: words.pop(word) for word in field_names(held) or () if word in words}:
+            found[group] = dataclasses.replace(found[group], **inner) if group in found else held(**inner)
+    for name, usual in defaults(kind).items():
+        if usual is dataclasses.MISSING and name not in found:
+            raise TypeError(f"{kind.__name__}: {name} is missing")
+    if words:
+        meant = did_you_mean(next(iter(words)), field_names(Agent) or ())
+        raise TypeError(f"{kind.__name__}: {meant}has no field {', '.join(words)}")
+    return found
+
+
+@words_as_keywords
+@immutable
 class Scenario:
     """Complete definition of one experiment.
 
-    It is made of its fields, or of the words of a group in the group's place: ``Scenario(wind=...)``,
-    ``dataclasses.replace(scenario, wind=...)`` and ``scenario.wind`` mean ``environment.wind``.
+    ``scenario.wind`` means ``scenario.environment.wind``. It is made of its fields or, as type checkers do not see, of
+    the words of a group in the group's place: ``Scenario(wind=...)``, ``dataclasses.replace(scenario, wind=...)``.
 
     Attributes:
         name: short name. title: one-line description.
@@ -390,20 +412,15 @@ class Scenario:
     seed: Annotated[int, STRUCTURAL] = 0
     episode: Annotated[int, STRUCTURAL] = 0
 
-    def __init__(self, **words: Any) -> None:
+    def __post_init__(self) -> None:
         with errors_as(ScenarioError):
-            for name, value in _group_fields(words).items():
-                object.__setattr__(self, name, value)
             check_name(self.name)
             for name in ("seed", "episode"):
                 object.__setattr__(self, name, noise_key(name, getattr(self, name)))
             accept_fields(self, "")
-            if self.world is not None and (fitted := self.world.on(self.plant.vehicle)) is not self.world:
+            world = self.environment.world
+            if world is not None and (fitted := world.on(self.agent.plant.vehicle)) is not world:
                 object.__setattr__(self, "environment", dataclasses.replace(self.environment, world=fitted))
-
-    def with_words(self, **words: Any) -> Scenario:
-        """Scenario with some fields replaced, also fields of its groups, such as ``wind`` of ``environment``."""
-        return dataclasses.replace(self, **words)
 
     def _repr_html_(self) -> str:
         return notebook_html(self)
@@ -411,33 +428,136 @@ class Scenario:
     @property
     def as_begun(self) -> Scenario:
         """Scenario at the start of the flight, without scheduled changes."""
-        return self.with_words(changes=()) if self.changes else self
+        return dataclasses.replace(self, changes=()) if self.changes else self
 
     def under(self, controller: Controller) -> Scenario:
         """Scenario with another law, and without scheduled changes of the present law."""
         kept = tuple(each for each in self.changes if not each.of_law)
-        return self.with_words(controller=controller, changes=kept)
+        return dataclasses.replace(self, changes=kept, agent=dataclasses.replace(self.agent, controller=controller))
 
-    kind = Shortcut[str]()
-    integrator = Shortcut[str]()
-    wind = Shortcut[Component]()
-    air = Shortcut[tuple[Component, ...]]()
-    forces = Shortcut[tuple[Component, ...]]()
-    ground = Shortcut[bool]()
-    world = Shortcut["Contact | None"]()
-    plant = Shortcut[Truth]()
-    controller = Shortcut[Controller]()
-    reference = Shortcut[Trajectory]()
-    tracking_start = Shortcut[Scalar]()
-    path_time = Shortcut["PathTime | None"]()
-    noise = Shortcut[SensorNoise]()
-    sensors = Shortcut[tuple[NamedSensor, ...]]()
-    estimator = Shortcut[Estimator]()
-    drives = Shortcut[tuple[JointDrive, ...]]()
-    delays = Shortcut[Delays]()
-    initial = Shortcut["State | None"]()
-    faults = Shortcut[tuple[Fault, ...]]()
-    payloads = Shortcut[tuple[TimedPayload, ...]]()
+    def with_controller(self, controller: Controller) -> Scenario:
+        """Scenario with another law; scheduled changes of it stay (:meth:`under` leaves them out)."""
+        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, controller=controller))
+
+    def with_plant(self, plant: Truth) -> Scenario:
+        """Scenario with another true vehicle or gravity; the law's model stays."""
+        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, plant=plant))
+
+    def with_reference(self, reference: Trajectory) -> Scenario:
+        """Scenario with another desired motion."""
+        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, reference=reference))
+
+    def with_delays(self, delays: Delays) -> Scenario:
+        """Scenario with other dead times of the loop."""
+        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, delays=delays))
+
+    def with_initial(self, initial: State) -> Scenario:
+        """Scenario with another state at t = 0."""
+        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, initial=initial))
+
+    def with_kind(self, kind: str) -> Scenario:
+        """Scenario on another kind of simulator, "rigid_body" or "mujoco"."""
+        return dataclasses.replace(self, solver=dataclasses.replace(self.solver, kind=kind))
+
+    @property
+    def kind(self) -> str:
+        """Kind of simulator."""
+        return self.solver.kind
+
+    @property
+    def integrator(self) -> str:
+        """Integrator of the physics."""
+        return self.solver.integrator
+
+    @property
+    def wind(self) -> Component:
+        """Wind."""
+        return self.environment.wind
+
+    @property
+    def air(self) -> tuple[Component, ...]:
+        """Further models of the air's motion."""
+        return self.environment.air
+
+    @property
+    def forces(self) -> tuple[Component, ...]:
+        """Added forces."""
+        return self.environment.forces
+
+    @property
+    def ground(self) -> bool:
+        """True if the episode ends at z = 0."""
+        return self.environment.ground
+
+    @property
+    def world(self) -> Contact | None:
+        """Surfaces and the vehicle's points that touch them; None for free flight."""
+        return self.environment.world
+
+    @property
+    def plant(self) -> Truth:
+        """True vehicle and gravity."""
+        return self.agent.plant
+
+    @property
+    def controller(self) -> Controller:
+        """Law with its model."""
+        return self.agent.controller
+
+    @property
+    def reference(self) -> Trajectory:
+        """Desired motion."""
+        return self.agent.reference
+
+    @property
+    def tracking_start(self) -> Scalar:
+        """Time when the law begins to track, s."""
+        return self.agent.tracking_start
+
+    @property
+    def path_time(self) -> PathTime | None:
+        """Planned time of the reference; None for none."""
+        return self.agent.path_time
+
+    @property
+    def noise(self) -> SensorNoise:
+        """Noise of the full state."""
+        return self.agent.noise
+
+    @property
+    def sensors(self) -> tuple[NamedSensor, ...]:
+        """Sensors in addition to the full state."""
+        return self.agent.sensors
+
+    @property
+    def estimator(self) -> Estimator:
+        """Estimator of the measurement that the law receives."""
+        return self.agent.estimator
+
+    @property
+    def drives(self) -> tuple[JointDrive, ...]:
+        """Drives of joints that the scenario assigns."""
+        return self.agent.drives
+
+    @property
+    def delays(self) -> Delays:
+        """Dead times of the loop."""
+        return self.agent.delays
+
+    @property
+    def initial(self) -> State | None:
+        """State at t = 0; None for hover trim."""
+        return self.agent.initial
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Losses of single actuators."""
+        return self.agent.faults
+
+    @property
+    def payloads(self) -> tuple[TimedPayload, ...]:
+        """Loads that are picked up and set down in flight."""
+        return self.agent.payloads
 
     @property
     def steps(self) -> int:
@@ -511,27 +631,6 @@ class Scenario:
         """Drive of each joint in order; empty if every joint is commanded by torque."""
         given = {each.joint: each.drive for each in self.joint_drives}
         return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.plant.vehicle.links) if given else ()
-
-
-def _group_fields(words: dict[str, Any]) -> dict[str, Any]:
-    """Sort keywords such as ``wind`` into the Scenario fields that contain them, and add defaults."""
-    found: dict[str, Any] = {}
-    for name, default in defaults(Scenario).items():
-        kind = groups(Scenario).get(name)
-        inner = {word: words.pop(word) for word in field_names(kind) or () if word in words} if kind else {}
-        if kind and inner:
-            given = words.pop(name, None)
-            found[name] = kind(**inner) if given is None else dataclasses.replace(given, **inner)
-        elif name in words:
-            found[name] = words.pop(name)
-        elif default is dataclasses.MISSING:
-            raise TypeError(f"Scenario: {name} is missing")
-        else:
-            found[name] = default
-    if words:
-        meant = did_you_mean(next(iter(words)), field_names(Agent) or ())
-        raise TypeError(f"Scenario: {meant}has no field {', '.join(words)}")
-    return found
 
 
 def check_name(name: str) -> None:

@@ -60,11 +60,14 @@ def adjustable(plain: Scenario) -> Scenario:
     delays = plain.delays
     if plain.kind == "rigid_body" and plain.controller.compiled and delays.longest_command is None:
         delays = dataclasses.replace(delays, longest_command=max(delays.longest, LONGEST_DELAY))
-    return plain.with_words(
-        wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
-        forces=(*plain.forces, ForceWind(gust=Gust(duration=0.1))),
-        faults=(*plain.faults, *faults),
-        delays=delays,
+    return dataclasses.replace(
+        plain,
+        agent=dataclasses.replace(plain.agent, faults=(*plain.faults, *faults), delays=delays),
+        environment=dataclasses.replace(
+            plain.environment,
+            wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
+            forces=(*plain.forces, ForceWind(gust=Gust(duration=0.1))),
+        ),
     )
 
 
