@@ -38,8 +38,7 @@ def show(
         str | None,
         typer.Argument(
             metavar="[VEHICLE|FLIGHT|words]",
-            help="a vehicle file (.toml, .urdf, .xml), the name of a shipped one, or a log; the library if left out; "
-            "words: all of a scenario file",
+            help="a vehicle's file or name, or a log; words: of a scenario file; the library if left out",
             autocompletion=name_completion("vehicle"),
         ),
     ] = None,
@@ -58,10 +57,8 @@ def show(
     mass, hover speed and thrust margin, arm reach, static joint torques of a level base; limits of the joints,
     inertias, motor constants; sources of the numbers. With --out a picture with frames, senses and lengths.
 
-    words: every word of a scenario file with its type, unit and bounds, and when its numbers may change.
-
     Of a measured flight: channels, rates, gaps and clock; with --vehicle its faults, and of each number of the vehicle
-    whether the flight excites it.
+    whether the flight excites it. words: the grammar of a scenario file.
     """
     if shown is None:
         require_left_out(context, ["--gravity", "--out", "--vehicle", "--columns"], " without a vehicle or flight")

@@ -155,13 +155,13 @@ class Document:
 
     def _entry(self, slot: Slot) -> Any:
         """Entry of a word in the file, without the words below it that have fields of their own."""
-        if slot.path in self.replaced and not slot.word.entries:
-            return self.replaced[slot.path]
         within, _, name = slot.table.rpartition(".")
         above = self.table("").table.get(within, {}) if within else {}
         if within in NAMED and not isinstance(above, dict):
             return LEFT_OUT  # the reader of the word above says what must be there
         entry = self.table(within).take(name, LEFT_OUT)
+        if slot.path in self.replaced and not slot.word.entries:
+            return self.replaced[slot.path]
         if slot.path == "payloads":
             entry = self._payload_tables(entry)
         if entry is LEFT_OUT and _default(slot) is dataclasses.MISSING:
