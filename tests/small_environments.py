@@ -12,7 +12,7 @@ import pytest
 import skyarm
 from record_text import whole_text
 from skyarm.envs import env_lanes
-from skyarm.world.environment_tables import wind_from
+from skyarm.world.wind import wind_from
 
 MASS = "plant.payload.mass"
 

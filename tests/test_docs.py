@@ -15,7 +15,6 @@ from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.catalogue import PRESETS
 from skyarm.control.model import Terms
 from skyarm.records.registry.shipped import SHIPPED
-from skyarm.reference import signal_tables
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
@@ -59,7 +58,7 @@ def test_every_table_of_a_scenario_is_in_the_example():
 
 def test_every_choice_is_on_the_page():
     text = page("scenario_files.md")
-    kinds = [*SHIPPED["motion"], *signal_tables._SIGNALS]
+    kinds = [*SHIPPED["motion"], *SHIPPED["signal"]]
     fields = [field.name for record in (skyarm.Rates, skyarm.Delays, skyarm.SensorNoise, Terms)
               for field in dataclasses.fields(record)]  # fmt: skip
     for name in (*kinds, *fields, *PRESETS, *SHIPPED["law"]):

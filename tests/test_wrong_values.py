@@ -11,6 +11,7 @@ import pytest
 
 import euler_lagrange
 import skyarm
+from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import first_state
 
 STILL = ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0])
@@ -171,12 +172,12 @@ def test_rotors_start_at_speeds_that_they_can_turn_at() -> None:
     """Speeds are unsigned, the turn is the rotor's; 838 rad/s is the Hummingbird's highest."""
     allowed = "must be from 0 to 838 rad/s, the highest speed of rotor 2"
     for speed in (-400.0, -1e-9, 838.1, 1e9):
-        call = functools.partial(turning, 480.0, 480.0, speed, 480.0)
+        call = functools.partial(skyarm.run, turning(480.0, 480.0, speed, 480.0))
         refused("initial.rotor_speeds[2]", speed, allowed, call, skyarm.ScenarioError)
         with pytest.raises(skyarm.ScenarioError, match=r"initial\.rotor_speeds\[2\]"):
             skyarm.with_numbers(scenario(), {"initial.rotor_speeds.2": speed})
     for speed in (0.0, 838.0):
-        assert turning(*(speed,) * 4).initial.rotor_speeds == (speed,) * 4
+        check_scenario(turning(*(speed,) * 4))
 
 
 def test_whole_numbers_of_numpy_are_whole_numbers() -> None:

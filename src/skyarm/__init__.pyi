@@ -76,6 +76,7 @@ from skyarm.scenario.controller_table import load_controller as load_controller
 from skyarm.scenario.endings import Ending as Ending
 from skyarm.scenario.numbers import with_numbers as with_numbers
 from skyarm.scenario.path_governor import govern as govern
+from skyarm.scenario.save import save_scenario as save_scenario
 from skyarm.scenario.scenario_file import (
     list_scenarios as list_scenarios,
 )

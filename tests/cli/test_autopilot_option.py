@@ -91,7 +91,9 @@ def test_the_command_of_the_program_outside_names_a_law_where_the_file_has_none(
     slow = dataclasses.replace(other.plant.vehicle, rotors=tuple(
         dataclasses.replace(rotor, time_constant_up=0.2, time_constant_down=0.2) for rotor in other.plant.vehicle.rotors
     ))  # fmt: skip
-    plant = other.with_words(plant=dataclasses.replace(other.plant, vehicle=slow))  # the parameters are the model's
+    plant = dataclasses.replace(
+        other, plant=dataclasses.replace(other.plant, vehicle=slow)
+    )  # the parameters are the model's
     assert outside_command("case3", plant) == outside_command("case3", other)
 
 

@@ -29,6 +29,7 @@ from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.plant.interface import Truth
 from skyarm.reference import hover
+from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import blank_measurement
 from skyarm.studies.stability.frozen_scenario import without_adaptation
@@ -213,7 +214,7 @@ def test_the_law_itself_is_found_under_two_layers_and_three(kind):
 @pytest.mark.parametrize("kind", ["tilts", "servos"])
 def test_a_clock_that_does_not_tick_is_refused_under_two_layers(kind):
     with pytest.raises(skyarm.ScenarioError, match=r"controller\.reference_period = 0\.5: must be 0\.02 s"):
-        planned(layered(kind, reference_period=0.5))
+        check_scenario(planned(layered(kind, reference_period=0.5)))
 
 
 def test_gains_for_other_joints_are_refused_under_two_layers():
@@ -222,7 +223,7 @@ def test_gains_for_other_joints_are_refused_under_two_layers():
     short = dataclasses.replace(own.joint_gains, stiffness=own.joint_gains.stiffness[:1])
     par = with_innermost(law.par, dataclasses.replace(own, joint_gains=short))
     with pytest.raises(skyarm.ScenarioError, match=r"joint_gains\.stiffness: 1 values, must be 2"):
-        planned(dataclasses.replace(law, par=par))
+        check_scenario(planned(dataclasses.replace(law, par=par)))
 
 
 @pytest.mark.parametrize(("kind", "depth"), [("tilts", 1), ("tilts and servos", 2)])

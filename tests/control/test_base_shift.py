@@ -322,7 +322,7 @@ def flown(scenario, reference, wind=ZERO, duration=7.0, **options):
     model = Model(vehicle=scenario.plant.vehicle, gravity=scenario.plant.gravity)
     controller = make_centroidal(model, mode="tip", preset="adaptive", **options)
     scenario = dataclasses.replace(scenario, reference=reference, controller=controller)
-    log = skyarm.run(scenario.with_words(wind=ForceWind(force_W=wind), duration=duration))
+    log = skyarm.run(dataclasses.replace(scenario, wind=ForceWind(force_W=wind), duration=duration))
     assert log.status == "completed"
     kept = log.time >= duration - 3.0
     commands = log.rotor_commands[kept]
@@ -376,7 +376,9 @@ def test_options_of_the_version_before_are_read_once_more(model):
 
 def test_a_preview_in_the_law_is_that_of_the_trajectory(case3):
     """What a flight's rows bring: samples of the reference at the times that the law asks for."""
-    scenario = case3.with_words(controller=make_centroidal(case3.controller.par.model, mode="tip", preset="adaptive"))
+    scenario = dataclasses.replace(
+        case3, controller=make_centroidal(case3.controller.par.model, mode="tip", preset="adaptive")
+    )
     inputs, par = episode_inputs(scenario), scenario.controller.par
     row = inputs.row_at(1301, None)
     held = 1300 / 200.0
@@ -389,7 +391,7 @@ def test_a_preview_in_the_law_is_that_of_the_trajectory(case3):
 
 def test_before_it_starts_to_track_a_law_is_shown_a_reference_at_rest(case3):
     law = make_centroidal(case3.controller.par.model, mode="tip", preset="adaptive")
-    late = case3.with_words(controller=law, tracking_start=2.0)
+    late = dataclasses.replace(case3, controller=law, tracking_start=2.0)
     row = episode_inputs(late).row_at(100, None)
     shown = samples_ahead(joined_reference(late, row.reference, 0.5))
     rest = [(value, 0.0, 0.0) for value, _, _ in samples(late.reference.at(0.0))]
@@ -407,7 +409,7 @@ def test_a_reference_that_waits_is_previewed_as_far_as_it_is_certain_to_go(case3
     motion = dataclasses.replace(
         hover((0.0, 0.0, 1.5)), x=x, joints=ARM, guards=(guard,), phases=(Phase(name="a", end=1.5),)
     )
-    scenario = dataclasses.replace(case3, reference=motion).with_words(controller=law)
+    scenario = dataclasses.replace(dataclasses.replace(case3, reference=motion), controller=law)
     waits = Waits(scenario)
     clock = dataclasses.replace(waits.first(), place=240.0, held=240.0)
     held = waits.previewed_reference(clock, 240.0)

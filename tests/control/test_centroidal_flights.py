@@ -224,7 +224,7 @@ def test_a_joint_may_be_whole_turns_away(turns):
     def first(turned):
         setting = setting_of(PAPER, 1.0)
         held = motions.along(setting, joints=tuple(Constant(0.3 + 2.0 * np.pi * turned) for _ in range(2)))
-        return skyarm.run(held.with_words(duration=0.5))
+        return skyarm.run(dataclasses.replace(held, duration=0.5))
 
     near, far = first(0), first(turns)
     assert far.rotor_commands[:20] == pytest.approx(near.rotor_commands[:20], rel=1e-6)

@@ -48,7 +48,9 @@ def test_a_stuck_joint_is_no_gust(joint):
         fault = Fault(joint=setting.truth.links[joint].joint.name, stuck=True, start=8.0)
         axis = AXES["circle"] if joint == 0 else AXES["swing_amplitude"]
         held = axis.scenario(setting, 1.0 if joint == 0 else 0.5)
-        held = held.with_words(noise=HEARD, delays=dataclasses.replace(held.delays, measurement=0.005), faults=(fault,))
+        held = dataclasses.replace(
+            held, noise=HEARD, delays=dataclasses.replace(held.delays, measurement=0.005), faults=(fault,)
+        )
         held = dataclasses.replace(held, controller=make_controller("centroidal", held.controller.par.model, **told))
         windows = Windows(steady=Window(8.0, 12.0), gust=Window(8.0, 12.0), last=4.0)
         flown = Batch(held, metrics=(TIP,), windows=windows, effort=0).fly({}, seed=0, episodes=np.arange(4) + SEED)

@@ -13,6 +13,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import ControllerError, make_controller
 from skyarm.control.model import Model
 from skyarm.reference import Reference
+from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.batch import Batch
@@ -174,4 +175,4 @@ def test_shares_that_replace_others_are_checked_too(field: str, value: Any, word
         return dataclasses.replace(planned, controller=dataclasses.replace(planned.controller, par=par))
 
     with pytest.raises(ValueError, match=rf"^controller\.{field}.*{words}$"):
-        changed()
+        check_scenario(changed())

@@ -211,7 +211,7 @@ def test_a_push_from_below_folds_the_arm_by_less_than_half_a_turn():
     """3 N at the tip of the paper's arm for 4 s: 5 turns without bracing."""
     hover = setting_of(PAPER).hover
     force = SignalVector(z=Windowed(Constant(3.0), 4.0, 8.0))
-    pushed = hover.with_words(
+    pushed = dataclasses.replace(hover,
         forces=(Disturbance(force=force, frame=hover.plant.vehicle.end_effector),), noise=NOISE,
         delays=Delays(measurement=0.005), duration=9.0,
     )  # fmt: skip

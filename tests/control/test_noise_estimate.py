@@ -159,7 +159,7 @@ def noisy_circle(times, vehicle="hummingbird_arm2_rotors", duration=8.0, **law):
     noise = dataclasses.replace(NOISE, **{f.name: getattr(NOISE, f.name) * times for f in dataclasses.fields(NOISE)})
     flight = slow_circle(setting, noise=noise, delays=Delays(measurement=DT))
     made = make_centroidal(flight.controller.par.model, mode="tip", preset="adaptive", delay=DT, **law)
-    return flight.with_words(controller=made)
+    return dataclasses.replace(flight, controller=made)
 
 
 def scores(scenario, seeds):

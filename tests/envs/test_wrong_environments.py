@@ -18,7 +18,7 @@ from skyarm.envs.env_task import make_task
 from skyarm.envs.single_environment import Environment
 from skyarm.envs.vector_environment import VectorEnvironment
 from skyarm.records.coerce import RecordError
-from skyarm.world.environment_tables import wind_from
+from skyarm.world.wind import wind_from
 from small_environments import MASS, bare, one_program_a_task
 
 

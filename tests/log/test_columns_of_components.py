@@ -34,7 +34,7 @@ class Cable(skyarm.Force):
 
 
 def test_a_component_logs_what_it_declares(tmp_path):
-    scenario = skyarm.load_scenario("case1", duration=0.1).with_words(forces=(Cable(),))
+    scenario = dataclasses.replace(skyarm.load_scenario("case1", duration=0.1), forces=(Cable(),))
     log = skyarm.run(scenario)
     assert np.array_equal(log["components.cable_tension"], np.tile([0.1, 0.2], (log.time.size, 1)))
     found = {each.name: each.unit for each in columns(log) if "cable" in each.name}
@@ -65,7 +65,7 @@ def test_a_component_logs_what_it_declares(tmp_path):
 
 
 def test_they_have_panels():
-    scenario = skyarm.load_scenario("case1", duration=0.1).with_words(forces=(Cable(),))
+    scenario = dataclasses.replace(skyarm.load_scenario("case1", duration=0.1), forces=(Cable(),))
     log = skyarm.run(scenario)
     near, far, *_ = panels_of("parts", [log])
     assert (near.label, near.unit) == ("cable_tension_near_end", "N")

@@ -108,6 +108,6 @@ def test_a_fault_is_in_the_log():
 
 def test_an_unknown_actuator_is_refused():
     with pytest.raises(ScenarioError, match=r"environment.faults\[0\].rotor = 'top': must be one of front, left, back"):
-        faulty(Fault(rotor="top", effectiveness=0.7, start=0.1))
+        run(faulty(Fault(rotor="top", effectiveness=0.7, start=0.1)))
     with pytest.raises(ScenarioError, match=r"environment.faults\[0\].joint = 'front': must be one of joint1, joint2"):
-        faulty(Fault(joint="front", effectiveness=0.7, start=0.1))
+        run(faulty(Fault(joint="front", effectiveness=0.7, start=0.1)))

@@ -78,6 +78,16 @@ def test_keywords_replace_what_the_log_says(tmp_path: Path) -> None:
             skyarm.load_scenario(path, **keywords)
 
 
+def test_words_of_a_logs_scenario_are_replaced_by_their_paths_in_a_file(tmp_path: Path) -> None:
+    given = skyarm.load_scenario("case1", duration=0.05)
+    log, _ = logged(given, tmp_path)
+    gusts = skyarm.load_scenario("case2_gust").wind
+    changed = log.scenario_with({"plant.kind": "mujoco", "environment.wind": gusts, "seed": 7})
+    assert changed == dataclasses.replace(given, kind="mujoco", wind=gusts, seed=7)
+    with pytest.raises(ValueError, match=r"^path = 'plant.knd': did you mean 'plant.kind'\? must be one of "):
+        log.scenario_with({"plant.knd": "mujoco"})
+
+
 PLUGIN = """
 from dataclasses import dataclass
 import skyarm

@@ -305,3 +305,12 @@ def test_a_command_that_becomes_late_in_flight_is_read():
     scenario = scenario_from({**document(), "duration": 9.0, "delays": {"longest_command": 0.03}, "changes": [late]})
     assert scenario.delays.longest_command == 0.03
     assert [(each.at, each.path, each.value) for each in scenario.changes] == [(8.0, "delays.command", 0.03)]
+
+
+@pytest.mark.parametrize("word", ["seed", "duration", "plant", "controller"])
+def test_a_keyword_takes_the_place_of_what_the_file_states(word):
+    stated = document("everything") | {"seed": 3, "duration": 0.1}
+    value = {"seed": 4, "duration": 0.05, "plant": "mujoco", "controller": "paper_pd"}[word]
+    found = scenario_from(stated, "test", {word: value})
+    held = {"seed": found.seed, "duration": found.duration, "plant": found.kind, "controller": found.controller.name}
+    assert held[word] == {"controller": "decoupled_pd"}.get(word, value)

@@ -7,8 +7,8 @@ import dataclasses
 import pytest
 
 from skyarm.records.leaves import part
+from skyarm.records.path_names import path_names
 from skyarm.reference import Constant, Sine, Sum, Trajectory, circle, hover
-from skyarm.scenario.paths import names
 
 CIRCLE = circle(center=(0.1, 0.2, 1.5), radius=0.4, frequency_hz=0.3, start=1.0, stop=9.0)
 HOVER = hover((0.1, 0.2, 1.5))
@@ -18,7 +18,7 @@ AXES = {"x", "y", "z"}
 
 
 def words(motion):
-    return set(names(motion)["base"])
+    return set(path_names(motion)["base"])
 
 
 def listed(signal):
@@ -49,7 +49,7 @@ def test_a_list_of_motions_is_told_by_three_lists(axis):
 
 
 def leaf(motion, *path):
-    found = names(motion)["base"]
+    found = path_names(motion)["base"]
     for name in path:
         found = found[name]
     return {part(motion, place) for place in found}

@@ -26,7 +26,7 @@ UP = MovingAir(velocity_W=(0.0, 0.0, 1.5))
 
 
 def _with_vehicle(scenario: skyarm.Scenario, vehicle: Any) -> skyarm.Scenario:
-    return scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=vehicle))
+    return dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=vehicle))
 
 
 def with_area(*area: float) -> skyarm.Scenario:
@@ -35,23 +35,25 @@ def with_area(*area: float) -> skyarm.Scenario:
 
 
 def test_vertical_air_needs_an_area_and_the_cure_cures():
-    (line,) = without_effect(CASE.with_words(wind=UP))
+    (line,) = without_effect(dataclasses.replace(CASE, wind=UP))
     assert line == (
         "environment.wind: moves the air along z, where 'hummingbird_arm2_rotors' has drag by its tilt alone: "
         "hardly any effect of that; drag.area[2] of it?"
     )
-    assert without_effect(with_area(0.0, 0.0, 0.02).with_words(wind=UP)) == ()
-    assert without_effect(CASE.with_words(wind=UP, forces=(RotorDrag(inflow=1e-4),))) == ()
-    assert without_effect(CASE.with_words(wind=UP, forces=(LinkDrag(area=(0.002, 0.002)),))) == ()
-    mixed = CASE.with_words(wind=MovingAir(velocity_W=(3.0, 0.0, 1.0)))
+    assert without_effect(dataclasses.replace(with_area(0.0, 0.0, 0.02), wind=UP)) == ()
+    assert without_effect(dataclasses.replace(CASE, wind=UP, forces=(RotorDrag(inflow=1e-4),))) == ()
+    assert without_effect(dataclasses.replace(CASE, wind=UP, forces=(LinkDrag(area=(0.002, 0.002)),))) == ()
+    mixed = dataclasses.replace(CASE, wind=MovingAir(velocity_W=(3.0, 0.0, 1.0)))
     assert [said.partition(",")[0] for said in without_effect(mixed)] == ["environment.wind: moves the air along z"]
 
 
 def test_air_that_acts_is_not_said_nor_turbulence_beside_it():
     wind = MovingAir(velocity_W=(3.0, 0.0, 0.0), turbulence=low_altitude(6.0, 7.7, 3.0))
     for air in (wind, MovingAir(gust=Gust(peak=(0.0, 2.0, 0.0), start=30.0, duration=1.0))):
-        assert without_effect(CASE.with_words(wind=air)) == ()
-    assert len(without_effect(CASE.with_words(wind=dataclasses.replace(wind, velocity_W=(0.0, 0.0, 1.0))))) == 1
+        assert without_effect(dataclasses.replace(CASE, wind=air)) == ()
+    assert (
+        len(without_effect(dataclasses.replace(CASE, wind=dataclasses.replace(wind, velocity_W=(0.0, 0.0, 1.0))))) == 1
+    )
 
 
 @immutable
@@ -65,15 +67,15 @@ class Many(Force):
 
 
 def test_a_count_of_random_numbers_beyond_measure_does_not_hold_up_the_judgement():
-    beside = CASE.with_words(wind=UP, forces=(Many(), Nudge()))
+    beside = dataclasses.replace(CASE, wind=UP, forces=(Many(), Nudge()))
     assert [line.partition(":")[0] for line in without_effect(beside)] == ["environment.wind", "environment.forces[1]"]
 
 
 def test_a_force_that_is_zero_until_it_changes_in_flight_is_not_said():
-    still = CASE.with_words(wind=ForceWind(force_W=(0.0, 0.0, 0.0)))
+    still = dataclasses.replace(CASE, wind=ForceWind(force_W=(0.0, 0.0, 0.0)))
     assert len(without_effect(still)) == 1
     later = Change(at=1.0, path="environment.wind.force.x", value=1.0)
-    assert without_effect(still.with_words(changes=(later,))) == ()
+    assert without_effect(dataclasses.replace(still, changes=(later,))) == ()
 
 
 @pytest.mark.parametrize(
@@ -86,11 +88,11 @@ def test_a_force_that_is_zero_until_it_changes_in_flight_is_not_said():
     ],
 )
 def test_air_that_is_felt_once_a_drag_changes_in_flight_is_not_said(path, forces):
-    still = CASE.with_words(wind=UP, forces=forces)
+    still = dataclasses.replace(CASE, wind=UP, forces=forces)
     assert [line.partition(":")[0] for line in without_effect(still)][:1] == ["environment.wind"]
-    assert without_effect(still.with_words(changes=(Change(at=0.5, path=path, value=1e-4),))) == ()
+    assert without_effect(dataclasses.replace(still, changes=(Change(at=0.5, path=path, value=1e-4),))) == ()
     wind = Change(at=0.5, path="environment.wind.velocity.z", value=1.0)
-    assert without_effect(still.with_words(changes=(wind,)))[:1] == without_effect(still)[:1]
+    assert without_effect(dataclasses.replace(still, changes=(wind,)))[:1] == without_effect(still)[:1]
 
 
 @immutable
@@ -115,10 +117,10 @@ class Nudge(Force):
 
 
 def test_parts_of_a_user_are_judged_by_what_they_do():
-    (air, force) = without_effect(CASE.with_words(air=(Thermal(),), forces=(Nudge(),)))
+    (air, force) = without_effect(dataclasses.replace(CASE, air=(Thermal(),), forces=(Nudge(),)))
     assert air.startswith("environment.air[0]: moves the air along z, ")
     assert force.startswith("environment.forces[0]: moves no air and exerts no force along the reference; ")
-    good = with_area(0.0, 0.0, 0.02).with_words(air=(Thermal(),), forces=(Nudge(size=0.1),))
+    good = dataclasses.replace(with_area(0.0, 0.0, 0.02), air=(Thermal(),), forces=(Nudge(size=0.1),))
     assert without_effect(good) == ()
 
 
@@ -137,10 +139,10 @@ class Growing(Force):
 
 
 def test_a_memory_goes_on_and_turbulence_counts_where_no_air_is_felt():
-    assert without_effect(CASE.with_words(forces=(Growing(),))) == ()
+    assert without_effect(dataclasses.replace(CASE, forces=(Growing(),))) == ()
     rotors = [dataclasses.replace(each, drag_coefficient=0, rolling_moment_coefficient=0) for each in BIRD.rotors]
     wind = MovingAir(turbulence=low_altitude(6.0, 7.7, 3.0))
-    smooth = _with_vehicle(CASE, dataclasses.replace(BIRD, rotors=tuple(rotors))).with_words(wind=wind)
+    smooth = dataclasses.replace(_with_vehicle(CASE, dataclasses.replace(BIRD, rotors=tuple(rotors))), wind=wind)
     (line,) = without_effect(smooth)
     assert line.startswith("environment.wind: moves the air along x, y, z, where ")
     assert "has no drag: no effect of that; " in line
@@ -180,9 +182,9 @@ class Kick(Force):
 @pytest.mark.parametrize("force", [Righting(), Fence(), Kick()])
 def test_a_force_that_may_act_where_it_is_not_looked_at_is_not_called_idle(force, monkeypatch):
     monkeypatch.setattr("skyarm.scenario.without_effect.INSTANTS", 100)
-    long = CASE.with_words(forces=(force,), duration=300.0)
+    long = dataclasses.replace(CASE, forces=(force,), duration=300.0)
     assert without_effect(long) == ()
-    (line,) = without_effect(long.with_words(wind=ForceWind(force_W=(0.0, 0.0, 0.0))))
+    (line,) = without_effect(dataclasses.replace(long, wind=ForceWind(force_W=(0.0, 0.0, 0.0))))
     assert line.startswith("environment.wind: moves no air and exerts no force along the reference; ")
 
 
@@ -205,7 +207,7 @@ class Dividing(Force):
 
 @pytest.mark.parametrize("part", [Broken(), Dividing()])
 def test_a_part_that_cannot_be_evaluated_may_feel_air_and_hides_no_other_force(part):
-    beside = CASE.with_words(wind=UP, forces=(part, Nudge()))
+    beside = dataclasses.replace(CASE, wind=UP, forces=(part, Nudge()))
     assert [line.partition(":")[0] for line in without_effect(beside)] == ["environment.forces[1]"]
 
 
@@ -223,9 +225,9 @@ def test_a_sensor_that_only_the_log_reads_is_said():
         skyarm.NamedSensor(name="compass", sensor=Heading()),
         skyarm.NamedSensor(name="satellites", sensor=Position()),
     )
-    both = CASE.with_words(sensors=(compass, satellites))
+    both = dataclasses.replace(CASE, sensors=(compass, satellites))
     assert [line.partition(":")[0] for line in without_effect(both)] == ["sensors.compass", "sensors.satellites"]
-    (line,) = without_effect(both.with_words(estimator=HeadingsOnly()))
+    (line,) = without_effect(dataclasses.replace(both, estimator=HeadingsOnly()))
     assert line == "sensors.satellites: only the log reads it, no law, estimator or phase; an [estimator] for it?"
 
 

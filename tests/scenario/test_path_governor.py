@@ -19,6 +19,7 @@ from skyarm.reference.path_time import governed_reference
 from skyarm.reference.signals import Product, Ramp, Signal, Windowed, sequence
 from skyarm.scenario.in_flight import with_part
 from skyarm.scenario.path_governor import GovernorOptions, Limits, _reasons_against
+from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.assess.along_reference import follow
 from skyarm.studies.assess.flight_loads import flight_parts
@@ -282,7 +283,10 @@ def test_what_cannot_be_planned_is_refused_in_one_line():
     for make, words in (
         (lambda: skyarm.govern(HOVER, speed=1.0), "speed: is no option of a governor; there are reserve, tilt"),
         (lambda: skyarm.govern("case3"), "scenario = 'case3': must be a Scenario"),
-        (lambda: dataclasses.replace(led("drop"), duration=9.0), "was planned for 5.4 s, the flight lasts 9 s"),
+        (
+            lambda: check_scenario(dataclasses.replace(led("drop"), duration=9.0)),
+            "was planned for 5.4 s, the flight lasts 9 s",
+        ),
         (lambda: skyarm.with_numbers(led("drop"), {"reference.x.value": 1.0}), "must stay as it is where"),
         (lambda: skyarm.govern(flight(x=Ramp(start=0.0, duration=1.0, height=1e308))), "not finite"),
     ):

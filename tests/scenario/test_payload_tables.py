@@ -7,7 +7,8 @@ import math
 import pytest
 
 from skyarm.reference import hover
-from skyarm.scenario.payload_tables import payloads_from, with_model_changes
+from skyarm.scenario.document import read_part, slot_of
+from skyarm.scenario.payload_tables import with_model_changes
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.world import HangingPayload
 
@@ -19,17 +20,18 @@ def test_belief_is_told_the_mass_that_is_held_at_each_frame():
         {"mass": 0.2, "pick": 1.0, "frame": "hook", "believed": True},
         {"mass": 0.7, "pick": 1.0},
     ]
-    payloads, found = with_model_changes(payloads_from(tables), hover((0.0, 0.0, 1.0)), 10.0, 200)
+    read = read_part(slot_of("payloads"), tables, None)
+    payloads, found = with_model_changes(read, hover((0.0, 0.0, 1.0)), 10.0, 200)
     assert not any(each.believed for each in payloads)
     told = [(each.at, each.path, each.value) for each in found]
     tip, hook = "model.payload.mass", "model.payload.hook.mass"
-    shorter = with_model_changes(payloads_from(tables), hover((0.0, 0.0, 1.0)), 2.5, 200)[1]
+    shorter = with_model_changes(read_part(slot_of("payloads"), tables, None), hover((0.0, 0.0, 1.0)), 2.5, 200)[1]
     assert len(shorter) == 3, "changes after the end are left out"
     assert told == [(1.0, tip, 0.3), (1.0, hook, 0.2), (2.0, tip, pytest.approx(0.4)), (3.0, tip, 0.1)]
 
 
 def test_kinds_have_their_own_numbers():
-    (payload,) = payloads_from([{"kind": "hanging", "mass": 0.1, "pick": 1.0, "cord": 1.5}])
+    (payload,) = read_part(slot_of("payloads"), [{"kind": "hanging", "mass": 0.1, "pick": 1.0, "cord": 1.5}], None)
     assert isinstance(payload, HangingPayload)
     assert (payload.cord, payload.drop) == (1.5, math.inf)
 
@@ -53,7 +55,10 @@ def test_kinds_have_their_own_numbers():
             r"payloads\.0\.inertia = \[1\.0, 1\.0, 3\.0\]: no moment may",
         ),
         ({"mass": 0.1, "pick": 1, "cord": 1}, r"payloads\.0\.cord = 1: unknown field"),
-        ({"mass": 0.1, "pick": 1, "kind": "hanging", "com": [0, 0, 0]}, r"payloads\.0\.com = .*: unknown field"),
+        (
+            {"mass": 0.1, "pick": 1, "kind": "hanging", "com": [0, 0, 0.1]},
+            r"payloads\.0\.com = .*: must be left out of a hanging",
+        ),
         ({"mass": 0.1, "pick": 1, "kind": "glued"}, r"payloads\.0\.kind = 'glued': must be one of rigid, hanging"),
         ({"mass": 0.1, "pick": 1, "frame": "hand"}, r"payloads\.0\.frame = 'hand': .*no frame 'hand'; there are"),
         (

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.scenario.endings import lowest_point
+from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Delays, ScenarioError, first_state
 from skyarm.vehicle.linkage import BASE
@@ -35,7 +36,7 @@ def test_a_payload_is_at_the_tip_or_at_a_frame_of_the_vehicle():
     for path in ("plant.payload.mass", "plant.payload.tip.mass"):
         assert float(skyarm.with_numbers(CASE, {path: 0.05}).plant.vehicle.mass) == pytest.approx(own + 0.05)
     for path in ("plant.payload.hand.mass", "plant.payload.tip", "plant.payload.tip.mass.kg"):
-        with pytest.raises(ScenarioError, match=r"must be plant\.payload\.mass \(at the tip\) or one of"):
+        with pytest.raises(ScenarioError, match=r"there are mass|must lead to a number|no 'kg' here"):
             skyarm.with_numbers(CASE, {path: 0.05})
 
 
@@ -44,9 +45,9 @@ def test_a_delay_is_of_whole_steps_unless_its_longest_is_given(name):
     odd = 0.00123
     assert getattr(dataclasses.replace(CASE, delays=Delays(**{name: odd}, longest_command=0.01)).delays, name) == odd
     with pytest.raises(ScenarioError, match=rf"delays\.{name} = 0\.00123"):
-        dataclasses.replace(CASE, delays=Delays(**{name: odd}))
+        check_scenario(dataclasses.replace(CASE, delays=Delays(**{name: odd})))
     with pytest.raises(ScenarioError, match=rf"delays\.{name} = 0\.00123"):
-        dataclasses.replace(CASE, delays=Delays(**{name: odd}, longest_command=0.01), kind="mujoco")
+        check_scenario(dataclasses.replace(CASE, delays=Delays(**{name: odd}, longest_command=0.01), kind="mujoco"))
 
 
 def test_a_believed_latency_gives_the_law_s_servos_their_queues():

@@ -12,7 +12,7 @@ import skyarm
 from skyarm.dynamics.array_front import unit_quaternion
 from skyarm.plant.interface import whole_steps
 from skyarm.scenario.controller_table import _require_clock
-from skyarm.scenario.scenario_checks import _check_clocks_of_law, check_quaternion, require_whole
+from skyarm.scenario.scenario_checks import check_quaternion, clocks_of_law_agree, require_whole
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import Delays
@@ -72,9 +72,9 @@ def test_a_law_that_believes_another_clock_is_refused(name, off, side):
         par = SimpleNamespace(**{name: period})
         return SimpleNamespace(controller=SimpleNamespace(par=par), rates=scenario.rates)
 
-    _check_clocks_of_law(believing(1.0 / rate))
+    clocks_of_law_agree(believing(1.0 / rate))
     with pytest.raises(ValueError, match=f"controller.{name} = "):
-        _check_clocks_of_law(believing((1.0 + side * off) / rate))
+        clocks_of_law_agree(believing((1.0 + side * off) / rate))
 
 
 @SIDES

@@ -18,7 +18,7 @@ from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
 from skyarm.world import MovingAir, dryden
-from skyarm.world.environment_tables import wind_from
+from skyarm.world.wind import wind_from
 
 TURBULENT = wind_from({"mode": "moving_air", "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}, "wind")
 

@@ -95,14 +95,17 @@ def law(memory: Any, seen: Any, wanted: Any, dt: Any, *, par: Any) -> Any:
 
 
 def sensed(sensor: Any) -> Any:
-    return BASE.with_words(sensors=(NamedSensor(name="fix", sensor=sensor),), estimator=Blend())
+    return dataclasses.replace(BASE, sensors=(NamedSensor(name="fix", sensor=sensor),), estimator=Blend())
 
 
 FLIGHTS = {
-    "a force": (BASE.with_words(forces=(Masked(), Undefined())), "Undefined.wrenches): size is nan"),
-    "air": (BASE.with_words(air=(Late(),)), "Late.advance)"),
+    "a force": (dataclasses.replace(BASE, forces=(Masked(), Undefined())), "Undefined.wrenches): size is nan"),
+    "air": (dataclasses.replace(BASE, air=(Late(),)), "Late.advance)"),
     "a sensor": (sensed(Blind()), "Blind.measure)"),
-    "a drive": (BASE.with_words(drives=(JointDrive(joint="joint1", drive=Torn()),)), "Torn.effort): slope is nan"),
+    "a drive": (
+        dataclasses.replace(BASE, drives=(JointDrive(joint="joint1", drive=Torn()),)),
+        "Torn.effort): slope is nan",
+    ),
     "a law": (with_law(BASE, law, memory=()), "pole): float division by zero"),
 }
 
@@ -143,7 +146,7 @@ def test_a_law_that_is_called_is_not_flown_again() -> None:
         return memory, Command(rotor_speeds=(485.0 if len(calls) < 4 else math.nan,) * 4, efforts=(0.0, 0.0))
 
     called = with_law(BASE, law, memory=())
-    flown = run(called.with_words(controller=dataclasses.replace(called.controller, compiled=False)))
+    flown = run(dataclasses.replace(called, controller=dataclasses.replace(called.controller, compiled=False)))
     assert flown.info["cause"] == "commanded speed of rotor 'front' is not finite"
     assert calls == sorted(set(calls))
 

@@ -144,13 +144,13 @@ def test_the_joints_own_limit_and_faults_act_on_what_the_drive_gives():
 )
 def test_a_drive_of_no_joint_is_refused(drives, words):
     with pytest.raises(ScenarioError, match=words):
-        driven(**drives)
+        run(driven(**drives))
 
 
 def test_two_drives_of_one_joint_are_refused():
     twice = (JointDrive(joint="joint1", drive=Lag()), JointDrive(joint="joint1", drive=Servo()))
     with pytest.raises(ScenarioError, match=r"joint = 'joint1': must be one of joint1, joint2, once"):
-        dataclasses.replace(BASE, drives=twice)
+        run(dataclasses.replace(BASE, drives=twice))
 
 
 def test_a_drive_of_a_scenario_on_a_joint_without_torque_is_refused():
@@ -159,4 +159,4 @@ def test_a_drive_of_a_scenario_on_a_joint_without_torque_is_refused():
     links[1] = dataclasses.replace(links[1], joint=dataclasses.replace(links[1].joint, effort_limit=0.0))
     passive = dataclasses.replace(world, vehicle=dataclasses.replace(world.vehicle, links=tuple(links)))
     with pytest.raises(ScenarioError, match=r"joints\[joint2\].effort_limit = 0: must be above 0.*plant.drives.joint2"):
-        driven(dataclasses.replace(BASE, plant=passive), joint2=Servo())
+        run(driven(dataclasses.replace(BASE, plant=passive), joint2=Servo()))

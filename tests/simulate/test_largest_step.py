@@ -21,6 +21,7 @@ from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records.leaves import leaves
 from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, ScenarioError, trimmed_state
 from skyarm.simulate import lane_numbers, run
@@ -207,14 +208,14 @@ def test_halved_steps_converge_with_the_order_of_the_method():
 def test_a_step_that_is_none_is_refused(step):
     words = r"environment\.forces\[0\]\.largest_step = .*: must be None or at least 5e-06 s"
     with pytest.raises(ScenarioError, match=words):
-        pushed(step)
+        check_scenario(pushed(step))
 
 
 def test_of_a_word_the_field_is_named():
     with pytest.raises(ScenarioError, match=r"forces\[0\]\.largest_step = 'short': must be a number"):
-        pushed("short")
+        check_scenario(pushed("short"))
     with pytest.raises(ScenarioError, match=r"plant\.drives\.joint1\.largest_step"):
-        served(dataclasses.replace(STIFF, damping=100.0))
+        check_scenario(served(dataclasses.replace(STIFF, damping=100.0)))
 
 
 def test_lanes_that_bear_only_shorter_steps_are_refused_or_compiled_for():
@@ -251,7 +252,7 @@ def sprung(**numbers: float) -> Any:
 def test_an_array_is_no_step(monkeypatch):
     monkeypatch.setattr(Sprung, "largest_step", property(lambda _: np.ones(2)))
     with pytest.raises(ScenarioError, match=r"forces\[1\]\.largest_step = array.*: must be one number"):
-        sprung()
+        check_scenario(sprung())
 
 
 K, M, RATE = "environment.forces.1.k", "environment.forces.1.m", "plant.drives.joint1.stiffness"

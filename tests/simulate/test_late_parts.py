@@ -139,7 +139,7 @@ def test_the_loop_remembers_as_many_commands_as_the_later_part_needs() -> None:
 )
 def test_wrong_delays_are_refused_in_one_line(delays: dict[str, float], words: str) -> None:
     with pytest.raises(ScenarioError, match=words):
-        moving(**delays)
+        run(moving(**delays))
 
 
 def test_lanes_outside_the_queue_are_refused() -> None:

@@ -206,7 +206,7 @@ def test_sensors_of_two_names_draw_independent_numbers():
 )
 def test_clocks_that_do_not_tick_with_the_loop_are_refused(sensor, words):
     with pytest.raises(ScenarioError, match=words):
-        with_sensors(fix=sensor)
+        run(with_sensors(fix=sensor))
 
 
 def test_names_of_sensors_are_words_and_taken_once():
@@ -215,6 +215,6 @@ def test_names_of_sensors_are_words_and_taken_once():
             NamedSensor(name=name, sensor=Fix())
     twice = (NamedSensor(name="fix", sensor=Fix()),) * 2
     with pytest.raises(ScenarioError, match=r"^sensors\.fix: the name is taken$"):
-        dataclasses.replace(BASE, sensors=twice)
+        run(dataclasses.replace(BASE, sensors=twice))
     with pytest.raises(ScenarioError, match=r"^sensors\.fix = .*must be a Sensor$"):
         NamedSensor(name="fix", sensor=3.0)

@@ -16,7 +16,7 @@ from kernel_threads import interrupted_queue
 from skyarm.compile.llvm import lane_stepper, shared_steps
 from skyarm.compile.llvm.lane_stepper import apart
 from skyarm.records.leaves import leaves
-from skyarm.world.environment_tables import wind_from
+from skyarm.world.wind import wind_from
 from stepped_lanes import BatchSession
 
 MASS = "plant.payload.mass"

@@ -105,4 +105,4 @@ def test_a_delay_outside_its_range_is_refused_lane_by_lane():
 
 def test_a_delay_that_would_fill_the_memory_is_refused():
     with pytest.raises(ScenarioError, match="at most 100 control periods"):
-        moving(longest_command=1.0)
+        run(moving(longest_command=1.0))

@@ -258,7 +258,7 @@ REFUSED = {
     "reference.base.3.radius": r"no '3' here; there are 0, 1, 2",
     "reference.base.0": r"must lead to a number; there are x, y, z, radius",
     "reference.joints.0.height": r"no 'height' here; there are amplitude, frequency_hz, phase",
-    "plant.payload.hand.mass": r"must be plant.payload.mass \(at the tip\) or one of plant.payload.tip.mass",
+    "plant.payload.hand.mass": r"no 'hand' here; there are mass, tip$",
     "plant.joints.mass": r"no 'mass' here; there are damping, coulomb, coulomb_rate, effort_limit",
     "environment.wind.turbulence.gusts": r"no 'gusts' here; there are intensity",
     "initial.heading": r"no 'heading' here; there are position, quaternion",

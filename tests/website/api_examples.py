@@ -446,6 +446,10 @@ True
 ## save_log
 >>> skyarm.save_log(skyarm.run(scenario), "flight.csv")  # doctest: +SKIP
 
+## save_scenario
+>>> lighter = skyarm.with_numbers(skyarm.load_scenario("case3"), {"plant.gravity": 9.7})
+>>> skyarm.save_scenario("lighter.toml", lighter, "case3")  # doctest: +SKIP
+
 ## scenario_from
 >>> skyarm.scenario_from({"name": "x", "duration": 1.0, "plant": {"vehicle": "hummingbird"},
 ...                       "controller": {"law": "rotors_sim_position"}}).duration

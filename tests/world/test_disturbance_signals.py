@@ -13,6 +13,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.reference import Constant, Sine
+from skyarm.scenario.document import read_part, slot_of
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Frame
 from skyarm.world import (
@@ -24,7 +25,6 @@ from skyarm.world import (
     MovingAir,
     SignalVector,
     effectiveness_at,
-    faults_from,
     wind_from,
 )
 
@@ -127,7 +127,9 @@ def test_several_gusts_add_up_and_one_has_its_bits():
 
 def test_a_share_of_thrust_is_a_signal_within_none_and_all():
     sine = {"kind": "sine", "amplitude": 2.0, "frequency_hz": 1.0}
-    (fault,) = faults_from([{"rotor": "front", "start": 1.0, "effectiveness": [1.0, sine]}], "faults")
+    (fault,) = read_part(
+        slot_of("environment.faults"), [{"rotor": "front", "start": 1.0, "effectiveness": [1.0, sine]}], None
+    )
     shares = [float(fault.share(t)) for t in (0.75, 1.0, 1.25, 1.5 + 1.0 / 12.0, 1.75)]
     assert shares == pytest.approx([1.0, 1.0, 1.0, 0.0, 0.0], abs=1e-12)
     gentle = Fault(rotor="left", signal=Sine(amplitude=0.5, frequency_hz=0.25), effectiveness=0.8)
@@ -153,6 +155,6 @@ def test_a_share_of_thrust_is_a_signal_within_none_and_all():
 )
 def test_a_wrong_fault_is_one_line(table, words):
     with pytest.raises(ValueError, match=words) as error:
-        faults_from([table], "environment.faults")
+        read_part(slot_of("environment.faults"), [table], None)
     assert str(error.value).startswith("environment.faults[0]")
     assert "\n" not in str(error.value)

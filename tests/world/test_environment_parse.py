@@ -8,7 +8,7 @@ import pytest
 from skyarm.algebra import E_X
 from skyarm.records.leaves import leaves
 from skyarm.world import NO_WIND, ForceWind, Gust, MovingAir, wind_from
-from skyarm.world import environment_tables as module
+from skyarm.world import wind as module
 from skyarm.world.dryden import DrydenMemory
 from wind_samples import wind
 
@@ -61,7 +61,7 @@ AIR = {"altitude": 10, "wind_20ft": 5}
     ("table", "message"),
     [
         ({}, "f.toml: wind.mode: is missing"),
-        ({"mode": "storm"}, "f.toml: wind.mode = 'storm': must be one of none, force_wind, moving_air"),
+        ({"mode": "storm"}, "f.toml: wind.mode = 'storm': must be one of none, force_wind, disturbance"),
         ({"mode": "none", "force": [1, 0, 0]}, "f.toml: wind.force = [1, 0, 0]: unknown field"),
         ({"mode": "force_wind", "velocity": [1, 0, 0]}, "f.toml: wind.velocity = [1, 0, 0]: unknown field"),
         ({"mode": "force_wind", "force": 2}, "f.toml: wind.force = 2: must be three numbers"),

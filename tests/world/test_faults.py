@@ -6,7 +6,8 @@ import pytest
 
 import skyarm
 from skyarm.reference import Sine
-from skyarm.world import Effectiveness, Fault, effectiveness_at, faults_from
+from skyarm.scenario.document import read_part, slot_of
+from skyarm.world import Effectiveness, Fault, effectiveness_at
 
 ARM2 = skyarm.load_vehicle("hummingbird_arm2_rotors")
 FRONT = Fault(rotor="front", effectiveness=0.7, start=5.0)
@@ -34,7 +35,10 @@ def test_without_faults_nothing_is_there_to_compute():
 
 def test_tables_become_faults():
     tables = [{"rotor": "front", "effectiveness": 0.7, "start": 5.0}, {"joint": "joint2", "effectiveness": 0}]
-    assert faults_from(tables, "x") == (FRONT, Fault(joint="joint2", effectiveness=0.0, start=0.0))
+    assert read_part(slot_of("environment.faults"), tables, None) == (
+        FRONT,
+        Fault(joint="joint2", effectiveness=0.0, start=0.0),
+    )
 
 
 @pytest.mark.parametrize(
@@ -57,7 +61,7 @@ def test_tables_become_faults():
 )
 def test_wrong_tables_are_refused_by_name(tables, words):
     with pytest.raises(ValueError, match=words):
-        faults_from(tables, "environment.faults")
+        read_part(slot_of("environment.faults"), tables, None)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from skyarm.algebra import Vec3
 from skyarm.reference import Constant, Ramp, Sine, Windowed
 from skyarm.world import Gust
 from skyarm.world.dryden import HIGHEST, LOWEST
-from skyarm.world.environment_tables import wind_from
+from skyarm.world.wind import wind_from
 
 VELOCITY = (2.0, -3.0, 6.0)
 """m/s; its length is 7."""

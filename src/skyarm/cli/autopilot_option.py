@@ -69,7 +69,7 @@ def with_typed_options(planned: Scenario, typed: str) -> Scenario:
     given = {option: getattr(made.autopilot, option) for option in options if option != "joint_gains"}
     gains = made.joint_gains if "joint_gains" in options else par.joint_gains
     own = dataclasses.replace(par, autopilot=dataclasses.replace(par.autopilot, **given), joint_gains=gains)
-    return planned.with_words(controller=dataclasses.replace(controller, par=with_innermost(controller.par, own)))
+    return planned.with_controller(dataclasses.replace(controller, par=with_innermost(controller.par, own)))
 
 
 def _options(words: str, typed: str) -> dict[str, Any]:

@@ -123,7 +123,7 @@ def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
     say_suspicious(loaded)
     if not safety or isinstance(loaded.controller.par, SafetyParameters):
         return loaded
-    return loaded.with_words(controller=with_safety_layer(loaded.controller))
+    return loaded.with_controller(with_safety_layer(loaded.controller))
 
 
 def _row(each: Instant) -> Row:

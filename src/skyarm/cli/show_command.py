@@ -37,8 +37,8 @@ def show(
     shown: Annotated[
         str | None,
         typer.Argument(
-            metavar="[VEHICLE|FLIGHT]",
-            help="a vehicle file (.toml, .urdf, .xml), the name of a shipped one, or a log; the library if left out",
+            metavar="[VEHICLE|FLIGHT|words]",
+            help="a vehicle's file or name, or a log; words: of a scenario file; the library if left out",
             autocompletion=name_completion("vehicle"),
         ),
     ] = None,
@@ -58,11 +58,14 @@ def show(
     inertias, motor constants; sources of the numbers. With --out a picture with frames, senses and lengths.
 
     Of a measured flight: channels, rates, gaps and clock; with --vehicle its faults, and of each number of the vehicle
-    whether the flight excites it.
+    whether the flight excites it. words: the grammar of a scenario file.
     """
     if shown is None:
         require_left_out(context, ["--gravity", "--out", "--vehicle", "--columns"], " without a vehicle or flight")
         return _show_library()
+    if shown == WORDS_OF_A_FILE:
+        require_left_out(context, ["--gravity", "--out", "--vehicle", "--columns"], " beside words")
+        return _show_words()
     if _is_flight(shown):
         from skyarm.cli.flight_page import show_flight
 
@@ -82,6 +85,22 @@ def show(
     give(known)
     for part in sheet(loaded, known) if not is_document_wanted() else ():
         tell(part, "")
+
+
+WORDS_OF_A_FILE = "words"
+"""In the place of a vehicle: the grammar of a scenario file."""
+
+
+def _show_words() -> None:
+    """Print the grammar of a scenario file."""
+    from skyarm.scenario.grammar import grammar
+
+    rows = grammar()
+    give(words=[row._asdict() for row in rows])
+    columns = ("word", "of kind", "entry", "unit", "allowed", "varies", "meaning")
+    if not is_document_wanted():
+        lines = [(row.path, row.of, row.entry, row.unit, row.bounds, row.varies, row.meaning) for row in rows]
+        tell(table_of(columns, lines, left=len(columns)))
 
 
 def _is_flight(name: str) -> bool:

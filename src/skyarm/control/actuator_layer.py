@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 from typing import Annotated, Any
 
@@ -16,12 +16,12 @@ from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law, wrong
 from skyarm.control.model import LayerParameters, Model
 from skyarm.control.vectored_layer import VectoredMemory, angles_seen
-from skyarm.dynamics.actuators import Command, joint_force
+from skyarm.dynamics.actuators import Command, joint_force, make_mixer
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import blend
+from skyarm.records.leaves import Place, blend
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -165,13 +165,24 @@ def _first_memories(drives: Sequence[Any], control_period: float) -> tuple[Any, 
     return tuple(drive.begin(0.0, 0.0, control_period) for drive in drives)
 
 
-def with_believed_queues(controller: Controller, control_period: float) -> Controller:
-    """Controller with its internal models of the joint drives reset to rest, for use after a change of parameters."""
-    memory = controller.memory
-    if not isinstance(memory, ActuatorMemory) or not memory.drives:
-        return controller
-    drives = _first_memories(believed_drives(controller.par.model), control_period)
-    return dataclasses.replace(controller, memory=dataclasses.replace(memory, drives=drives))
+def with_consequences(controller: Controller, changed: Collection[Place], control_period: float) -> Controller:
+    """Controller with what follows from replaced numbers of its model: the mixer, and queues of joint drives at rest.
+
+    Args:
+        controller: with the numbers.
+        changed: places of the numbers in it.
+        control_period: s.
+    """
+    vehicle, par, memory = ("par", "model", "vehicle"), controller.par, controller.memory
+    inside = [place[len(vehicle) :] for place in changed if place[: len(vehicle)] == vehicle]
+    if any(place[0] == "rotors" for place in inside):
+        mixer = make_mixer(par.model.vehicle, par.mixer.policy, bool(par.mixer.across))
+        controller = dataclasses.replace(controller, par=dataclasses.replace(par, mixer=mixer))
+    late = any(place[0] == "drives" and place[-1] == "latency" for place in inside)
+    if late and isinstance(memory, ActuatorMemory) and memory.drives:
+        drives = _first_memories(believed_drives(par.model), control_period)
+        controller = dataclasses.replace(controller, memory=dataclasses.replace(memory, drives=drives))
+    return controller
 
 
 def believed_drives(model: Model) -> tuple[Any, ...]:

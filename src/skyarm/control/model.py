@@ -13,6 +13,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
+from skyarm.records.path_names import Names, field_paths
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError
@@ -26,6 +27,10 @@ class Model:
 
     vehicle: Vehicle
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, usual=25.0)] = 9.81
+
+    def path_names(self) -> Names:
+        """Names of the fields, and of loads on top of the vehicle."""
+        return field_paths(self) | {"payload": self.vehicle.load_names()}
 
 
 @immutable

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from collections.abc import Mapping
+from dataclasses import field, replace
 from typing import Annotated
 
 from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar
+from skyarm.algebra.quaternion import euler_angles
+from skyarm.algebra.scalars import Scalar, cos, sin
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
+from skyarm.records.path_names import Names, View, field_paths
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
+from skyarm.records.words import Word
+
+ANGLES = ("roll", "pitch", "yaw")
+"""ZYX Euler angles of an attitude, rad."""
 
 
 @immutable
@@ -18,7 +25,7 @@ class State:
     """State of a vehicle: all quantities that the simulation integrates."""
 
     position: Annotated[Vec3, Unit("m", "base origin, world axes", usual=1000.0)]
-    quaternion: Annotated[Quaternion, Unit("", "w x y z, unit, base to world")]
+    quaternion: Annotated[Quaternion, Unit("", "w x y z, unit, base to world"), Word("quaternion_wxyz")]
     velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
     rate: Annotated[Vec3, Unit("rad/s", "angular velocity, base axes", usual=50.0)]
     joints: Annotated[tuple[Scalar, ...], Unit("rad or m")] = ()
@@ -34,6 +41,21 @@ class State:
         tuples = type(self.joints) is type(self.joint_rates) is type(self.rotor_speeds) is type(self.tilts) is tuple
         if not (vectors and tuples and type(self.quaternion) is Quaternion):
             accept_fields(self, "state")
+
+    def path_names(self) -> Names:
+        """Names of the fields, and of the ZYX Euler angles in place of the quaternion."""
+        return field_paths(self) | {name: View(name, Unit("rad")) for name in ANGLES}
+
+    def number_of_view(self, name: str) -> float:
+        """Angle of the attitude (roll, pitch or yaw), rad."""
+        return float(euler_angles(self.quaternion.rotation())[ANGLES.index(name)])
+
+    def with_views(self, values: Mapping[str, Scalar]) -> State:
+        """State with some of roll, pitch and yaw (rad) replaced."""
+        usual = dict(zip(ANGLES, euler_angles(self.quaternion.rotation()), strict=True))
+        half = [(cos(0.5 * angle), sin(0.5 * angle)) for angle in (usual | dict(values)).values()]
+        about = [Quaternion(c, *Vec3(*(s if i == axis else 0.0 for i in range(3)))) for axis, (c, s) in enumerate(half)]
+        return replace(self, quaternion=about[2] * about[1] * about[0])
 
 
 def example_state(joints: int, rotors: int, tilts: int = 0) -> State:

@@ -87,7 +87,7 @@ def make_task(
             raise ScenarioError("reference.governor: must be left out where actions build on the law")
     else:
         # a law that is not asked ends no episode where it is not defined
-        flown = flown.with_words(controller=dataclasses.replace(flown.controller, margin=None))
+        flown = flown.with_controller(dataclasses.replace(flown.controller, margin=None))
     require_shapes(flown)
     rewarded = _several("reward", reward, REWARDS, RewardTerm, "term")
     return Task(

@@ -209,10 +209,10 @@ class Log:
         return self.scenario_with({})
 
     def scenario_with(self, replaced: Mapping[str, Any]) -> Any:
-        """Scenario of the flight with some of its fields replaced.
+        """Scenario of the flight with some words of its file replaced, such as ``plant.kind``.
 
         Raises:
-            ValueError: as :attr:`scenario`, or a value that the field cannot have.
+            ValueError: as :attr:`scenario`, a path that is no word, or a value that it cannot have.
         """
         from skyarm.log.flown_scenario import flown_scenario
 

@@ -6,17 +6,16 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from skyarm.records.files import shown
+from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.identity import log_digest, own_files
+from skyarm.records.leaves import replace_at
 from skyarm.records.registry import RegistryError
 from skyarm.records.registry.plugins import identities
 from skyarm.records.restore import restore
+from skyarm.records.words import slots
 
 SCENARIO = "skyarm.scenario.scenario_record:Scenario"
 """Class of what a log keeps as ``scenario_record``."""
-
-GROUPS = ("solver", "agent", "environment")
-"""Fields of a scenario that are records themselves."""
 
 
 def written_scenario(info: Mapping[str, Any]) -> dict[str, Any]:
@@ -47,10 +46,10 @@ def restore_written(info: Mapping[str, Any], written: Any) -> Any:
 
 
 def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
-    """Restore the scenario of a log from its description, with some fields replaced."""
+    """Restore the scenario of a log from its description, with some words of its file replaced, by path."""
     written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
     of = (info.get("versions") or {}).get("skyarm", "unknown")
-    if not isinstance(written, dict) or written.get("type") != SCENARIO or not written.keys() >= {*GROUPS}:
+    if not isinstance(written, dict) or written.get("type") != SCENARIO or "agent" not in written:
         raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
     if not _matches_digest(info, written, code):
         raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
@@ -60,7 +59,12 @@ def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
     for name in sorted(code):
         if now.get(name, code[name]) != code[name]:
             raise ValueError(f"code {name!r} = {shown(now[name])}: must be {shown(code[name])} as it was flown")
-    return found.with_words(**replaced)
+    kind: type = type(found)
+    fields = {slot.path: slot.field for slot in slots(kind)}
+    for path in replaced:
+        if path not in fields:
+            raise ValueError(f"path = {shown(path)}: {must_be_one_of(fields, path)}")
+    return replace_at(found, {fields[path]: value for path, value in replaced.items()})
 
 
 def _matches_digest(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> bool:

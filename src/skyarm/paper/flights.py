@@ -196,4 +196,4 @@ def settings(logs: Sequence[Log]) -> dict[str, Any]:
 def with_damping(planned: Scenario, damping: float) -> Scenario:
     """Scenario with another viscous damping (N m s/rad) on every joint of the simulated vehicle."""
     world = dataclasses.replace(planned.plant, vehicle=planned.plant.vehicle.with_joints(damping=damping))
-    return planned.with_words(plant=world)
+    return planned.with_plant(world)

@@ -63,7 +63,7 @@ def inferred_scenario(flight: Flight, settings: Record) -> Scenario:
     planned = scenario_from(tables, replaced={"plant": flight.plant})
     changed = with_numbers(planned, numbers(study, name, settings))
     # a single flight needs no room for longer delays
-    return changed.with_words(delays=dataclasses.replace(changed.delays, longest_command=None))
+    return changed.with_delays(dataclasses.replace(changed.delays, longest_command=None))
 
 
 def inferred_work(flight: Flight, evidence: Record, kind: str) -> Work:

@@ -68,7 +68,7 @@ def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
         segments += [(moving, height)] + ([(seconds - moving, height)] if seconds > moving else [])
     base = planned.reference
     first = sequence(6.0, segments, shape="quintic" if shape == "quintic" else "linear")
-    return planned.with_words(reference=dataclasses.replace(base, joints=(first, *base.joints[1:])))
+    return planned.with_reference(dataclasses.replace(base, joints=(first, *base.joints[1:])))
 
 
 def damped_first_joint(planned: Scenario) -> Scenario:
@@ -76,12 +76,12 @@ def damped_first_joint(planned: Scenario) -> Scenario:
     truth = planned.plant.vehicle
     first = dataclasses.replace(truth.links[0], joint=dataclasses.replace(truth.links[0].joint, damping=DAMPINGS[-1]))
     vehicle = dataclasses.replace(truth, links=(first, *truth.links[1:]))
-    return planned.with_words(plant=dataclasses.replace(planned.plant, vehicle=vehicle))
+    return planned.with_plant(dataclasses.replace(planned.plant, vehicle=vehicle))
 
 
 def delay_commands(planned: Scenario) -> Scenario:
     """Scenario with a delay of 3 ms on every command."""
-    return planned.with_words(delays=Delays(command=LATENCY))
+    return planned.with_delays(Delays(command=LATENCY))
 
 
 def variations() -> list[Variation]:

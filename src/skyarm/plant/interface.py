@@ -11,9 +11,11 @@ from skyarm.records import coerce
 from skyarm.records.field_rules import checked, rules
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
+from skyarm.records.path_names import Names, field_paths
 from skyarm.records.registry import find
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Flat = Sequence[float]
@@ -27,6 +29,20 @@ class Truth:
 
     vehicle: Vehicle
     gravity: Annotated[Scalar, Unit("m/s^2", low=0.0, rule=coerce.number, usual=25.0)] = 9.81
+
+    def path_names(self) -> Names:
+        """Names of the fields, of loads, of numbers that [plant] joints sets for all joints, and of drives by joint."""
+        vehicle = self.vehicle
+        found = field_paths(self) | {"payload": vehicle.load_names()}
+        found["joints"] = {
+            name: tuple(("vehicle", "links", str(i), "joint", name) for i in range(vehicle.n))
+            for name in JOINT_NUMBERS
+            if vehicle.n
+        }
+        if vehicle.drives:
+            drives = enumerate(vehicle.drives)
+            found["drives"] = {each.name: (("vehicle", "drives", str(i), "drive"),) for i, each in drives}
+        return found
 
 
 def require_gravity(value: object, field: str) -> float:

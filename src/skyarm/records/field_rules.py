@@ -166,6 +166,15 @@ def _scalar(field: str, value: object, unit: Unit) -> Any:
     return _number(field, value, unit)
 
 
+def accept_scalar(field: str, value: object, unit: Unit) -> Any:
+    """Convert a scalar to its stored type, and check the bounds of its unit.
+
+    Raises:
+        RecordError: one line with field, value and what is allowed.
+    """
+    return _scalar(field, value, unit)
+
+
 def _whole(field: str, value: object, unit: Unit) -> int:
     """Convert a whole number (an index, a count) and check its bounds."""
     held = coerce.whole(field, value)

@@ -10,46 +10,91 @@ import typing
 from collections.abc import Callable, Collection, Iterable
 from typing import Any, TypeVar
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.coerce import whole
+from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find
+from skyarm.records.registry.registrations import name_of
 from skyarm.records.units import NUMBER, Unit, declared_units, units
+from skyarm.records.words import words_of_fields
 
 Record = TypeVar("Record")
 
 
-def record_from(kind: type[Record], fields: Fields) -> Record:
+def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> Record:
     """Read an instance of a given dataclass from a table of a file.
 
     A number may stand where the field is a ``float`` or ``Scalar``; three numbers where it is a ``Vec3``; a list where
     it is a tuple; a table where it is a record, or whatever its class reads by ``from_table``. Fields with a default
-    may be left out.
+    may be left out. A class with other spellings reads them by ``short_spellings(fields)``: values by field.
 
     Args:
         kind: a dataclass.
         fields: the table; words that are no field are refused.
+        folds: exact zeros of vectors whose fields say so become structure.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
     if field_names(kind) is None:
         raise ValueError(f"{fields.where}: {kind.__name__} must be a dataclass to be read from a file")
-    known = declared_units(kind)
-    values: dict[str, Any] = {}
-    fields.expect(field_names(kind) or ())
+    known, words = declared_units(kind), words_of_fields(kind)
+    fields.expect((*(field_names(kind) or ()), *words))
+    read_short: Callable[[Fields], dict[str, Any]] = getattr(kind, "short_spellings", lambda _: {})
+    values = read_short(fields)
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         name, required = field.name, field.default is field.default_factory is dataclasses.MISSING
-        if not field.init or (name not in fields.table and not required):
-            fields.take(name, None)
+        if name in values:
+            continue
+        said = [*(word for word, of in words.items() if of == name), name]
+        word = next((word for word in said if word in fields.table), said[0])
+        if not field.init or (word not in fields.table and not required):
+            fields.take(word, None)
         elif name in known:
-            values[name] = _value(*known[name], fields, name)
+            values[name] = _value(*known[name], fields, word, folds)
         else:
-            raise ValueError(f"{fields.at(name)}: the annotation of this field names a type that cannot be found")
+            raise ValueError(f"{fields.at(word)}: the annotation of this field names a type that cannot be found")
     fields.done()
     return make_at(fields.where, kind, **values)
+
+
+def entry_of(value: object) -> Any:
+    """Entry of a file from which a value is read again: a table of a record's fields that are not their defaults.
+
+    Raises:
+        TypeError: a value that no file has words for.
+    """
+    if isinstance(value, (bool, int, float, str)):
+        return value
+    if isinstance(value, (Vec3, Quaternion, tuple)):
+        return [entry_of(each) for each in value]
+    own = getattr(value, "to_entry", None)
+    return record_entry(value) if own is None else own()
+
+
+def record_entry(value: object) -> dict[str, Any]:
+    """Table of a record's fields that are not their defaults, and of its kind if its class is registered.
+
+    Raises:
+        TypeError: no record, or one of values that no file has words for.
+    """
+    names = field_names(type(value))
+    if names is None:
+        raise TypeError(f"{type(value).__name__} has no words in a file")
+    kind = getattr(value, "registered_as", "")
+    named = {"kind": name_of(kind, type(value))} if kind else {}
+    usual, words = defaults(type(value)), {name: word for word, name in words_of_fields(type(value)).items()}
+    held = ((name, getattr(value, name)) for name in names)
+    stated = ((name, each) for name, each in held if each is not None and not same_as(each, usual[name]))
+    return named | {words.get(name, name): entry_of(each) for name, each in stated}
+
+
+def same_as(value: object, usual: object) -> bool:
+    """True if a value is a field's default, bit for bit: a 0 that is structure is another than 0.0."""
+    return type(value) is type(usual) and value == usual and repr(value) == repr(usual)
 
 
 def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record:
@@ -112,7 +157,7 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
     return values
 
 
-def _value(wanted: object, unit: Unit, fields: Fields, name: str) -> Any:
+def _value(wanted: object, unit: Unit, fields: Fields, name: str, folds: bool = False) -> Any:
     """Read a field of a table as the type that the dataclass declares for it."""
     if typing.get_origin(wanted) in (typing.Union, types.UnionType):
         wanted = next(each for each in typing.get_args(wanted) if each is not type(None))
@@ -122,7 +167,7 @@ def _value(wanted: object, unit: Unit, fields: Fields, name: str) -> Any:
     if wanted is int:
         return whole(fields.at(name), fields.take(name))
     if wanted is Vec3:
-        return Vec3(*fields.vector(name))
+        return fields.vector(name) if folds and unit.folds else Vec3(*fields.vector(name))
     if wanted is str:
         return fields.text(name, "")
     if typing.get_origin(wanted) is typing.Literal:
@@ -137,7 +182,7 @@ def _value(wanted: object, unit: Unit, fields: Fields, name: str) -> Any:
     if hasattr(wanted, "from_table"):
         return wanted.from_table(value, at)
     if isinstance(wanted, type) and field_names(wanted) is not None:
-        return record_from(wanted, Fields(value, at))
+        return record_from(wanted, Fields(value, at), folds=folds)
     raise ValueError(f"{at}: a field of type {wanted} cannot be read from a file")
 
 
@@ -162,24 +207,29 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[Any, ...]:
     return tuple(rows.numbers(i) for i in rows.table)
 
 
-def registered_from(kind: str, base: type, table: Any, where: str) -> Any:
+def registered_from(
+    kind: str, base: type, table: Any, where: str, usual: str = "", *, word: str = "kind", folds: bool = False
+) -> Any:
     """Read a table ``{ kind = NAME, ... }`` as an instance of the class that is registered as NAME.
 
     Args:
-        kind: of the registry.
+        kind: of the registry, or several with a space between them.
         base: class that the registered one must have.
         table: as read.
         where: of it, for messages.
+        usual: NAME where the table states none.
+        word: that names the kind.
+        folds: as of :func:`record_from`.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
     fields = Fields(table, where)
-    name = fields.take("kind")
-    found = find(kind, name, fields.at("kind"))
+    name = usual if usual and word not in fields.table else fields.take(word)
+    found = find(kind, name, fields.at(word))
     if not isinstance(found, type) or not issubclass(found, base):
-        raise ValueError(f"{fields.at('kind')} = {name!r}: must be registered as a subclass of {base.__name__}")
-    record = record_from(found, fields)
+        raise ValueError(f"{fields.at(word)} = {name!r}: must be registered as a subclass of {base.__name__}")
+    record = record_from(found, fields, folds=folds)
     require_stated = getattr(found, "require_stated", None)
     if require_stated is not None:  # numbers that others of the table need
         with errors_as(ValueError, f"{where}."):

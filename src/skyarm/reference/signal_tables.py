@@ -21,7 +21,6 @@ field, value, what is allowed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 from skyarm.algebra.scalars import Scalar
@@ -29,19 +28,8 @@ from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
-from skyarm.reference.signals import (
-    Constant,
-    Product,
-    Pulses,
-    Ramp,
-    Shifted,
-    Signal,
-    Sine,
-    Sum,
-    Windowed,
-    sequence,
-)
-from skyarm.reference.waypoints import samples_signal, spline_signal
+from skyarm.records.registry import find, names
+from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Sum, Windowed, sequence
 
 SIGNAL = "must be a finite number, a list of signals of time or a table with a kind of signal"
 """What stands for a signal."""
@@ -56,24 +44,27 @@ def signal_from(entry: Any, where: str) -> Signal:
     if not isinstance(entry, dict):
         return Constant(number(entry, where))
     fields = Fields(entry, where)
-    make = _SIGNALS[fields.choice("kind", tuple(_SIGNALS))]
-    signal = record_from(make, fields) if isinstance(make, type) else make(fields)
+    make = find("signal", fields.choice("kind", names("signal")))
+    signal: Signal = record_from(make, fields) if isinstance(make, type) else make(fields)
     fields.done()
     return signal
 
 
-def _constant(fields: Fields) -> Signal:
+def constant_from(fields: Fields) -> Signal:
+    """Constant signal within a window of time."""
     return _clip_to_window(Constant(fields.number("value")), *window_of(fields))
 
 
-def _sine(fields: Fields) -> Signal:
+def sine_from(fields: Fields) -> Signal:
+    """Sine within a window of time, from whose start its own time counts."""
     amplitude, frequency = fields.number("amplitude"), fields.number("frequency_hz")
     sine = Sine(amplitude=amplitude, frequency_hz=frequency, phase=fields.number("phase", 0.0))
     start, stop = window_of(fields)
     return _clip_to_window(sine if math.isinf(start) else Shifted(sine, start), start, stop)
 
 
-def _sequence(fields: Fields) -> Signal:
+def sequence_from(fields: Fields) -> Signal:
+    """Ramps one after the other, each by its duration and its value at the end."""
     start, initial = fields.number("start"), fields.number("initial", 0.0)
     shape = fields.choice("shape", ("linear", "quintic"), "linear")
     raw, at = fields.take("segments"), f"{fields.where}.segments"
@@ -88,7 +79,8 @@ def _sequence(fields: Fields) -> Signal:
     return sequence(start, segments, initial=initial, shape=shape)
 
 
-def _windowed_signal(fields: Fields) -> Signal:
+def windowed_from(fields: Fields) -> Signal:
+    """Signal that is zero outside of a window of time."""
     return _clip_to_window(signal_from(fields.take("signal"), f"{fields.where}.signal"), *window_of(fields))
 
 
@@ -104,22 +96,6 @@ def window_of(fields: Fields) -> tuple[float, float]:
 def _clip_to_window(signal: Signal, start: float, stop: float) -> Signal:
     """Signal that is zero outside a time window; unchanged if the window is infinite."""
     return signal if math.isinf(start) and math.isinf(stop) else Windowed(signal, start, stop)
-
-
-_SIGNALS: dict[str, type[Signal] | Callable[[Fields], Signal]] = {
-    "constant": _constant,
-    "sine": _sine,
-    "ramp": Ramp,
-    "sequence": _sequence,
-    "sum": Sum,
-    "windowed": _windowed_signal,
-    "shifted": Shifted,
-    "product": Product,
-    "pulses": Pulses,
-    "spline": spline_signal,
-    "samples": samples_signal,
-}
-"""Kind -> the record whose fields are the keys of its table, or the function that reads it."""
 
 
 @immutable(kw_only=False)

@@ -13,14 +13,16 @@ import dataclasses
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from skyarm.algebra.scalars import Scalar, add, cos, floor, logical_and, mul, same, sin, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import parts
+from skyarm.records.leaves import Place, parts
+from skyarm.records.path_names import Names, below, path_names
+from skyarm.records.read_table import entry_of
 from skyarm.records.units import Unit
 
 Derivatives = tuple[Any, ...]
@@ -41,6 +43,10 @@ class Signal(ABC):
     def __post_init__(self) -> None:
         accept_fields(self, type(self).__name__.lower())
 
+    def path_names(self) -> Names:
+        """Names of the numbers of the signal, and of one that it moves or shifts, in a parameter path."""
+        return {name: ((name,),) for name in parts(self)}
+
     def switch_times(self) -> tuple[float, ...]:
         """List the times (s), in order, at which the signal or one of its derivatives may jump."""
         return switch_times(tuple(parts(self).values()))
@@ -48,6 +54,10 @@ class Signal(ABC):
     def __add__(self, other: Signal) -> Signal:
         """Return the sum of two time signals."""
         return Sum((self, other))
+
+    def to_entry(self) -> Any:
+        """Entry of a file from which the signal is read again: a table of its kind and its numbers."""
+        return {"kind": type(self).__name__.lower()} | {name: entry_of(each) for name, each in parts(self).items()}
 
     @classmethod
     def from_table(cls, entry: object, where: str) -> Signal:
@@ -82,6 +92,13 @@ class Constant(Signal):
     """Signal with a constant value and zero derivatives."""
 
     value: Annotated[Scalar, Unit("", "in the unit of the signal")] = 0.0
+
+    def to_entry(self) -> Any:
+        """Entry of a file: the value."""
+        return self.value
+
+    own_number: ClassVar[Place] = ("value",)
+    """What a path that leads to the signal means: in a file it is a number."""
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Constant value, and zeros as derivatives."""
@@ -170,6 +187,13 @@ class Windowed(Signal):
         if concrete(self.start, self.stop) and not self.start < self.stop:
             raise ValueError(f"windowed.stop = {self.stop!r}: must be after start = {self.start!r}")
 
+    def path_names(self) -> Names:
+        """Names of the window's instants and of the signal's numbers; the time of a sine counts from its start."""
+        found = below(("signal",), path_names(self.signal)) | {name: ((name,),) for name in parts(self)}
+        if isinstance(self.signal, Shifted) and isinstance(self.signal.signal, Sine):
+            found["start"] = (("start",), ("signal", "delay"))
+        return found
+
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives of the signal inside the window, zeros outside."""
         return tuple(self._inside(t, value) for value in self.signal.derivatives(t))
@@ -193,6 +217,10 @@ class Shifted(Signal):
     signal: Signal
     delay: Annotated[Scalar, Unit("s")]
 
+    def path_names(self) -> Names:
+        """Names of the shift and of the signal's numbers."""
+        return below(("signal",), path_names(self.signal)) | {name: ((name,),) for name in parts(self)}
+
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives of the signal at t - delay."""
         return self.signal.derivatives(t - self.delay)
@@ -207,6 +235,10 @@ class Sum(Signal):
     """Sum of several signals; zero if empty."""
 
     signals: tuple[Signal, ...]
+
+    def path_names(self) -> Names:
+        """Names of the terms, by their numbers, and of the fields."""
+        return {str(i): (("signals", str(i)),) for i in range(len(self.signals))} | {"signals": (("signals",),)}
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives of the sum."""

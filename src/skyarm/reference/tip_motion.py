@@ -29,8 +29,10 @@ from skyarm.records.arrays import Array
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.path_names import Names, field_paths
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
+from skyarm.reference.motion_names import motion_names
 from skyarm.reference.signals import Constant, Signal
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -91,6 +93,10 @@ class TipMotion:
     y: Annotated[Signal, Unit("m")] = STILL
     z: Annotated[Signal, Unit("m")] = STILL
     arm: Arm
+
+    def path_names(self) -> Names:
+        """Names of the fields, and of the tip's motion as its table in a file has them."""
+        return field_paths(self) | {"path": motion_names(self.x, self.y, self.z)}
 
     def path(self, t: Scalar) -> FiveVectors:
         """Tip position and its first four derivatives at time t (s), world axes."""

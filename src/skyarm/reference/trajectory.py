@@ -20,8 +20,10 @@ from skyarm.records.arrays import Array
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
+from skyarm.records.path_names import Names, field_paths
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
+from skyarm.reference.motion_names import motion_names
 from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Windowed, switch_times, with_signals
 from skyarm.reference.task_records import Guard, Phase
 from skyarm.reference.tip_motion import TipMotion, TipPush, vector_derivatives
@@ -116,6 +118,11 @@ class Trajectory:
     )
     guards: tuple[Guard, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
     phases: tuple[Phase, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+
+    def path_names(self) -> Names:
+        """Names of the fields that are there, and of the base's motion as its table in a file has them."""
+        found = field_paths(self) | {"base": motion_names(self.x, self.y, self.z)}
+        return {name: places for name, places in found.items() if getattr(self, name, self) is not None}
 
     def at(self, t: Scalar) -> Reference:
         """Reference at time t (s): position, heading and joints with derivatives, and contact request."""

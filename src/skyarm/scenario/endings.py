@@ -33,6 +33,8 @@ class Ending:
 
     __slots__ = ()
 
+    registered_as = "ending"
+
     status: ClassVar[str]
     """One word for the log."""
 

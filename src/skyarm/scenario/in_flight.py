@@ -12,32 +12,37 @@ import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
 from typing import Any
 
 from skyarm.control.actuator_layer import believed_drives
-from skyarm.control.controller import Controller, ControllerError, autopilot_of
+from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.drive import Drive
-from skyarm.records.files import Fields, did_you_mean, errors_as, shown
+from skyarm.records.files import did_you_mean, errors_as, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.registry.plugins import is_law_of_file
+from skyarm.records.leaves import Place, part, replace_at
+from skyarm.records.words import Slot, slots
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
-from skyarm.scenario import scenario_tables as tables
-from skyarm.scenario.controller_table import controller_by_name, controller_from, loop_facts
+from skyarm.scenario import readers
+from skyarm.scenario.document import OfScenario, read_part
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
-from skyarm.scenario.paths import LATER, ROOTS, STRUCTURE, roots
+from skyarm.scenario.paths import delay_words, is_below, place_of_delay, roots, variable_words
+from skyarm.scenario.readers import LAW
+from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
-from skyarm.scenario.scenario_tables import PARTS
 from skyarm.vehicle.vehicle_records import Vehicle
 
-LAW = "controller.law"
 
-OF_REFERENCE = {"reference.base": ("x", "y", "z"), "reference.yaw": ("yaw",), "reference.joints": ("joints",)}
-"""Path of one entry of the reference's table -> fields of the trajectory."""
-
-WHOLE_PARTS = (LAW, "controller", "reference", *OF_REFERENCE, *PARTS)
-"""Paths of parts that a change replaces as a whole, in the words that a scenario file has for them."""
+@cache
+def whole_parts() -> dict[str, Slot]:
+    """Paths of parts that a change replaces as a whole, in the words that a scenario file has for them."""
+    found = dict[str, Slot]()
+    for slot in slots(Scenario):
+        if slot.word.whole:
+            found |= {slot.path: slot} | {f"{slot.path}.{entry}": slot for entry, _ in slot.word.entries}
+    return found
 
 
 def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
@@ -45,7 +50,7 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
 
     Args:
         scenario: whose model and clocks a new law is made for.
-        path: one of ``WHOLE_PARTS``.
+        path: one of :func:`whole_parts`.
         value: as a scenario file has it there: tables are dicts, lists lists.
 
     Raises:
@@ -53,43 +58,31 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     """
     model = scenario.controller.par.model
     with errors_as(ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError):
-        return dataclasses.replace(scenario, **_fields_of_part(scenario, path, value))
+        fields = _fields_of_part(scenario, path, value)
+        changed: Scenario = replace_at(scenario, fields)
+        check_scenario(changed, fields)
+        return changed
 
 
-def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[str, Any]:
-    """Scenario fields that result from replacing a section, such as the wind, by a table of a scenario file."""
-    if path in PARTS:
-        place, read = PARTS[path]
-        return {place[-1]: read(value, path)}
+def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place, Any]:
+    """Scenario fields by place that result from a table of a scenario file in place of a section, such as the wind."""
+    slot, reading = whole_parts()[path], OfScenario(scenario)
     if path == LAW:
-        return {"controller": _law(scenario, value)}
-    if path == "controller":
-        known = loop_facts(scenario.rates, scenario.delays)
-        return {path: controller_from(Fields(value, path), scenario.controller.par.model, None, known)}
-    setting = tables.setting_of(scenario.plant, scenario.duration)
-    if path in OF_REFERENCE:
+        return {slot.field: readers.law(scenario, value)}
+    if path != slot.path:
         fixed = "must stay as it is where the reference has a tip" if scenario.reference.tip is not None else ""
         fixed = PLANNED if scenario.path_time is not None else fixed
         if fixed:
             raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
-        entry = {path.removeprefix("reference."): value}
-        found = trajectory_from(entry, scenario.plant.vehicle.n, "reference", setting)
-        fields = {name: getattr(found, name) for name in OF_REFERENCE[path]}
-        return {"reference": dataclasses.replace(scenario.reference, **fields)}
-    given, planned = tables.reference(value, scenario.plant, setting)
-    return {**given, "path_time": planned(scenario.with_words(**given, path_time=None)).path_time}
-
-
-def _law(scenario: Scenario, name: object) -> Controller:
-    """Controller of a given name, with the safety layer of the present controller if it has one."""
-    if not isinstance(name, str):
-        raise ValueError(f"{LAW} = {shown(name)}: must be the name of a preset, a law or LAW_tuned")
-    if is_law_of_file(name):
-        raise ValueError(f"{LAW} = {shown(name)}: must not be a file's; only --laws takes FILE.py:make")
-    try:
-        return controller_by_name(scenario, name)
-    except ControllerError as error:
-        raise ValueError(str(error).replace("controller = ", f"{LAW} = ", 1)) from None
+        entry = path.removeprefix(f"{slot.path}.")
+        found = trajectory_from({entry: value}, scenario.plant.vehicle.n, "reference", reading.setting)
+        fields: dict[Place, Any] = {(name,): getattr(found, name) for name in dict(slot.word.entries)[entry]}
+        return {slot.field: replace_at(scenario.reference, fields)}
+    if path != "reference":
+        return {slot.field: read_part(slot, value, reading)}
+    agent, governor = readers.with_reference(scenario.agent, value, reading)
+    planned = governor(dataclasses.replace(scenario, agent=agent))
+    return {each.field: part(planned, each.field) for each in slots(Scenario) if is_below(each.path, path)}
 
 
 def _prefix_of_part(path: str) -> str:
@@ -131,7 +124,7 @@ class Overrides:
             if not self.holds(parts, path):
                 with suppress(ScenarioError):
                     numbers[path] = number_at(parts, path)
-        if sum(is_added(path) for path in numbers) <= 1:  # loads add up, and sums depend on their order
+        if sum(is_added(parts, path) for path in numbers) <= 1:  # loads add up, and sums depend on their order
             with suppress(ScenarioError):
                 require_apart(parts, tuple(numbers))
                 numbers = dict(sorted(numbers.items()))
@@ -139,7 +132,7 @@ class Overrides:
 
     def holds(self, scenario: Scenario, path: str) -> bool:
         """True if the parameter at a path is overridden, also under another name: faults.0 may be faults.front."""
-        if not self.numbers or is_added(path) or path in dict(self.numbers):
+        if not self.numbers or is_added(scenario, path) or path in dict(self.numbers):
             return path in dict(self.numbers)
         for own, _ in self.numbers:
             with suppress(ScenarioError):
@@ -170,7 +163,7 @@ NONE = Overrides()
 
 def is_part(path: str, value: object) -> bool:
     """True if a scheduled change replaces a whole section, such as the controller, and not a single number."""
-    return path in WHOLE_PARTS and (path != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
+    return path in whole_parts() and (path != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
 
 
 def _within(path: str, part: str, hidden: str) -> bool:
@@ -233,13 +226,12 @@ def sources(scenario: Scenario, tick: int) -> dict[str, int]:
     return found
 
 
-NUMBERS = tuple(root for root in ROOTS if root not in ("initial", "changes"))
-"""Beginnings of the paths of numbers that may change in flight."""
-
-FIXED = ("name", "title", "schema", "plugins", "initial", "windows", "changes", *STRUCTURE)
-"""Words of a file that hold for the whole flight."""
-
-MAY = f"what may is {', '.join(LATER)}, a number of {', '.join(NUMBERS)}, or as a whole {', '.join(WHOLE_PARTS)}"
+@cache
+def what_may() -> str:
+    """Words for all that may change in flight."""
+    numbers = [slot.path for slot in slots(Scenario) if slot.word.varies == "always" and slot.path in variable_words()]
+    delays, parts = ", ".join(delay_words()), ", ".join(whole_parts())
+    return f"what may is {delays}, a number of {', '.join(numbers)}, or as a whole {parts}"
 
 
 def require_changes(scenario: Scenario) -> None:
@@ -324,21 +316,22 @@ def _name_change_in_errors(where: str) -> Iterator[None]:
 
 def _require_changeable(scenario: Scenario, path: str) -> None:
     """Raise an error if a parameter or section of the scenario may not change during a flight."""
-    if path in WHOLE_PARTS or (path in LATER and scenario.delays.longest_command is not None):
+    if path in whole_parts() or place_of_delay(scenario, path) is not None:
         return
-    if path in LATER:
+    if path in delay_words():
         raise ScenarioError(
             f"path = {path!r}: delays.longest_command is missing; it bounds delays that change in flight"
         )
-    for word in FIXED:
-        if path == word or path.startswith(f"{word}."):
-            raise ScenarioError(f"path = {path!r}: {word} must be as the flight began; {MAY}")
-    starts = [*NUMBERS, *roots(scenario)]
+    fixed = [slot for slot in slots(Scenario) if slot.word.varies != "always"]
+    for slot in fixed:
+        if is_below(path, slot.path):
+            raise ScenarioError(f"path = {path!r}: {slot.path} must be as the flight began; {what_may()}")
+    starts = [start for start in roots(scenario) if start not in [slot.path for slot in fixed]]
     if not any(path.startswith(f"{start}.") for start in starts):
         if path in starts:
-            raise ScenarioError(f"path = {path!r}: must lead to a number below it; {MAY}")
-        near = did_you_mean(path, WHOLE_PARTS) or did_you_mean(path.split(".", maxsplit=1)[0], starts)
-        raise ScenarioError(f"path = {shown(path)}: {near}nothing of this name changes in flight; {MAY}")
+            raise ScenarioError(f"path = {path!r}: must lead to a number below it; {what_may()}")
+        near = did_you_mean(path, whole_parts()) or did_you_mean(path.split(".", maxsplit=1)[0], starts)
+        raise ScenarioError(f"path = {shown(path)}: {near}nothing of this name changes in flight; {what_may()}")
 
 
 def _require_number(scenario: Scenario, change: Change) -> None:
@@ -346,7 +339,7 @@ def _require_number(scenario: Scenario, change: Change) -> None:
     try:
         number_at(scenario, change.path)
     except ScenarioError as error:
-        near = did_you_mean(change.path, WHOLE_PARTS).strip() if change.path.count(".") < 2 else ""
+        near = did_you_mean(change.path, whole_parts()).strip() if change.path.count(".") < 2 else ""
         raise ScenarioError(f"{error}; {near}" if near else str(error)) from None
     if type(change.value) is not float:
         raise ScenarioError(f"value = {shown(change.table)}: must be a number, as {change.path} is one")
@@ -354,8 +347,8 @@ def _require_number(scenario: Scenario, change: Change) -> None:
 
 def _require_one_load(scenario: Scenario, path: str, changed: Sequence[str]) -> None:
     """Raise an error if two paths set the payload mass at one frame, because payload masses add up."""
-    for other in changed if is_added(path) else ():
-        if other != path and is_added(other) and means_the_same(scenario, path, other):
+    for other in changed if is_added(scenario, path) else ():
+        if other != path and is_added(scenario, other) and means_the_same(scenario, path, other):
             raise ScenarioError(f"path = {path!r}: is the same load as {other!r}, must be changed by that name")
 
 

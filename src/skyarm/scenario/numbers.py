@@ -22,31 +22,26 @@ value and its ramps, and varies as those: ``reference.joints.0.1.height``.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.quaternion import euler_angles
-from skyarm.algebra.scalars import cos, data, divide, sin
-from skyarm.control.actuator_layer import with_believed_queues
+from skyarm.algebra import Quaternion
+from skyarm.algebra.scalars import data, divide
+from skyarm.control.actuator_layer import with_consequences
 from skyarm.dynamics import State
-from skyarm.dynamics.actuators import make_mixer
 from skyarm.records import coerce
-from skyarm.records.field_rules import rules
+from skyarm.records.field_rules import accept_scalar
 from skyarm.records.files import errors_as, shown
 from skyarm.records.leaves import Place, part, replace_at
+from skyarm.records.path_names import Viewed
 from skyarm.records.units import Unit, units
-from skyarm.scenario.paths import places_of
+from skyarm.scenario.paths import Target, places_of, target_of
+from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state, trimmed_state
-from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.payload import LOAD, Payload
 
-ROTORS: Place = ("agent", "controller", "par", "model", "vehicle", "rotors")
+INITIAL: Place = ("agent", "initial")
 
-DRIVES: Place = (*ROTORS[:-1], "drives")
-
-DERIVED = ("initial.", "reference.", "plant.payload.", "model.payload.")
-"""Beginnings of paths that need not be made data in the scenario before they vary."""
+CONTROLLER: Place = ("agent", "controller")
 
 
 def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
@@ -55,53 +50,49 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
     Raises:
         ScenarioError: names both.
     """
+    scenario = _with_initial_state(scenario, paths)
     seen: dict[Place, str] = {}
+    viewed: dict[Place, str] = {}
     for path in paths:
-        for place in _meant(scenario, path):
+        target = target_of(scenario, path)
+        for place in target.names:
             if place in seen:
                 raise ScenarioError(f"path = {path!r}: is the same number as {seen[place]!r}; vary one of them")
             seen[place] = path
-    turned = [path for path in paths if path in ATTITUDE]
-    parts = [path for path in paths if path.startswith("initial.quaternion")]
-    if turned and parts:
-        raise ScenarioError(f"path = {parts[0]!r}: must not vary together with {turned[0]!r}")
+        if target.view is not None and not target.view.adds:
+            viewed[target.places[0]] = path
+    for place, path in seen.items():
+        # the components of a quaternion are scaled together, and angles take the place of all of them
+        if place[:-2] in viewed and place[-2] == "quaternion":
+            raise ScenarioError(f"path = {path!r}: must not vary together with {viewed[place[:-2]]!r}")
 
 
 def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
     """True if two parameter paths denote the same number of a scenario."""
-    return not set(_meant(scenario, path)).isdisjoint(_meant(scenario, other))
+    scenario = _with_initial_state(scenario, (path, other))
+    return not set(places_of(scenario, path)).isdisjoint(places_of(scenario, other))
 
 
-def _meant(scenario: Scenario, path: str) -> tuple[Place, ...]:
-    return _target(scenario, path)[1]
+def is_added(scenario: Scenario, path: str) -> bool:
+    """True if a parameter path denotes a payload mass, which adds to the vehicle's own mass."""
+    try:
+        view = target_of(_with_initial_state(scenario, (path,)), path).view
+    except ScenarioError:
+        return False
+    return view is not None and view.adds
 
 
-def _target(scenario: Scenario, path: str) -> tuple[str, tuple[Place, ...]]:
-    """Kind of parameter that a path such as plant.gravity denotes, and all scenario fields that store it."""
-    for root, vehicle in PAYLOADS.items():
-        if path == root or path.startswith(f"{root}."):
-            return "payload", ((*vehicle, "payload", _frame_of_payload(part(scenario, vehicle), path, root)),)
-    if path in ATTITUDE:
-        return "attitude", ((path,),)
-    if path.startswith("initial."):
-        return "initial", places_of(_with_start(scenario), path)
-    return "field", places_of(scenario, path)
+def is_computed(scenario: Scenario, path: str) -> bool:
+    """True if the number at a path is no field of the scenario as it is, or one of its reference or start."""
+    target = target_of(_with_initial_state(scenario, (path,)), path)
+    return target.view is not None or target.places[0][:2] in (INITIAL, ("agent", "reference"))
 
 
-def _frame_of_payload(vehicle: Vehicle, path: str, root: str) -> str:
-    """Vehicle frame that carries the payload of a parameter path such as model.payload.tip.mass."""
-    frames, words = [frame.name for frame in vehicle.frames], path[len(root) + 1 :].split(".")
-    if words == ["mass"] and vehicle.end_effector:
-        return vehicle.end_effector
-    if len(words) == 2 and words[0] in frames and words[1] == "mass":
-        return words[0]
-    known = ", ".join(f"{root}.{frame}.mass" for frame in frames)
-    raise ScenarioError(f"path = {path!r}: must be {root}.mass (at the tip) or one of {known}")
-
-
-def _with_start(scenario: Scenario) -> Scenario:
-    """Scenario with an explicit initial state: the stated one, else hover trim."""
-    return scenario if scenario.initial is not None else scenario.with_words(initial=first_state(scenario))
+def _with_initial_state(scenario: Scenario, paths: Iterable[str]) -> Scenario:
+    """Scenario with an explicit initial state if a path leads into it: the stated one, else hover trim."""
+    if scenario.initial is not None or not any(path.startswith("initial.") for path in paths):
+        return scenario
+    return scenario.with_initial(first_state(scenario))
 
 
 def number_at(scenario: Scenario, path: str) -> float:
@@ -110,16 +101,18 @@ def number_at(scenario: Scenario, path: str) -> float:
     Raises:
         ScenarioError: a field that does not exist (with those that do), or something that is not a number.
     """
-    kind, places = _target(scenario, path)
-    if kind == "payload":
-        return 0.0
-    if kind == "attitude":
-        angles = euler_angles(first_state(scenario).quaternion.rotation())
-        return float(angles[ATTITUDE.index(path)])
-    found = part(_with_start(scenario) if kind == "initial" else scenario, places[0])
+    scenario = _with_initial_state(scenario, (path,))
+    return _number(scenario, path, target_of(scenario, path))
+
+
+def _number(scenario: Scenario, path: str, target: Target) -> float:
+    found = part(scenario, target.places[0])
+    if target.view is not None:
+        seen: Viewed = found
+        return seen.number_of_view(target.view.name)
     if isinstance(found, bool) or not isinstance(found, (int, float)):
         raise ScenarioError(f"path = {path!r}: must lead to a number, not to {type(found).__name__}")
-    if kind != "initial" and _declaration(scenario, places[0]).fixed:
+    if target.places[0][:2] != INITIAL and _declaration(scenario, target.places[0]).fixed:
         raise ScenarioError(f"path = {path!r}: must be equal in all episodes and throughout a flight")
     return float(found)
 
@@ -141,35 +134,42 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         ValueError: a number that the scenario cannot have.
     """
     _require_numbers(values)
-    loads: dict[Place, Any] = {}
-    start: dict[str, Any] = {}
-    leaves: dict[Place, Any] = {}
+    started = _with_initial_state(scenario, values)
+    fields: dict[Place, Any] = {}
+    views: dict[Place, dict[str, Any]] = {}
     for path, value in values.items():
-        number_at(scenario, path)
-        kind, places = _target(scenario, path)
-        if kind == "payload":
-            loads[places[0]] = rules(Payload)["mass"](path, value)
-        elif kind == "field":
-            leaves |= dict.fromkeys(places, value)
+        target = target_of(started, path)
+        _number(started, path, target)
+        if target.view is None:
+            fields |= dict.fromkeys(target.places, value)
         else:
-            start[path] = value
-    fields = _fields(scenario, leaves)
-    for (field, *inner, _, frame), mass in loads.items():
-        record, place = fields.get(field, getattr(scenario, field)), tuple(inner)
-        fields[field] = replace_at(record, {place: part(record, place).with_payload(mass, frame)})
-    # a scenario is checked whenever it is made: once
-    changed = dataclasses.replace(scenario, **fields) if fields else scenario
-    if any(place[: len(ROTORS)] == ROTORS for place in leaves):
-        par = changed.controller.par
-        mixer = make_mixer(par.model.vehicle, par.mixer.policy, bool(par.mixer.across))
-        mixed = dataclasses.replace(changed.controller, par=dataclasses.replace(par, mixer=mixer))
-        changed = changed.with_words(controller=mixed)
-    if any(place[: len(DRIVES)] == DRIVES and place[-1] == "latency" for place in leaves):
-        made = with_believed_queues(changed.controller, 1.0 / scenario.rates.control)
-        changed = changed.with_words(controller=made)
-    if start:
-        changed = changed.with_words(initial=start_with(changed, start))
+            views.setdefault(target.places[0], {})[target.view.name] = accept_scalar(path, value, target.view.unit)
+    changed = _with_fields_and_views(scenario, fields, views)
+    if any(place[:2] == INITIAL for place in (*fields, *views)):
+        changed = changed.with_initial(_start_with(started, changed, fields, views.get(INITIAL, {})))
+    check_scenario(changed, [*fields, *views], numbers=True)
     return changed
+
+
+def _with_fields_and_views(
+    scenario: Scenario, fields: Mapping[Place, Any], views: Mapping[Place, Mapping[str, Any]]
+) -> Scenario:
+    """Scenario with fields and views replaced, and what follows from them; the initial state stays."""
+    below: dict[Place, dict[Place, Any]] = {}
+    for place, value in fields.items():
+        if place[:2] != INITIAL:
+            below.setdefault(place[:1], {})[place[1:]] = value
+    found = {field: replace_at(part(scenario, field), inner) for field, inner in below.items()}
+    for place, numbers in views.items():
+        if place != INITIAL:
+            field, inside = place[:1], place[1:]
+            held = found.get(field, part(scenario, field))
+            seen: Viewed = part(held, inside)
+            found[field] = replace_at(held, {inside: seen.with_views(numbers)})
+    changed: Scenario = replace_at(scenario, found) if found else scenario
+    law = [place[len(CONTROLLER) :] for place in fields if place[: len(CONTROLLER)] == CONTROLLER]
+    after = with_consequences(changed.controller, law, 1.0 / scenario.rates.control)
+    return changed if after is changed.controller else changed.with_controller(after)
 
 
 def _require_numbers(values: object) -> None:
@@ -188,61 +188,33 @@ def _require_numbers(values: object) -> None:
                 coerce.number(f"values[{path!r}]", value)
 
 
-def _fields(scenario: Scenario, leaves: Mapping[Place, Any]) -> dict[str, Any]:
-    """Top-level fields of a scenario after values deep inside them are replaced."""
-    below: dict[str, dict[Place, Any]] = {}
-    for place, value in leaves.items():
-        below.setdefault(place[0], {})[place[1:]] = value
-    return {name: replace_at(getattr(scenario, name), inner) for name, inner in below.items()}
+def _start_with(started: Scenario, changed: Scenario, fields: Mapping[Place, Any], angles: Mapping[str, Any]) -> State:
+    """Initial state with some numbers replaced: the stated one, else the hover trim of the changed vehicle.
 
-
-ATTITUDE = ("initial.roll", "initial.pitch", "initial.yaw")
-
-PAYLOADS: Mapping[str, Place] = {
-    "plant.payload": ("agent", "plant", "vehicle"),
-    "model.payload": ("agent", "controller", "par", "model", "vehicle"),
-}
-
-
-def is_added(path: str) -> bool:
-    """True if a parameter path denotes a payload mass, which adds to the vehicle's own mass."""
-    return path.startswith(tuple(f"{root}." for root in PAYLOADS))
-
-
-def start_with(scenario: Scenario, values: Mapping[str, Any]) -> State:
-    """Initial state of a scenario after parameters such as initial.position.x are replaced."""
-    held = scenario.initial
+    Args:
+        started: as it was, with an initial state.
+        changed: with all other numbers replaced.
+        fields: place -> number.
+        angles: of the attitude, by name, rad.
+    """
+    inside = {place[len(INITIAL) :]: value for place, value in fields.items() if place[:2] == INITIAL}
+    held = changed.initial
+    joints = {int(place[1]): value for place, value in inside.items() if place[0] == "joints"}
+    if held is None and changed.plant is started.plant and changed.reference is started.reference and not joints:
+        held = started.initial
     if held is None:
-        joints = [data(q) for q in first_state(scenario).joints]
-        for i in range(len(joints)):
-            joints[i] = values.get(f"initial.joints.{i}", joints[i])
-        at = scenario.reference.at(0.0)
-        held = trimmed_state(scenario.plant, at.position, data(at.yaw), tuple(joints))
-    # places are read from a scenario whose numbers are plain, as any initial state has them
-    shape = scenario.with_words(initial=held)
-    changed: Any = shape.initial
-    for path, value in values.items():
-        if path not in ATTITUDE:
-            for place in places_of(shape, path):
-                changed = replace_at(changed, {place[2:]: value})
-    angles = [values.get(path) for path in ATTITUDE]
-    if any(angle is not None for angle in angles):
-        known = euler_angles(held.quaternion.rotation())
-        chosen = (old if angle is None else angle for angle, old in zip(angles, known, strict=True))
-        changed = dataclasses.replace(changed, quaternion=_quaternion_of_angles(*chosen))
-    elif any(path.startswith("initial.quaternion") for path in values):
-        q = changed.quaternion
+        at = changed.reference.at(0.0)
+        posture = tuple(joints.get(i, data(q)) for i, q in enumerate(at.joints))
+        trim = trimmed_state(changed.plant, at.position, data(at.yaw), posture)
+        held = first_state(changed.with_initial(trim))  # with plain numbers, as any initial state has them
+    state: State = replace_at(held, inside) if inside else held
+    if angles:
+        return dataclasses.replace(state, quaternion=held.with_views(angles).quaternion)
+    if any(place[0] == "quaternion" for place in inside):
+        q = state.quaternion
         length = q.norm()
-        changed = dataclasses.replace(changed, quaternion=Quaternion(*(divide(c, length) for c in q)))
-    state: State = changed
+        return dataclasses.replace(state, quaternion=Quaternion(*(divide(c, length) for c in q)))
     return state
-
-
-def _quaternion_of_angles(roll: Any, pitch: Any, yaw: Any) -> Quaternion:
-    """Quaternion from roll, pitch and yaw (ZYX), rad."""
-    half = [(cos(0.5 * angle), sin(0.5 * angle)) for angle in (roll, pitch, yaw)]
-    about = [Quaternion(c, *Vec3(*(s if i == axis else 0.0 for i in range(3)))) for axis, (c, s) in enumerate(half)]
-    return about[2] * about[1] * about[0]
 
 
 LEFT_OUT = ("environment", "vehicle", "body", "value", "par")
@@ -270,11 +242,9 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
     Raises:
         ScenarioError: no number is there.
     """
-    kind, places = _target(scenario, path)
-    computed = {"payload": dataclasses.replace(LOAD, meaning="point mass at the tip"), "attitude": Unit("rad")}
-    if kind in computed:
-        return computed[kind]
-    return _declaration(_with_start(scenario) if kind == "initial" else scenario, places[0])
+    scenario = _with_initial_state(scenario, (path,))
+    target = target_of(scenario, path)
+    return _declaration(scenario, target.places[0]) if target.view is None else target.view.unit
 
 
 def _declaration(record: object, place: Place) -> Unit:

@@ -97,7 +97,7 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
     Raises:
         ValueError: one line: events at fixed instants, after which a slowed vehicle would arrive; or a long flight.
     """
-    bare = scenario.with_words(path_time=None)
+    bare = dataclasses.replace(scenario, agent=dataclasses.replace(scenario.agent, path_time=None))
     for reason in _reasons_against(bare, events):
         raise ValueError(f"reference.governor: must be left out {reason}")
     found = plan_of(bare, options)
@@ -105,7 +105,9 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
         name = Limits(bare.controller.par.model, options).names()[found.limit]
         line = f"asks for {found.beyond:.3g} times its limit of {name} at {found.at:.3g} s of the path, however slow"
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
-    return bare if found.path_time is None else bare.with_words(path_time=found.path_time)
+    if found.path_time is None:
+        return bare
+    return dataclasses.replace(bare, agent=dataclasses.replace(bare.agent, path_time=found.path_time))
 
 
 def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterator[str]:

@@ -26,57 +26,15 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra import Vec3
-from skyarm.records.files import Fields, did_you_mean, shown
-from skyarm.records.files.fields import list_of_tables
-from skyarm.records.read_table import make_at
+from skyarm.records.files import did_you_mean, shown
 from skyarm.reference import Trajectory
 from skyarm.reference.signals import Constant, Sum, Windowed
 from skyarm.reference.task_records import TaskEvent
 from skyarm.scenario.scenario_record import Change
-from skyarm.world import HangingPayload, Reach, TimedPayload
-
-OF_KIND = {"rigid": ("inertia", "com"), "hanging": ("cord", "stretch", "damping_ratio")}
-"""Numbers of one kind of payload only."""
+from skyarm.world import TimedPayload
 
 FIELD = {"pick": "pick", "place": "drop"}
 """Kind of a phase -> field of the payload."""
-
-
-def payloads_from(tables: object) -> tuple[TimedPayload, ...]:
-    """Read payloads from the list of tables [[payloads]].
-
-    Raises:
-        ValueError: one line with field, value and what is allowed.
-    """
-    return tuple(_payload(fields) for fields in list_of_tables(tables, "payloads"))
-
-
-def _payload(fields: Fields) -> TimedPayload:
-    values: dict[str, Any] = {name: fields.take(name, "") for name in ("name", "frame")}
-    values["believed"] = believed = fields.flag("believed", False)
-    values["mass"] = fields.number("mass", low=0.0)
-    kind = fields.choice("kind", tuple(OF_KIND), "rigid")
-    for name in OF_KIND[kind]:
-        if name in fields.table:
-            values[name] = fields.vector(name) if kind == "rigid" else fields.number(name, low=0.0)
-    values["pick"], values["pick_place"] = _instant(fields, "pick")
-    values["drop"], values["drop_place"] = _instant(fields, "drop") if "drop" in fields.table else (math.inf, None)
-    fields.done()
-    if believed and (values["pick_place"] or values["drop_place"]) is not None:
-        raise ValueError(f"{fields.at('believed')} = true: must be false where a place decides; its instant is unknown")
-    return make_at(fields.where, HangingPayload if kind == "hanging" else TimedPayload, **values)
-
-
-def _instant(fields: Fields, name: str) -> tuple[float, Reach | None]:
-    """Read when a payload is picked or dropped: a time (s), or the arrival of its frame at a position."""
-    if not isinstance(fields.table.get(name), dict):
-        return fields.number(name, low=0.0), None
-    inner = fields.inner(name)
-    reach = Reach(within=inner.number("within", low=0.0, strict=True), of=Vec3(*inner.vector("of")))
-    after = inner.number("after", 0.0, low=0.0)
-    inner.done()
-    return after, reach
 
 
 def with_model_changes(

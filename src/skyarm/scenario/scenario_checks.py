@@ -1,13 +1,15 @@
 """Consistency checks of a scenario: clocks, delays, vehicles, law, sensors and surroundings.
 
-Every error is a ValueError of one line; :class:`skyarm.scenario.scenario_record.Scenario` makes it a ScenarioError.
+A rule says which words of the file it reads. All run where a scenario is loaded and before it is flown
+(:func:`require_flight`); where numbers or parts are replaced, those that read them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import cache, partial
+from typing import Any, NamedTuple
 
 from skyarm.algebra import Mat3
 from skyarm.control.controller import innermost, learns_load, part_of, senses_force
@@ -21,8 +23,10 @@ from skyarm.plant.largest_step import check_largest_step
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.field_rules import require_fields
 from skyarm.records.files import did_you_mean, errors_as, number, shown
-from skyarm.records.leaves import leaves, named_leaves
+from skyarm.records.leaves import Place, leaves, named_leaves, part
+from skyarm.records.words import Slot, slots
 from skyarm.reference.trajectory import Trajectory
+from skyarm.scenario.paths import is_below
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.check import require_plant
@@ -45,51 +49,103 @@ MOST_JOINTS = 256
 """Of a vehicle that flies. LLVM makes a loop's code in a stack whose depth grows with the loop: of 400 joints it still
 does, of 1200 it ends the process."""
 
-ADDED = {
-    "estimator": "estimator",
-    "drives": "drives",
-    "endings": "endings",
-    "initial": "initial",
-    "air": "environment.air",
-    "forces": "environment.forces",
-    "sensors": "sensors",
-}
-"""Fields whose records may not check themselves -> their name in messages."""
 
-FLOWN = (
-    *("plant", "reference", "tracking_start", "components", "faults", "noise"),
-    *("sensors", "drives", "delays", "initial", "world"),
-)
-"""Fields of a scenario, beside the law's constants, whose numbers a flight takes."""
+class Rule(NamedTuple):
+    """Consistency check of a scenario, with the words of its file that the check reads.
+
+    Attributes:
+        numbers: False if only counts, names and other structure are read, which no replaced number changes.
+    """
+
+    check: Callable[[Scenario], None]
+    reads: tuple[str, ...]
+    numbers: bool
 
 
-def check_scenario(scenario: Scenario) -> None:
+RULES: list[Rule] = []
+"""In the order of their messages: the first that fails is told."""
+
+
+def rule(*reads: str, numbers: bool = True) -> Callable[[Callable[[Scenario], None]], Callable[[Scenario], None]]:
+    """Add a function to the consistency checks of a scenario.
+
+    Args:
+        reads: words of a scenario's file, or paths below them, that the function reads.
+        numbers: as of :class:`Rule`.
+    """
+
+    def add(check: Callable[[Scenario], None]) -> Callable[[Scenario], None]:
+        RULES.append(Rule(check, reads, numbers))
+        return check
+
+    return add
+
+
+def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None, *, numbers: bool = False) -> None:
     """Raise an error if the plant, law, sensors, clocks and other settings of a scenario are inconsistent.
 
+    Args:
+        scenario: to be checked.
+        changed: fields that differ from a scenario that was checked: only rules that read them run; None for all.
+        numbers: True if nothing but numbers differs.
+
     Raises:
-        ValueError: one line with field, value and what is allowed.
+        ScenarioError: one line with field, value and what is allowed.
     """
+    with errors_as(ScenarioError):
+        for each in RULES:
+            if changed is None or ((each.numbers or not numbers) and touches(each, changed)):
+                each.check(scenario)
+
+
+def touches(each: Rule, changed: Collection[Place]) -> bool:
+    """True if a rule reads one of some fields, or something inside or around it."""
+    return any(
+        place[: len(read)] == read[: len(place)]
+        for word in each.reads
+        for read in read_places(word)
+        for place in changed
+    )
+
+
+@cache
+def read_places(word: str) -> tuple[Place, ...]:
+    """Fields that hold a word of a scenario's file, or what a path below a word leads to."""
+    found = []
+    for slot in slots(Scenario):
+        if is_below(word, slot.table):
+            found.append((*slot.record, *word[len(slot.table) + 1 :].split(".")) if word != slot.table else slot.record)
+        elif is_below(slot.table, word):
+            found.append(slot.record)
+    return tuple(found)
+
+
+@rule("controller", numbers=False)
+def law_has_model(scenario: Scenario) -> None:
+    """Check that the law's constants have a model of the vehicle."""
     if not isinstance(getattr(scenario.controller.par, "model", None), Model):
         raise ValueError(f"controller.par = {shown(scenario.controller.par)}: must have a model, a skyarm.Model")
+
+
+@rule("plant.vehicle", numbers=False)
+def joints_can_be_compiled(scenario: Scenario) -> None:
+    """Check that the plant has no more joints than machine code can be made for."""
     truth = scenario.plant.vehicle
     if truth.n > MOST_JOINTS:
         raise ValueError(
             f"plant.vehicle = {truth.name!r}: has {truth.n} joints, must have at most {MOST_JOINTS} to fly"
         )
+
+
+@rule("initial", "plant.vehicle")
+def initial_state_is_possible(scenario: Scenario) -> None:
+    """Check an initial state that is stated against the plant's joints, rotors and tilts."""
     if scenario.initial is not None:
         _check_initial(scenario.initial, scenario.plant.vehicle)
-    _check_times(scenario)
-    _check_reference(scenario)
-    _check_sensors(scenario)
-    _check_drives(scenario)
-    _check_vehicles(scenario)
-    _check_surroundings(scenario)
-    _check_clocks_of_law(scenario)
-    for field, where in ADDED.items():
-        require_fields(getattr(scenario, field), where)
 
 
-def _check_times(scenario: Scenario) -> None:
+@rule("rates", "delays", "duration", "plant.kind")
+def times_are_whole(scenario: Scenario) -> None:
     """Check that duration and delays are whole numbers of steps, and that a varied delay stays below its maximum."""
     rates, delays = scenario.rates, scenario.delays
     if scenario.duration * rates.control > LONGEST_FLIGHT:
@@ -128,7 +184,8 @@ def require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
         raise ValueError(f"{field} = {seconds!r}: must be a whole number of {unit} of {1.0 / rate:g} s")
 
 
-def _check_clocks_of_law(scenario: Scenario) -> None:
+@rule("controller", "rates")
+def clocks_of_law_agree(scenario: Scenario) -> None:
     """Check that control periods and filter cutoffs among a law's constants match the scenario's clocks."""
     par, rates = innermost(scenario.controller.par), scenario.rates
     cutoff = getattr(par, "cutoff", None)
@@ -144,7 +201,8 @@ def _check_clocks_of_law(scenario: Scenario) -> None:
             )
 
 
-def _check_reference(scenario: Scenario) -> None:
+@rule("reference", "duration", "plant.vehicle")
+def reference_fits(scenario: Scenario) -> None:
     """Check that the law starts tracking within the flight and that a planned time law covers all of it."""
     if concrete(scenario.tracking_start):
         start = number(scenario.tracking_start, "reference.tracking_start", low=0.0)
@@ -159,7 +217,8 @@ def _check_reference(scenario: Scenario) -> None:
         raise ValueError(f"reference.joints = {found} signals: must be {joints}, one for each joint")
 
 
-def _check_sensors(scenario: Scenario) -> None:
+@rule("sensors", "rates", "plant.vehicle", "plant.drives", "controller", "reference", "world", "estimator")
+def sensors_suffice(scenario: Scenario) -> None:
     """Check named sensors: periods, unique names, and all sensors that the law, phases and estimator need."""
     rates, vehicle = scenario.rates, scenario.plant.vehicle
     sensors: dict[str, Sensor] = {}
@@ -191,13 +250,12 @@ def _check_sensors(scenario: Scenario) -> None:
     scenario.estimator.require_torques(vehicle.name, {each.joint: each.drive for each in scenario.joint_drives})
 
 
-def _check_drives(scenario: Scenario) -> None:
+@rule("plant.drives", "plant.vehicle", "environment", "rates")
+def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment models are stable."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.drives]
-    added: list[tuple[str, Component | Drive]] = [
-        each for each in scenario.placed_components if each[0].startswith("environment.")
-    ]
+    added: list[tuple[str, Component | Drive]] = [*scenario.placed_winds_and_forces]
     for fitted in scenario.joint_drives:
         where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"
         added.append((where, fitted.drive))
@@ -215,17 +273,26 @@ def _check_drives(scenario: Scenario) -> None:
             raise ValueError(f"plant.vehicle: joints[{joint}].effort_limit = 0: {words}")
 
 
-def _check_vehicles(scenario: Scenario) -> None:
-    """Check that plant and model have the same joints and rotors, that the law fits, and that the plant is simulable.
-
-    The plant's rotors must span torque and thrust; whether they can lift the vehicle is not checked.
-    """
+@rule("controller")
+def law_can_be_called(scenario: Scenario) -> None:
+    """Check a user's law by calling it."""
     check_controller(scenario.controller)
-    truth, model = scenario.plant.vehicle, scenario.controller.par.model.vehicle
+
+
+@rule("plant.vehicle")
+def plant_can_fly(scenario: Scenario) -> None:
+    """Check that the plant can be simulated: its rotors span torque and thrust, whether they can lift it or not."""
+    truth = scenario.plant.vehicle
     with errors_as(ValueError, f"plant.vehicle = {truth.name!r}: "):
         require_plant(truth)
         make_mixer(truth)
         joint_rate(truth)
+
+
+@rule("plant.vehicle", "controller", numbers=False)
+def law_fits_plant(scenario: Scenario) -> None:
+    """Check that plant and model have as many joints and rotors, and the law's lists a number for each."""
+    truth, model = scenario.plant.vehicle, scenario.controller.par.model.vehicle
     for what, ours, theirs in (("joints", truth.n, model.n), ("rotors", len(truth.rotors), len(model.rotors))):
         if ours != theirs:
             raise ValueError(
@@ -260,7 +327,8 @@ def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str,
             yield "mixer.across", mixer.across, rotors
 
 
-def _check_surroundings(scenario: Scenario) -> None:
+@rule("environment", "payloads", "world", "plant.vehicle", "plant.gravity", "rates")
+def surroundings_fit(scenario: Scenario) -> None:
     """Check that faults, forces and contact models name existing actuators, frames and links of the plant."""
     vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
     for i, fault in enumerate(scenario.faults):
@@ -272,6 +340,14 @@ def _check_surroundings(scenario: Scenario) -> None:
         except ValueError as error:
             words = str(error)
             raise ValueError(words if words.startswith(where) else f"{where}.{words}") from None
+
+
+def _fields_of_users(slot: Slot, scenario: Scenario) -> None:
+    """Check the numbers of components, whose classes may be a user's that do not check themselves."""
+    require_fields(part(scenario, slot.record), slot.table)
+
+
+RULES += [Rule(partial(_fields_of_users, slot), (slot.table,), True) for slot in slots(Scenario) if slot.word.kind]
 
 
 def _check_initial(state: State, vehicle: Vehicle) -> None:
@@ -307,17 +383,18 @@ def check_quaternion(values: tuple[Any, ...]) -> None:
 
 
 def require_flight(scenario: object) -> None:
-    """Raise an error unless a scenario has plain numbers, not those of a batch, and starts outside all surfaces.
+    """Raise an error unless a scenario can be flown: consistent, of plain numbers, and started outside all surfaces.
 
     Raises:
         ScenarioError: one line with field and value.
     """
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario; load_scenario(name) makes one")
-    records = [*((getattr(scenario, field), field) for field in FLOWN), (scenario.controller.par, "controller")]
-    for record, where in records:
-        for field, value in named_leaves(record, where):
-            if not (concrete(value) or callable(value)):
+    check_scenario(scenario)
+    for slot in slots(Scenario):
+        for field, value in named_leaves(part(scenario, slot.record), slot.table):
+            # the table of a change holds what a file would, plain numbers only
+            if not (concrete(value) or callable(value) or isinstance(value, Mapping)):
                 raise ScenarioError(f"{field} = {shown(value)}: must be one number; a Batch flies several side by side")
     if scenario.worlds:
         with errors_as(ScenarioError):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, get_origin
 
-from skyarm.scenario.paths import ROOTS
+from skyarm.records.words import EACH, Slot, slots
+from skyarm.scenario.scenario_record import Scenario
 
 ABSENT = "(none)"
 """Stands for what only one of two scenarios has."""
@@ -14,9 +15,6 @@ FOR_PEOPLE = ("title", "sources", "notes", "type")
 """Words that say nothing of a flight, or what a table is of."""
 
 Words = tuple[str, ...]
-
-SEVERAL = (("environment", "air"), ("environment", "forces"), ("endings",))
-"""Places of lists whose items are of several classes."""
 
 
 def scenario_differences(a: object, b: object) -> dict[str, tuple[Any, Any]]:
@@ -48,13 +46,26 @@ def _leaves(data: object, words: Words) -> Iterator[tuple[Words, Any]]:
 
 def _has_choice(words: Words) -> bool:
     """True for a field path, such as environment.wind, where values of several classes are allowed."""
-    return words in (("environment", "wind"), ("agent", "estimator")) or words[:-1] in SEVERAL
+    return any(
+        slot.word.kind and _matches(words, (*slot.place, EACH) if _is_list(slot) else slot.place)
+        for slot in slots(Scenario)
+    )
+
+
+def _is_list(slot: Slot) -> bool:
+    """True if each item of the slot's field is one of the word's kind."""
+    return EACH not in slot.place and get_origin(slot.type) is tuple
+
+
+def _matches(words: Words, place: Words) -> bool:
+    return len(words) == len(place) and all(b in (a, EACH) for a, b in zip(words, place, strict=True))
 
 
 def _path(words: Words) -> str:
     """Parameter path of a value in a scenario's plain data; the field names joined by dots if no path exists."""
-    roots = sorted(ROOTS.items(), key=lambda pair: -len(pair[1]))
-    for root, place in roots:
-        if words[: len(place)] == place and len(words) > len(place):
-            return ".".join((root, *words[len(place) :]))
+    for slot in sorted(slots(Scenario), key=lambda slot: -len(slot.place)):
+        head, tail = words[: len(slot.place)], words[len(slot.place) :]
+        if _matches(head, slot.place):
+            number = next((a for a, b in zip(head, slot.place, strict=True) if b == EACH), "")
+            return ".".join((slot.path.replace(EACH, number), *tail))
     return ".".join(words)

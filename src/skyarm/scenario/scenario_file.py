@@ -16,7 +16,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
                   safety = true, or a table of limits (skyarm.control.safety.limits)
     [reference]   see skyarm.reference.reference_tables; tracking_start (s): until then the law gets that of t = 0;
                   governor = true, or a table of limits (skyarm.scenario.path_governor)
-    [environment] wind (see skyarm.world.environment_tables), ground (true),
+    [environment] wind (see skyarm.world.wind), ground (true),
                   faults = [{ rotor or joint = name, effectiveness (a number or a signal), start }],
                   or { joint = name, stuck = true, start }
                   [[environment.air]], [[environment.forces]] kind = NAME and its numbers, added to the wind
@@ -33,7 +33,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [windows]     when its metrics look: steady, transient, gust, hover = [start, stop), s; holds = [...]; last = s
     [[changes]]   at (s), path, value: what is other from then on (:mod:`skyarm.scenario.in_flight`)
     [world]       [[world.surfaces]], [[world.points]]: what the vehicle may touch, and where (skyarm.world.contact)
-    [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.scenario_tables)
+    [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.payload_tables)
     seed, episode
 
 A vehicle is a name of the library or a path beside the file. Without [model] the controller's model is the plant's
@@ -44,35 +44,26 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from skyarm.control.model import Model
 from skyarm.dynamics.actuators import AllocationError
-from skyarm.log.metrics.windows import Windows
-from skyarm.plant.interface import Truth
 from skyarm.records.files import (
-    Fields,
     PathLike,
     errors_as,
     file_name,
-    number,
     one_line,
     read_toml,
     shown,
     unreadable,
 )
 from skyarm.records.files.names import kind_of, names_in, read_named
-from skyarm.records.read_table import record_from
 from skyarm.records.registry import names
-from skyarm.scenario import scenario_tables as tables
-from skyarm.scenario.controller_table import controller_from, loop_facts, require_servos_said, under_law
+from skyarm.scenario.controller_table import under_law
+from skyarm.scenario.document import Document
 from skyarm.scenario.scenario_record import (
-    Change,
-    Delays,
-    Rates,
     Scenario,
     ScenarioError,
 )
@@ -171,7 +162,7 @@ def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:
     """Load the scenario stored in a log file, with some values replaced."""
     from skyarm.log.formats import load_log
 
-    replaced = {"kind" if name == "plant" else name: value for name, value in given.items() if name != "controller"}
+    replaced = _by_path({name: value for name, value in given.items() if name != "controller"})
     try:
         if reason := unreadable(Path(path)):
             raise ValueError(reason)
@@ -180,6 +171,11 @@ def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:
     except (ValueError, OSError, AllocationError) as error:
         words = str(error).removeprefix(f"log = {shown(path)}: ")
         raise ScenarioError(f"{path}: {words}") from None
+
+
+def _by_path(replaced: Mapping[str, Any]) -> dict[str, Any]:
+    """Replaced values by their path in a file, where ``plant`` is the kind of the plant."""
+    return {"plant.kind" if name == "plant" else name: value for name, value in replaced.items()}
 
 
 def scenario_from(
@@ -198,111 +194,6 @@ def scenario_from(
     if not isinstance(document, Mapping):
         raise ScenarioError(f"document = {shown(document)}: must be a table")
     try:
-        return _scenario(Fields(dict(document), ""), Path(folder), replaced or {})
+        return Document(document, Path(folder), _by_path(replaced or {})).scenario()
     except ValueError as error:
         raise ScenarioError(one_line(str(error))) from None
-
-
-def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenario:
-    top.require_schema()
-    plant, environment = Fields(top.take("plant"), "plant"), top.inner("environment")
-    world = Truth(vehicle=tables.truth(plant, folder), gravity=tables.gravity(plant))
-    tables.require_plugins(top)
-    duration = top.take("duration")
-    chosen = {"kind": plant.take("kind", "rigid_body"), "seed": top.take("seed", 0), "duration": duration}
-    replaced = {"kind" if name == "plant" else name: value for name, value in replaced.items()}
-    chosen |= {name: replaced[name] for name in chosen if name in replaced}
-    chosen["duration"] = number(chosen["duration"], "duration", low=0.0, strict=True)
-    rates, delays = record_from(Rates, top.inner("rates")), record_from(Delays, top.inner("delays"))
-    setting = tables.setting_of(world, max(chosen["duration"], number(duration, "duration")))
-    reference, planned = tables.reference(top.take("reference", {}), world, setting, folder)
-    flying, contact = top.take("payloads", []), tables.contact(top.take("world", None), folder)
-    changes: tuple[Change, ...] = ()
-    if flying != [] or setting.events:
-        from skyarm.scenario import payload_tables as loads
-
-        handled = [event for event in setting.events if not event.gripper]
-        payloads = loads.payloads_from(loads.with_instants(flying, handled, rates.control))
-        reference["payloads"], changes = loads.with_model_changes(
-            payloads, reference["reference"], chosen["duration"], rates.control
-        )
-        contact = loads.with_commands(contact, [event for event in setting.events if event.gripper], rates.control)
-    law = Fields(top.take("controller"), "controller")
-    model = _model(top, plant, world, folder)
-    require_servos_said(law, world.vehicle, model)
-    sensors, instruments = tables.sensors(top.inner("sensors").table)
-    scenario = Scenario(
-        name=top.take("name"),
-        title=top.text("title", ""),
-        rates=rates,
-        plant=world,
-        integrator=plant.take("integrator", "rk4"),
-        controller=controller_from(law, model, replaced.get("controller"), loop_facts(rates, delays), folder),
-        noise=sensors,
-        sensors=instruments,
-        drives=tables.drives(plant),
-        delays=delays,
-        episode=top.take("episode", 0),
-        windows=record_from(Windows, top.inner("windows")),
-        world=contact,
-        changes=(*_changes(top, replaced), *changes),
-        **tables.parts_from({"": top, "environment": environment}),
-        **reference,
-        **chosen,
-    )
-    for fields in (plant, environment):
-        fields.done()
-    if "duration" not in replaced:  # what takes its place shortens the flight, not the file
-        scenario.windows.require_within(scenario.duration)
-        require_within(scenario.changes, scenario.steps, rates.control)
-    initial = top.take("initial", None)
-    top.done()
-    if scenario.changes:
-        from skyarm.scenario.in_flight import require_changes
-
-        require_changes(scenario)
-    return planned(_at_start(scenario, initial))
-
-
-def _at_start(scenario: Scenario, initial: object) -> Scenario:
-    """Scenario with a given initial state, objects in static equilibrium, and no initial penetration."""
-    if scenario.world is not None:
-        from skyarm.world.contact.static_equilibrium import with_standing_objects
-
-        rested = with_standing_objects(scenario.world, float(scenario.plant.gravity))
-        scenario = scenario.with_words(world=rested)
-    if initial is not None:
-        scenario = scenario.with_words(initial=tables.initial(Fields(initial, "initial"), scenario))
-    if scenario.world is not None:
-        from skyarm.scenario.scenario_checks import require_start_outside
-
-        require_start_outside(scenario)
-    return scenario
-
-
-def _changes(top: Fields, replaced: Mapping[str, Any]) -> tuple[Change, ...]:
-    """Read [[changes]]; changes of the controller are dropped if the caller replaces the file's controller."""
-    found = tuple(record_from(Change, fields) for fields in top.tables("changes"))
-    return tuple(each for each in found if not each.of_law or "controller" not in replaced)
-
-
-def require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
-    """Raise an error if a scheduled change lies outside of the flight's control periods.
-
-    Raises:
-        ScenarioError: one line.
-    """
-    for i, change in enumerate(changes):
-        if change.tick(rate) >= steps:
-            last = (steps - 1) / rate
-            raise ScenarioError(f"changes[{i}].at = {change.at!r}: must be at most {last:g} s, the last control period")
-
-
-def _model(top: Fields, plant: Fields, world: Truth, folder: Path) -> Model:
-    """Read the controller's model from [model]; by default the plant's vehicle and gravity, without payload."""
-    if top.take("model", None) is None:
-        return Model(vehicle=tables.vehicle(plant, folder), gravity=world.gravity)
-    fields = top.inner("model")
-    model = Model(vehicle=tables.truth(fields, folder), gravity=tables.gravity(fields))
-    fields.done()
-    return model

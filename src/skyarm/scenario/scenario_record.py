@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import numbers
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, cos, data, minimum, sin
@@ -28,13 +29,14 @@ from skyarm.records.notebook import notebook_html
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.registry.registrations import registrations
 from skyarm.records.units import Unit
+from skyarm.records.words import STRUCTURAL, Word, groups
 from skyarm.reference import Trajectory
 from skyarm.reference.path_time import PathTime
 from skyarm.scenario.endings import Ending
 from skyarm.sensing.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator, PassThrough
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor import Sensor
-from skyarm.world import NO_WIND, Component, Fault, TimedPayload, Wind
+from skyarm.world import NO_WIND, Component, Fault, TimedPayload
 
 if TYPE_CHECKING:
     from skyarm.world.battery_drain import BatteryDrain
@@ -53,7 +55,7 @@ LATEST = 1e7
 
 PERFECT_SENSORS = SensorNoise()
 
-Held = TypeVar("Held")
+Record = TypeVar("Record")
 
 
 class ScenarioError(ValueError):
@@ -82,6 +84,10 @@ class Rates:
                 )
 
 
+QUEUED = Word(unless="longest_command")
+"""Of a delay that may vary where the longest is stated, which is the length of the loop's queue."""
+
+
 @immutable
 @checked("delays", ScenarioError)
 class Delays:
@@ -95,10 +101,10 @@ class Delays:
     """
 
     measurement: Annotated[float, Unit("s", "age of the measurement", low=0.0, usual=1.0)] = 0.0
-    command: Annotated[Scalar, Unit("s", "before a command takes effect", low=0.0, usual=1.0)] = 0.0
+    command: Annotated[Scalar, Unit("s", "before a command takes effect", low=0.0, usual=1.0), QUEUED] = 0.0
     longest_command: Annotated[float | None, Unit("s", low=0.0, strict=True)] = None
-    rotors: Annotated[Scalar, Unit("s", "before the rotors hear of it, on top", low=0.0)] = 0
-    joints: Annotated[Scalar, Unit("s", "before the joints hear of it, on top", low=0.0)] = 0
+    rotors: Annotated[Scalar, Unit("s", "before the rotors hear of it, on top", low=0.0), QUEUED] = 0
+    joints: Annotated[Scalar, Unit("s", "before the joints hear of it, on top", low=0.0), QUEUED] = 0
 
     @property
     def apart(self) -> bool:
@@ -133,6 +139,11 @@ class JointDrive:
 
     joint: str
     drive: Drive
+
+    @property
+    def name(self) -> str:
+        """Name of the joint."""
+        return self.joint
 
     def __post_init__(self) -> None:
         if not isinstance(self.joint, str):
@@ -229,8 +240,8 @@ class Solver:
         kind: "rigid_body" or "mujoco". integrator: "rk4", "euler" or "rk4_staged".
     """
 
-    kind: str = "rigid_body"
-    integrator: str = "rk4"
+    kind: Annotated[str, STRUCTURAL] = "rigid_body"
+    integrator: Annotated[str, STRUCTURAL] = "rk4"
 
     def __post_init__(self) -> None:
         for field, value, allowed in (
@@ -251,11 +262,13 @@ class Environment:
         world: surfaces, and the vehicle's points that touch them (:mod:`skyarm.world.contact`); None for free flight.
     """
 
-    wind: Wind = NO_WIND
-    air: tuple[Component, ...] = ()
-    forces: tuple[Component, ...] = ()
-    ground: bool = True
-    world: Contact | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    wind: Annotated[Component, Word(whole=True, kind="air force", reader="wind")] = NO_WIND
+    air: Annotated[tuple[Component, ...], Word(whole=True, kind="air")] = ()
+    forces: Annotated[tuple[Component, ...], Word(whole=True, kind="force")] = ()
+    ground: Annotated[bool, Word(whole=True, varies="never")] = True
+    world: Annotated[Contact | None, Word("/world", kind="world", usual="contact", reader="world")] = dataclasses.field(
+        default=None, metadata=WRITTEN_IF_ANY
+    )
 
     def __post_init__(self) -> None:
         if self.world is not None and not hasattr(self.world, "on"):
@@ -283,19 +296,40 @@ class Agent:
         payloads: loads that are picked up and set down in flight.
     """
 
-    plant: Truth
-    controller: Controller
-    reference: Trajectory
-    tracking_start: Scalar = 0
-    path_time: PathTime | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
-    noise: SensorNoise = PERFECT_SENSORS
-    sensors: tuple[NamedSensor, ...] = ()
-    estimator: Estimator = PASS_THROUGH
-    drives: tuple[JointDrive, ...] = ()
-    delays: Delays = Delays()
-    initial: State | None = None
-    faults: tuple[Fault, ...] = ()
-    payloads: tuple[TimedPayload, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+    plant: Annotated[Truth, Word(reader="plant")]
+    controller: Annotated[
+        Controller,
+        Word("model", inside=("par", "model"), reader="model"),
+        Word(whole=True, entries=(("law", ()),), inside=("par",), reader="controller"),
+    ]
+    reference: Annotated[
+        Trajectory,
+        Word(
+            whole=True,
+            entries=(("base", ("x", "y", "z")), ("yaw", ("yaw",)), ("joints", ("joints",))),
+            reader="reference",
+        ),
+    ]
+    tracking_start: Annotated[Scalar, Word("reference.tracking_start", reader="tracking_start")] = 0
+    path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = dataclasses.field(
+        default=None, metadata=WRITTEN_IF_ANY
+    )
+    noise: Annotated[SensorNoise, Word("sensors", reader="noise")] = PERFECT_SENSORS
+    sensors: Annotated[
+        tuple[NamedSensor, ...],
+        Word("sensors.*", kind="sensor", inside=("*", "sensor"), reader="sensors"),
+    ] = ()
+    estimator: Annotated[Estimator, Word(whole=True, kind="estimator")] = PASS_THROUGH
+    drives: Annotated[
+        tuple[JointDrive, ...],
+        Word("plant.drives.*", kind="drive", inside=("*", "drive"), reader="drives"),
+    ] = ()
+    delays: Annotated[Delays, STRUCTURAL] = Delays()
+    initial: Annotated[State | None, Word(varies="between")] = None
+    faults: Annotated[tuple[Fault, ...], Word("/environment.faults", whole=True, kind="fault", usual="loss")] = ()
+    payloads: Annotated[tuple[TimedPayload, ...], Word(kind="payload", usual="rigid")] = dataclasses.field(
+        default=(), metadata=WRITTEN_IF_ANY
+    )
 
     def __post_init__(self) -> None:
         accept_fields(self, "", ScenarioError)
@@ -309,30 +343,48 @@ class Agent:
             object.__setattr__(self, "initial", _as_data(self.initial))
 
 
-GROUPS: Mapping[str, type] = {"solver": Solver, "agent": Agent, "environment": Environment}
-"""Fields of a scenario that are records of several of a file's words."""
+def words_as_keywords(kind: type[Record]) -> type[Record]:
+    """Decorator of a record whose keywords may be words of its groups, such as ``wind`` of ``environment``.
+
+    ``dataclasses.replace`` calls the class and takes them too. Type checkers see the record's own fields alone.
+    """
+    generated: Callable[..., None] = kind.__init__
+
+    @functools.wraps(generated)
+    def take_words(record: Record, **words: object) -> None:
+        complete = words.keys() == defaults(kind).keys()
+        generated(record, **(words if complete else _fields_from_words(kind, words)))
+
+    kind.__init__ = take_words  # type: ignore[assignment, method-assign]
+    return kind
 
 
-class Word(Generic[Held]):
-    """Descriptor that makes ``scenario.wind`` a shortcut for ``scenario.environment.wind``."""
+def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object]:
+    """Sort keywords such as ``wind`` into the groups that have them as fields.
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name = name
-        self._group = next(group for group, kind in GROUPS.items() if name in (field_names(kind) or ()))
+    Raises:
+        TypeError: a field is missing, or there is no such field or word.
+    """
+    found: dict[str, Any] = {name: words.pop(name) for name in defaults(kind) if name in words}
+    for group, held in groups(kind).items() if words else ():
+        if inner := {word: words.pop(word) for word in field_names(held) or () if word in words}:
+            found[group] = dataclasses.replace(found[group], **inner) if group in found else held(**inner)
+    for name, usual in defaults(kind).items():
+        if usual is dataclasses.MISSING and name not in found:
+            raise TypeError(f"{kind.__name__}: {name} is missing")
+    if words:
+        meant = did_you_mean(next(iter(words)), field_names(Agent) or ())
+        raise TypeError(f"{kind.__name__}: {meant}has no field {', '.join(words)}")
+    return found
 
-    def __get__(self, scenario: Scenario | None, owner: type) -> Held:
-        if scenario is None:  # of the class, as for any descriptor
-            return self  # type: ignore[return-value]
-        found: Held = getattr(getattr(scenario, self._group), self._name)
-        return found
 
-
-@immutable(init=False)
+@words_as_keywords
+@immutable
 class Scenario:
     """Complete definition of one experiment.
 
-    It is made of its fields, or of the words of a group in the group's place: ``Scenario(wind=...)``,
-    ``dataclasses.replace(scenario, wind=...)`` and ``scenario.wind`` mean ``environment.wind``.
+    ``scenario.wind`` means ``scenario.environment.wind``. It is made of its fields or, as type checkers do not see, of
+    the words of a group in the group's place: ``Scenario(wind=...)``, ``dataclasses.replace(scenario, wind=...)``.
 
     Attributes:
         name: short name. title: one-line description.
@@ -345,36 +397,30 @@ class Scenario:
         seed, episode: keys of all noise.
     """
 
-    name: str
-    title: str = ""
-    duration: Annotated[float, Unit("s", low=0.0, strict=True)]
-    rates: Rates = Rates()
-    solver: Solver = Solver()
-    agent: Agent
-    environment: Environment = Environment()
-    endings: tuple[Ending, ...] = ()
-    windows: Windows = Windows()
-    changes: tuple[Change, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
-    seed: int = 0
-    episode: int = 0
+    name: Annotated[str, STRUCTURAL]
+    title: Annotated[str, STRUCTURAL] = ""
+    duration: Annotated[float, Unit("s", low=0.0, strict=True), Word(varies="never", reader="duration")]
+    rates: Annotated[Rates, STRUCTURAL] = Rates()
+    solver: Annotated[Solver, Word("plant", group=True)] = Solver()
+    agent: Annotated[Agent, Word("", group=True)]
+    environment: Annotated[Environment, Word(group=True)] = Environment()
+    endings: Annotated[tuple[Ending, ...], Word(whole=True, kind="ending")] = ()
+    windows: Annotated[Windows, STRUCTURAL] = Windows()
+    changes: Annotated[tuple[Change, ...], Word(varies="between")] = dataclasses.field(
+        default=(), metadata=WRITTEN_IF_ANY
+    )
+    seed: Annotated[int, STRUCTURAL] = 0
+    episode: Annotated[int, STRUCTURAL] = 0
 
-    def __init__(self, **words: Any) -> None:
-        from skyarm.scenario.scenario_checks import check_scenario
-
+    def __post_init__(self) -> None:
         with errors_as(ScenarioError):
-            for name, value in _group_fields(words).items():
-                object.__setattr__(self, name, value)
             check_name(self.name)
             for name in ("seed", "episode"):
                 object.__setattr__(self, name, noise_key(name, getattr(self, name)))
             accept_fields(self, "")
-            if self.world is not None and (fitted := self.world.on(self.plant.vehicle)) is not self.world:
+            world = self.environment.world
+            if world is not None and (fitted := world.on(self.agent.plant.vehicle)) is not world:
                 object.__setattr__(self, "environment", dataclasses.replace(self.environment, world=fitted))
-            check_scenario(self)
-
-    def with_words(self, **words: Any) -> Scenario:
-        """Scenario with some fields replaced, also fields of its groups, such as ``wind`` of ``environment``."""
-        return dataclasses.replace(self, **words)
 
     def _repr_html_(self) -> str:
         return notebook_html(self)
@@ -382,33 +428,136 @@ class Scenario:
     @property
     def as_begun(self) -> Scenario:
         """Scenario at the start of the flight, without scheduled changes."""
-        return self.with_words(changes=()) if self.changes else self
+        return dataclasses.replace(self, changes=()) if self.changes else self
 
     def under(self, controller: Controller) -> Scenario:
         """Scenario with another law, and without scheduled changes of the present law."""
         kept = tuple(each for each in self.changes if not each.of_law)
-        return self.with_words(controller=controller, changes=kept)
+        return dataclasses.replace(self, changes=kept, agent=dataclasses.replace(self.agent, controller=controller))
 
-    kind = Word[str]()
-    integrator = Word[str]()
-    wind = Word[Wind]()
-    air = Word[tuple[Component, ...]]()
-    forces = Word[tuple[Component, ...]]()
-    ground = Word[bool]()
-    world = Word["Contact | None"]()
-    plant = Word[Truth]()
-    controller = Word[Controller]()
-    reference = Word[Trajectory]()
-    tracking_start = Word[Scalar]()
-    path_time = Word["PathTime | None"]()
-    noise = Word[SensorNoise]()
-    sensors = Word[tuple[NamedSensor, ...]]()
-    estimator = Word[Estimator]()
-    drives = Word[tuple[JointDrive, ...]]()
-    delays = Word[Delays]()
-    initial = Word["State | None"]()
-    faults = Word[tuple[Fault, ...]]()
-    payloads = Word[tuple[TimedPayload, ...]]()
+    def with_controller(self, controller: Controller) -> Scenario:
+        """Scenario with another law; scheduled changes of it stay (:meth:`under` leaves them out)."""
+        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, controller=controller))
+
+    def with_plant(self, plant: Truth) -> Scenario:
+        """Scenario with another true vehicle or gravity; the law's model stays."""
+        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, plant=plant))
+
+    def with_reference(self, reference: Trajectory) -> Scenario:
+        """Scenario with another desired motion."""
+        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, reference=reference))
+
+    def with_delays(self, delays: Delays) -> Scenario:
+        """Scenario with other dead times of the loop."""
+        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, delays=delays))
+
+    def with_initial(self, initial: State) -> Scenario:
+        """Scenario with another state at t = 0."""
+        return dataclasses.replace(self, agent=dataclasses.replace(self.agent, initial=initial))
+
+    def with_kind(self, kind: str) -> Scenario:
+        """Scenario on another kind of simulator, "rigid_body" or "mujoco"."""
+        return dataclasses.replace(self, solver=dataclasses.replace(self.solver, kind=kind))
+
+    @property
+    def kind(self) -> str:
+        """Kind of simulator."""
+        return self.solver.kind
+
+    @property
+    def integrator(self) -> str:
+        """Integrator of the physics."""
+        return self.solver.integrator
+
+    @property
+    def wind(self) -> Component:
+        """Wind."""
+        return self.environment.wind
+
+    @property
+    def air(self) -> tuple[Component, ...]:
+        """Further models of the air's motion."""
+        return self.environment.air
+
+    @property
+    def forces(self) -> tuple[Component, ...]:
+        """Added forces."""
+        return self.environment.forces
+
+    @property
+    def ground(self) -> bool:
+        """True if the episode ends at z = 0."""
+        return self.environment.ground
+
+    @property
+    def world(self) -> Contact | None:
+        """Surfaces and the vehicle's points that touch them; None for free flight."""
+        return self.environment.world
+
+    @property
+    def plant(self) -> Truth:
+        """True vehicle and gravity."""
+        return self.agent.plant
+
+    @property
+    def controller(self) -> Controller:
+        """Law with its model."""
+        return self.agent.controller
+
+    @property
+    def reference(self) -> Trajectory:
+        """Desired motion."""
+        return self.agent.reference
+
+    @property
+    def tracking_start(self) -> Scalar:
+        """Time when the law begins to track, s."""
+        return self.agent.tracking_start
+
+    @property
+    def path_time(self) -> PathTime | None:
+        """Planned time of the reference; None for none."""
+        return self.agent.path_time
+
+    @property
+    def noise(self) -> SensorNoise:
+        """Noise of the full state."""
+        return self.agent.noise
+
+    @property
+    def sensors(self) -> tuple[NamedSensor, ...]:
+        """Sensors in addition to the full state."""
+        return self.agent.sensors
+
+    @property
+    def estimator(self) -> Estimator:
+        """Estimator of the measurement that the law receives."""
+        return self.agent.estimator
+
+    @property
+    def drives(self) -> tuple[JointDrive, ...]:
+        """Drives of joints that the scenario assigns."""
+        return self.agent.drives
+
+    @property
+    def delays(self) -> Delays:
+        """Dead times of the loop."""
+        return self.agent.delays
+
+    @property
+    def initial(self) -> State | None:
+        """State at t = 0; None for hover trim."""
+        return self.agent.initial
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Losses of single actuators."""
+        return self.agent.faults
+
+    @property
+    def payloads(self) -> tuple[TimedPayload, ...]:
+        """Loads that are picked up and set down in flight."""
+        return self.agent.payloads
 
     @property
     def steps(self) -> int:
@@ -423,10 +572,21 @@ class Scenario:
     @property
     def placed_components(self) -> tuple[tuple[str, Component], ...]:
         """All environment models with their parameter paths, such as ``environment.air[0]``."""
-        lists = {"environment.air": self.air, "environment.forces": self.forces, "payloads": self.payloads}
-        numbered = (f"{where}[{i}]" for where, several in lists.items() for i in range(len(several)))
-        last = *("world" for _ in self.worlds), *("plant.vehicle.battery" for _ in self.power)
-        return tuple(zip(("environment.wind", *numbered, *last), self.components, strict=True))
+        loads = tuple((f"payloads[{i}]", each) for i, each in enumerate(self.payloads))
+        touched = tuple(("world", each) for each in self.worlds)
+        return (
+            *self.placed_winds_and_forces,
+            *loads,
+            *touched,
+            *(("plant.vehicle.battery", each) for each in self.power),
+        )
+
+    @property
+    def placed_winds_and_forces(self) -> tuple[tuple[str, Component], ...]:
+        """Wind, air and added forces with their parameter paths."""
+        lists = {"environment.air": self.air, "environment.forces": self.forces}
+        numbered = ((f"{where}[{i}]", each) for where, several in lists.items() for i, each in enumerate(several))
+        return (("environment.wind", self.wind), *numbered)
 
     @property
     def worlds(self) -> tuple[Contact, ...]:
@@ -471,27 +631,6 @@ class Scenario:
         """Drive of each joint in order; empty if every joint is commanded by torque."""
         given = {each.joint: each.drive for each in self.joint_drives}
         return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.plant.vehicle.links) if given else ()
-
-
-def _group_fields(words: dict[str, Any]) -> dict[str, Any]:
-    """Sort keywords such as ``wind`` into the Scenario fields that contain them, and add defaults."""
-    found: dict[str, Any] = {}
-    for name, default in defaults(Scenario).items():
-        kind = GROUPS.get(name)
-        inner = {word: words.pop(word) for word in field_names(kind) or () if word in words} if kind else {}
-        if kind and inner:
-            given = words.pop(name, None)
-            found[name] = kind(**inner) if given is None else dataclasses.replace(given, **inner)
-        elif name in words:
-            found[name] = words.pop(name)
-        elif default is dataclasses.MISSING:
-            raise TypeError(f"Scenario: {name} is missing")
-        else:
-            found[name] = default
-    if words:
-        meant = did_you_mean(next(iter(words)), field_names(Agent) or ())
-        raise TypeError(f"Scenario: {meant}has no field {', '.join(words)}")
-    return found
 
 
 def check_name(name: str) -> None:

@@ -18,8 +18,8 @@ from skyarm.records.files.user_code import require_result
 from skyarm.records.leaves import named_leaves, parts
 from skyarm.records.registry.shipped import SHIPPED
 from skyarm.records.units import units
+from skyarm.scenario.readers import feasibility_of
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.scenario.scenario_tables import feasibility_of
 from skyarm.scenario.without_effect import without_effect
 from skyarm.vehicle.check import TURN
 from skyarm.vehicle.linkage import Body

@@ -34,6 +34,8 @@ class Sensor:
 
     __slots__ = ()
 
+    registered_as = "sensor"
+
     feels: str | None = None
     """Name of a frame of the vehicle: the sensor reads what pushes there, by ``feel``; None reads the state."""
 

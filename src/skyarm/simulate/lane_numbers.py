@@ -14,7 +14,7 @@ from skyarm.records.files import shown
 from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
-from skyarm.scenario.paths import LATE, LATER, places_of
+from skyarm.scenario.paths import LATE, delay_words, places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
 from skyarm.simulate.draws import draws_needed
 
@@ -143,10 +143,10 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
         ScenarioError: a delay below 0, or delays that together are beyond the longest; names the path.
     """
     longest = scenario.delays.longest_command
-    varied = [path for path in LATER if path in columns and columns[path].size]
+    varied = [path for path in delay_words() if path in columns and columns[path].size]
     if longest is None or not varied:
         return
-    delays = {path: columns.get(path, np.array([number_at(scenario, path)], dtype=float)) for path in LATER}
+    delays = {path: columns.get(path, np.array([number_at(scenario, path)], dtype=float)) for path in delay_words()}
     for path, delay in delays.items():
         late = delay if path == LATE else delays[LATE] + delay
         if not (delay.min() >= 0.0 and late.max() <= longest):
@@ -257,7 +257,7 @@ def _refusals(scenario: Scenario, path: str) -> Iterator[str]:
         where = f"changes[{i}].path = {change.path!r}"
         if path == f"changes.{i}.value" and change.path.startswith(STATED):
             yield f"must not vary, since a largest integration step may follow from {where}"
-        if is_added(path) and is_added(change.path) and means_the_same(scenario, path, change.path):
+        if is_added(scenario, path) and is_added(scenario, change.path) and means_the_same(scenario, path, change.path):
             yield f"adds to {where}; vary changes.{i}.value, and set the payload of the start by a change at 0"
         if change.path in LAWS and path.startswith("model."):
             yield f"must not vary, since the law of {where} is made for one belief"

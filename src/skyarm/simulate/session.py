@@ -429,8 +429,8 @@ def open_session(
     Raises:
         ScenarioError: as :class:`Session`; an autopilot without a program, or a vehicle that it cannot fly.
     """
-    require_flight(scenario)
-    autopilot = autopilot_of(scenario.controller)
+    # checked by the session itself, before it is made
+    autopilot = autopilot_of(scenario.controller) if isinstance(scenario, Scenario) else None
     if autopilot is None:
         return make(scenario, paths, machine_code=machine_code)
     found: Session = autopilot.session_type()(scenario, paths, machine_code=machine_code, progress=preparing)

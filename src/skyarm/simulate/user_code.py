@@ -402,7 +402,7 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
     else:
         flown = load_scenario(scenario) if isinstance(scenario, str) else scenario
         controller = _make_controller(law, flown.controller.par.model)
-    flown, rates = flown.with_words(controller=controller), flown.rates
+    flown, rates = flown.with_controller(controller), flown.rates
     seen = measurement_of(first_state(flown), Vec3(0.0, 0.0, float(flown.plant.gravity)))
     times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(np.arange(PERIODS))
     wanted = [flown.reference.at(float(time)) for time in times[: flown.steps]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Collection
-from functools import partial
+from functools import cache, partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -49,8 +49,7 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
         text = file_name(name_or_path, "vehicle")
     path, known = Path(text), ", ".join(list_vehicles())
     if text in list_vehicles():
-        entry = LIBRARY / f"{text}.toml"
-        return _name_file_in_errors(text, lambda: _from_toml(entry.read_bytes(), None))
+        return _library_vehicle(text)
     if is_robot(text):
         return _name_file_in_errors(text, lambda: plain_vehicle(robot_file(text)))
     if path.suffix == ".xacro":
@@ -64,6 +63,12 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
     if path.suffix in RIGID:
         return _name_file_in_errors(text, lambda: plain_vehicle(path))
     return _name_file_in_errors(text, lambda: _from_toml(path.read_bytes(), path))
+
+
+@cache
+def _library_vehicle(name: str) -> Vehicle:
+    """Vehicle of the library, read once in a process: plant and model, and every scenario of a study, share it."""
+    return _name_file_in_errors(name, lambda: _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None))
 
 
 def _name_file_in_errors(file: str, read: Any) -> Vehicle:

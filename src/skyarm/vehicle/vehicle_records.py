@@ -8,7 +8,7 @@ sequences and arrays (:mod:`skyarm.records.coerce`). Concrete numbers are checke
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import field, replace
 from typing import Annotated, Any
 
@@ -19,6 +19,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.notebook import notebook_html
+from skyarm.records.path_names import Names, View
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle import check
@@ -27,6 +28,9 @@ from skyarm.vehicle.check import FARTHEST, SHARE, VehicleError, accept_named
 from skyarm.vehicle.linkage import BASE, Body, Follower, Link
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
+
+LOAD = Unit("kg", "point mass on top of the vehicle's own", low=0.0, high=1e4)
+"""Of what is carried: more would leave nothing of the vehicle in a sum of both."""
 
 
 def rotation_sense(field: str, value: object) -> int:
@@ -251,6 +255,22 @@ class Vehicle:
         """Vehicle with a point mass (kg) attached at a frame (by default the end effector)."""
         at = self.frame(frame)
         return self.with_body(at.link, Body(mass=mass, com=at.position))
+
+    def load_names(self) -> Names:
+        """Names of point masses on top of the vehicle, in a parameter path: at the tip, and at each frame."""
+        masses = {frame.name: {"mass": View(frame.name, LOAD, ("vehicle",), adds=True)} for frame in self.frames}
+        return {**masses[self.end_effector], **masses} if self.end_effector else {}
+
+    def number_of_view(self, name: str) -> float:
+        """Point mass at a frame that is not a part of the vehicle yet: none, kg."""
+        return 0.0
+
+    def with_views(self, values: Mapping[str, Scalar]) -> Vehicle:
+        """Vehicle with point masses (kg) at some frames, by their names, on top of what is there."""
+        found = self
+        for frame, mass in values.items():
+            found = found.with_payload(mass, frame)
+        return found
 
     def with_body(self, link: int, load: Body) -> Vehicle:
         """Vehicle with a load merged into the body of a link, follower or ``BASE``, in that body's axes."""

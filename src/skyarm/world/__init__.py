@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any
 from skyarm.world.component import Air, Component, Force, Wrench
 from skyarm.world.dryden import Dryden, DrydenMemory, low_altitude
 from skyarm.world.effectiveness import Effectiveness
-from skyarm.world.environment_tables import wind_from
-from skyarm.world.faults import Fault, effectiveness_at, faults_from
+from skyarm.world.faults import Fault, effectiveness_at
 from skyarm.world.gust import Gust
 from skyarm.world.payload import Payload
 from skyarm.world.timed_payload import PayloadMemory, Reach, TimedPayload
-from skyarm.world.wind import NO_WIND, ForceWind, MovingAir, Wind, WindSample
+from skyarm.world.wind import NO_WIND, ForceWind, MovingAir, Wind, WindSample, wind_from
 
 if TYPE_CHECKING:
     from skyarm.world.aerodynamic_forces import GroundEffect, LinkDrag, RotorDrag
@@ -63,7 +62,6 @@ __all__ = [
     "WindSample",
     "Wrench",
     "effectiveness_at",
-    "faults_from",
     "low_altitude",
     "wind_from",
 ]

@@ -286,8 +286,12 @@ class Air(Component):
 
     __slots__ = ()
 
+    registered_as = "air"
+
 
 class Force(Component):
     """Base class of environment models that exert forces and torques on bodies of the vehicle."""
 
     __slots__ = ()
+
+    registered_as = "force"

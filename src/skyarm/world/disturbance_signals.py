@@ -24,7 +24,7 @@ of what its record has: force and torque, or velocity. A wrench moves base and j
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar
@@ -32,6 +32,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
+from skyarm.records.words import Word
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Air, Component, Force, Wrench, require_frame
@@ -111,7 +112,7 @@ class Disturbance(NoisyComponent, Force):
 class AirSignals(NoisyComponent, Air):
     """Uniform air velocity as a function of time, with optional coloured noise."""
 
-    velocity_W: SignalVector = NO_SIGNALS
+    velocity_W: Annotated[SignalVector, Word("velocity")] = NO_SIGNALS
     noise: ColouredNoise | None = None
 
     noise_count: ClassVar[int] = 3

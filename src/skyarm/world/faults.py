@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Annotated, Any
 
 from skyarm.algebra.scalars import Scalar, clip, maximum, mul, where
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, shown
-from skyarm.records.files.fields import list_of_tables
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
-from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.signals import Signal
@@ -50,6 +48,19 @@ class Fault:
         if self.stuck and not whole:
             given = self.effectiveness if self.signal is None else self.signal
             raise ValueError(f"effectiveness = {shown(given)}: must be left out beside stuck, which holds the joint")
+
+    registered_as = "fault"
+
+    @staticmethod
+    def short_spellings(fields: Fields) -> dict[str, Any]:
+        """Effectiveness from a table: a number, or a signal of time; left out of a joint that is stuck."""
+        share = fields.table.get("effectiveness")
+        if isinstance(share, (dict, list)):
+            at = fields.at("effectiveness")
+            return {"signal": signal_from(fields.take("effectiveness"), at), "effectiveness": 1.0}
+        if "stuck" not in fields.table and share is None:
+            fields.take("effectiveness")  # is missing
+        return {}
 
     @property
     def name(self) -> str:
@@ -89,21 +100,3 @@ def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Scalar) -> 
         shares[fault.name] = mul(shares[fault.name], fault.share(t))
     held = tuple(stuck.values()) if any(fault.stuck for fault in faults) else ()
     return Effectiveness(tuple(rotors.values()), tuple(joints.values()), held)
-
-
-def faults_from(tables: Any, where: str) -> tuple[Fault, ...]:
-    """Actuator faults from the list of fault tables of a scenario file.
-
-    Raises:
-        ValueError: one line with field, value and what is allowed.
-    """
-    found = []
-    for fields in list_of_tables(tables, where):
-        values, share = dict(fields.table), fields.table.get("effectiveness")
-        if "stuck" not in values and share is None:
-            fields.number("effectiveness", low=0.0)  # is missing
-        signal = None
-        if isinstance(share, (dict, list)):
-            signal = signal_from(values.pop("effectiveness"), fields.at("effectiveness"))
-        found.append(replace(record_from(Fault, Fields(values, fields.where)), signal=signal))
-    return tuple(found)

@@ -10,6 +10,7 @@ from skyarm.algebra.scalars import Scalar, cos, mul, where
 from skyarm.records.coerce import absent, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
+from skyarm.records.path_names import Names, field_paths
 from skyarm.records.units import Unit
 
 SHAPES = ("step", "one_minus_cosine")
@@ -28,6 +29,10 @@ class Gust:
     start: Annotated[Scalar, Unit("s")] = 0.0
     duration: Annotated[Scalar, Unit("s")] = 0.0
     shape: str = "step"
+
+    def path_names(self) -> Names:
+        """Names of the fields, and of the peak as what blows."""
+        return field_paths(self) | {"force": (("peak",),), "velocity": (("peak",),)}
 
     def __post_init__(self) -> None:
         accept_fields(self, "gust")

@@ -7,11 +7,8 @@ from typing import Annotated
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
-
-LOAD = Unit("kg", low=0.0, high=1e4)
-"""Of what is carried: more would leave nothing of the vehicle in a sum of both."""
+from skyarm.vehicle.vehicle_records import LOAD
 
 
 @immutable

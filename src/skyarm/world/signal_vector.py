@@ -30,6 +30,10 @@ class SignalVector:
     y: Signal = NONE
     z: Signal = NONE
 
+    def to_entry(self) -> list[Any]:
+        """Entry of a file: a list of three signals."""
+        return [self.x.to_entry(), self.y.to_entry(), self.z.to_entry()]
+
     @classmethod
     def from_table(cls, entry: Any, where: str) -> SignalVector:
         """Read a vector of three time signals from a value of a scenario file."""

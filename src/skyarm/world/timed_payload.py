@@ -21,13 +21,13 @@ from skyarm.algebra.scalars import Scalar, logical_and, mul, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields, checked
+from skyarm.records.files import Fields
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Body
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import LOAD, Vehicle
 from skyarm.world.component import Column, Component, Event, require_frame, select
-from skyarm.world.payload import LOAD
 
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
@@ -86,6 +86,25 @@ class TimedPayload(Component):
     drop: Annotated[Scalar, Unit("s", low=0.0, infinite=True)] = math.inf
     drop_place: Reach | None = None
     believed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
+
+    registered_as = "payload"
+
+    @staticmethod
+    def short_spellings(fields: Fields) -> dict[str, Any]:
+        """Pick-up and set-down from a table: an instant (s), or ``{ within, of, after }``: arrival at a place."""
+        values: dict[str, Any] = {}
+        for name in ("pick", "drop"):
+            if isinstance(fields.table.get(name), dict):
+                inner = fields.inner(name)
+                reach = Reach(within=inner.number("within", low=0.0, strict=True), of=Vec3(*inner.vector("of")))
+                values |= {name: inner.number("after", 0.0, low=0.0), f"{name}_place": reach}
+                inner.done()
+        if "pick" not in fields.table:
+            fields.take("pick")  # is missing
+        if values and fields.table.get("believed") is True:
+            words = "must be false where a place decides; its instant is unknown"
+            raise ValueError(f"{fields.at('believed')} = true: {words}")
+        return values
 
     @property
     def events(self) -> tuple[Event, ...]:  # type: ignore[override]

@@ -1,24 +1,50 @@
-"""Wind models: independent force and air velocity (RotorS), or moving air that causes drag."""
+"""Wind models: independent force and air velocity (RotorS), or moving air that causes drag.
+
+In a file the wind has a mode, and further air a kind, of the same names and words::
+
+    [environment.wind]
+    mode = "force_wind"              # newtons and metres per second apart, as RotorS's plugin
+    force = [2, 0, 0]                  # N, world axes (default 0)
+    point = [0, 0, 0]                  # m, where it acts on the base (default: its origin)
+    air_velocity = [2, 0, 0]           # m/s that the rotors feel (default 0)
+    gust = { force = [2, 0, 0], start = 7.5, duration = 3 }   # or a list of gusts, which add up
+
+    [environment.wind]
+    mode = "moving_air"                  # air velocity; forces follow from drag
+    velocity = [5, 0, 0]               # m/s, world axes (default 0)
+    gust = { velocity = [0, 3, 0], start = 5, duration = 2, shape = "one_minus_cosine" }   # or "step", the default
+    turbulence = { altitude = 6, wind_20ft = 7.7 }   # Dryden; minimum_airspeed (1 m/s)
+
+    [environment.wind]
+    mode = "none"
+
+The turbulence's u axis lies along the horizontal mean wind (world x in calm air).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import field
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
-from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra import E_X, ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields, checked
+from skyarm.records.files import Fields
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.read_table import record_entry, record_from, registered_from
+from skyarm.records.registry import names
 from skyarm.records.units import Unit
+from skyarm.records.words import Word
 from skyarm.world import dryden
 from skyarm.world.component import Air, Component, Event, Force, Wrench
-from skyarm.world.dryden import Dryden
-from skyarm.world.gust import Gust
+from skyarm.world.dryden import HIGHEST, LOWEST, Dryden
+from skyarm.world.gust import SHAPES, Gust
 
 
 @immutable(kw_only=False)
@@ -54,6 +80,51 @@ class GustyWind(Component):
     gust: Gust | None
     gusts: tuple[Gust, ...]
 
+    blows: ClassVar[str]
+    """A file's word for the peak of a gust."""
+
+    @classmethod
+    def short_spellings(cls, fields: Fields) -> dict[str, Any]:
+        """Short spellings of a table: gusts whose peak is called by what blows."""
+        return cls.gusts_from(fields)
+
+    @classmethod
+    def gusts_from(cls, fields: Fields) -> dict[str, Any]:
+        """Gusts from a table: one, or a list of several that add up."""
+        entry, at = fields.take("gust", None), fields.at("gust")
+        if isinstance(entry, list):
+            return {"gusts": tuple(cls._gust(each, f"{at}[{i}]") for i, each in enumerate(entry)), "gust": None}
+        return {} if entry is None else {"gust": cls._gust(entry, at)}
+
+    def to_entry(self) -> dict[str, Any]:
+        """Table of a file: gusts as a list, their peaks called by what blows."""
+        found = record_entry(self)
+        for name in ("gust", "gusts"):
+            found.pop(name, None)
+        gusts = [
+            {self.blows: list(each.peak), "start": each.start, "duration": each.duration, "shape": each.shape}
+            for each in self.all_gusts
+        ]
+        if gusts:
+            found["gust"] = gusts if self.gust is None else gusts[0]
+        return found
+
+    @classmethod
+    def _gust(cls, entry: object, where: str) -> Gust:
+        """Gust from a table that calls its peak by what blows, or from one of the record's fields."""
+        fields = Fields(entry, where)
+        if "peak" in fields.table:
+            return record_from(Gust, fields)
+        shapes = SHAPES if cls.blows == "velocity" else SHAPES[:1]
+        gust = Gust(
+            peak=fields.vector(cls.blows),  # type: ignore[arg-type]  # zeros fold
+            start=fields.number("start"),
+            duration=fields.number("duration", low=0.0, strict=True),
+            shape=fields.choice("shape", shapes, SHAPES[0]),
+        )
+        fields.done()
+        return gust
+
     @property
     def all_gusts(self) -> tuple[Gust, ...]:
         """All gusts of the wind."""
@@ -75,11 +146,17 @@ class ForceWind(GustyWind, Force):
     Source: RotorS, gazebo_wind_plugin.cpp lines 137-177.
     """
 
-    force_W: Annotated[Vec3, Unit("N", "mean force on the base, world axes", folds=True, usual=500.0)] = ZERO3
-    point_B: Annotated[Vec3, Unit("m", "where mean and gust force act, base axes", folds=True)] = ZERO3
-    air_velocity_W: Annotated[Vec3, Unit("m/s", "constant wind that the rotors feel", folds=True, usual=60.0)] = ZERO3
+    force_W: Annotated[
+        Vec3, Unit("N", "mean force on the base, world axes", folds=True, usual=500.0), Word("force")
+    ] = ZERO3
+    point_B: Annotated[Vec3, Unit("m", "where mean and gust force act, base axes", folds=True), Word("point")] = ZERO3
+    air_velocity_W: Annotated[
+        Vec3, Unit("m/s", "constant wind that the rotors feel", folds=True, usual=60.0), Word("air_velocity")
+    ] = ZERO3
     gust: Gust | None = None
     gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+
+    blows: ClassVar[str] = "force"
 
     def __post_init__(self) -> None:
         accept_fields(self, "wind")
@@ -109,10 +186,25 @@ class MovingAir(GustyWind, Air):
         turbulence: parameters of the Dryden model; None for smooth air.
     """
 
-    velocity_W: Annotated[Vec3, Unit("m/s", "mean velocity of the air, world axes", folds=True, usual=60.0)] = ZERO3
+    velocity_W: Annotated[
+        Vec3, Unit("m/s", "mean velocity of the air, world axes", folds=True, usual=60.0), Word("velocity")
+    ] = ZERO3
     gust: Gust | None = None
     turbulence: Dryden | None = None
     gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+
+    blows: ClassVar[str] = "velocity"
+
+    @classmethod
+    def short_spellings(cls, fields: Fields) -> dict[str, Any]:
+        """Gusts, and turbulence by altitude and wind speed, from a table."""
+        values = cls.gusts_from(fields)
+        table = fields.table.get("turbulence")
+        if isinstance(table, dict) and "intensity" not in table:
+            word = "velocity_W" if "velocity_W" in fields.table else "velocity"
+            inner = Fields(fields.take("turbulence"), fields.at("turbulence"))
+            values["turbulence"] = low_turbulence(inner, fields.vector(word, (0.0, 0.0, 0.0)))
+        return values
 
     @property
     def uniforms(self) -> int:
@@ -138,6 +230,40 @@ class MovingAir(GustyWind, Air):
         for gust in self.all_gusts:
             velocity = velocity + gust.at(t)
         return velocity if self.turbulence is None else velocity + dryden.velocity(memory, par=self.turbulence)
+
+
+def low_turbulence(fields: Fields, velocity: Sequence[float]) -> Dryden:
+    """Dryden turbulence from a table of altitude (m), wind at 20 ft and minimum airspeed, in a mean wind (m/s)."""
+    altitude = fields.number("altitude", low=LOWEST)
+    if altitude > HIGHEST:
+        raise ValueError(f"{fields.at('altitude')} = {altitude!r}: must be at most {HIGHEST:g} m (1000 ft)")
+    wind_20ft = fields.number("wind_20ft", low=0.0)
+    minimum = fields.number("minimum_airspeed", 1.0, low=0.0, strict=True)
+    fields.done()
+    x, y, z = velocity
+    horizontal = math.hypot(x, y)
+    direction = Vec3(x / horizontal, y / horizontal, 0) if horizontal > 0.0 else E_X
+    return dryden.low_altitude(altitude, wind_20ft, math.hypot(x, y, z), direction, minimum)
+
+
+def wind_from(table: object, where: str) -> Component:
+    """Wind from the table ``[environment.wind]`` of a scenario file: any air or force, its kind called its mode.
+
+    Exact zeros of its vectors are structure and fold away.
+
+    Args:
+        table: as read from TOML.
+        where: its path, put before the field in messages.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    fields = Fields(table, where)
+    if fields.choice("mode", ("none", *names("force"), *names("air"))) == "none":
+        fields.done()
+        return NO_WIND
+    found: Component = registered_from("air force", Component, table, where, word="mode", folds=True)
+    return found
 
 
 Wind = ForceWind | MovingAir

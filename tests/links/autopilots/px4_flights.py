@@ -74,7 +74,7 @@ def scenario_of(
     own = innermost(par)
     own = dataclasses.replace(own, autopilot=dataclasses.replace(own.autopilot, program=program))
     started = with_innermost(par, own)
-    return scenario.with_words(controller=dataclasses.replace(scenario.controller, par=started))
+    return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=started))
 
 
 def free_instance() -> int:

@@ -5,6 +5,7 @@ Of PX4's messages on the onboard port those that the link reads are left, which 
 
 from __future__ import annotations
 
+import dataclasses
 import gzip
 import sys
 import tempfile
@@ -28,7 +29,9 @@ def main(target: str) -> None:
     px4.SETTLED = 5.0
     with tempfile.TemporaryDirectory() as folder:
         whole = Path(folder) / "whole.gz"
-        flown = scenario_of(Path(folder), duration=SECONDS, climb=0.2, transcript=str(whole)).with_words(sensors=QUIET)
+        flown = dataclasses.replace(
+            scenario_of(Path(folder), duration=SECONDS, climb=0.2, transcript=str(whole)), sensors=QUIET
+        )
         log = open_session(flown).run()
         print(log.status, log.info["autopilot"])
         data = gzip.decompress(whole.read_bytes())[len(MAGIC) :]

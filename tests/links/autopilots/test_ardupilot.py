@@ -76,11 +76,11 @@ def flown(tmp_path_factory):
 
 def scenario(duration: float = 0.5, name: str = "case3", **options: object) -> skyarm.Scenario:
     """Flight of the paper's vehicle under ArduPilot, with options of the autopilot."""
-    found = skyarm.load_scenario(name, controller="ardupilot").with_words(duration=duration)
+    found = dataclasses.replace(skyarm.load_scenario(name, controller="ardupilot"), duration=duration)
     par = found.controller.par
     changed = dataclasses.replace(par.autopilot, **{"patience": 2.0, "preparation": 30.0, **options})
     controller = dataclasses.replace(found.controller, par=dataclasses.replace(par, autopilot=changed))
-    return found.with_words(controller=controller)
+    return dataclasses.replace(found, controller=controller)
 
 
 def is_gone(note: Path) -> bool:
@@ -541,7 +541,7 @@ def test_it_waits_for_estimates_of_its_own_system(flags, system):
 def test_it_flies_at_another_heading_and_leaves_no_process_where_it_is_closed_early(stand_in):
     """Yaw is counter-clockwise here, the heading of ``--home`` clockwise."""
     note = stand_in()
-    turned = scenario(5.0).with_words(reference=hover((0.5, -0.25, 1.0), yaw=0.8, joints=(0.0, 0.0)))
+    turned = dataclasses.replace(scenario(5.0), reference=hover((0.5, -0.25, 1.0), yaw=0.8, joints=(0.0, 0.0)))
     session = open_session(turned)
     for _ in range(20):
         assert session.step()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import fcntl
 import math
 import os
@@ -233,7 +234,9 @@ def stand_in(folder: Path, way: str = "") -> Path:
 def scenario_with(program: Path, **options: object) -> Scenario:
     scenario = load_scenario("hover_swing")
     options = {"program": str(program), "patience": 5.0, "preparation": 20.0, "climb": 0.2, **options}
-    return scenario.with_words(controller=make_betaflight(scenario.controller.par.model, **options), duration=0.8)
+    return dataclasses.replace(
+        scenario, controller=make_betaflight(scenario.controller.par.model, **options), duration=0.8
+    )
 
 
 def flown(scenario: Scenario) -> Log:
@@ -291,7 +294,7 @@ FAILURES = {
 
 
 def test_a_start_that_is_silent_is_tried_again(tmp_path, ports, soon):
-    log = flown(scenario_with(stand_in(tmp_path, "drowsy"), patience=0.5).with_words(duration=0.2))
+    log = flown(dataclasses.replace(scenario_with(stand_in(tmp_path, "drowsy"), patience=0.5), duration=0.2))
     assert (log.status, log.info["cause"]) == ("completed", "")
 
 
@@ -322,7 +325,7 @@ def test_failure_is_a_result_of_one_line_with_ports_free_and_no_process(way, tmp
 
 
 def test_disarmed_in_flight_ends_it(tmp_path, ports, soon):
-    log = flown(scenario_with(stand_in(tmp_path, "disarms")).with_words(duration=20.0))
+    log = flown(dataclasses.replace(scenario_with(stand_in(tmp_path, "disarms")), duration=20.0))
     assert (log.status, log.info["cause"].startswith("Betaflight disarmed in flight")) == ("autopilot", True)
 
 
@@ -350,7 +353,7 @@ def test_taken_port_is_named(kind, port, tmp_path, ports):
 def test_real_betaflight_holds_the_hover_with_a_swinging_arm(ports):
     if not (os.environ.get("SKYARM_BETAFLIGHT") or betaflight_process.usual_program()):
         pytest.skip("no program of Betaflight: neither SKYARM_BETAFLIGHT nor the extra 'betaflight'")
-    log = flown(load_scenario("hover_swing", controller="betaflight").with_words(duration=12.0))
+    log = flown(dataclasses.replace(load_scenario("hover_swing", controller="betaflight"), duration=12.0))
     assert (log.status, log.info["cause"]) == ("completed", "")
     assert np.linalg.norm(log.position - log.position_reference, axis=1).max() < 0.1
 

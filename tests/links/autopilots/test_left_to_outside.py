@@ -33,7 +33,7 @@ def outside(name: str, **options: object) -> Scenario:
     par = scenario.controller.par
     record = dataclasses.replace(par.autopilot, outside=True, **options)
     controller = dataclasses.replace(scenario.controller, par=dataclasses.replace(par, autopilot=record))
-    return scenario.with_words(controller=controller)
+    return dataclasses.replace(scenario, controller=controller)
 
 
 def test_it_flies_in_real_time_with_a_free_onboard_port_and_set_points_move_its_arm(tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ def test_rotor_speeds_from_outside_fly_beside_the_joint_law(law: str) -> None:
     """Machine code and Python have the same bits, and a law's own rotor speeds from outside its own flight."""
     scenario = load_scenario("case3", controller="paper_ct", duration=0.1)
     if law == "called":
-        scenario = scenario.with_words(controller=dataclasses.replace(scenario.controller, compiled=False))
+        scenario = dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, compiled=False))
     own = Session(scenario, machine_code=law == "traced")
     own.run()
     commands = own.log.rotor_commands
@@ -146,19 +146,19 @@ def test_a_scheduled_task_in_contact_is_refused() -> None:
     later = {"base": push, "joints": [0.0, 0.0], "push": {"force": 2.0, "normal": [-1.0, 0.0, 0.0]}}
     planned_scenario(scenario)
     with pytest.raises(ScenarioError, match=r"^reference: must have no push"):
-        planned_scenario(scenario.with_words(changes=(Change(at=3.0, path="reference", value=later),)))
+        planned_scenario(dataclasses.replace(scenario, changes=(Change(at=3.0, path="reference", value=later),)))
 
 
 def test_a_start_at_a_surface_is_refused() -> None:
     scenario = load_scenario("press_and_hold", controller="px4")
     free = dataclasses.replace(scenario.reference, push=None)
     with pytest.raises(ScenarioError, match=r"^initial: point 'tip' starts .* m from surface 'wall': must be at least"):
-        planned_scenario(scenario.with_words(reference=free))
+        planned_scenario(dataclasses.replace(scenario, reference=free))
 
 
 def test_rates_of_a_scenario_that_has_the_sensors_are_planned_too() -> None:
     planned = planned_scenario(load_scenario("case3", controller="px4"))
-    slow = planned.with_words(rates=dataclasses.replace(planned.rates, control=50, physics=500))
+    slow = dataclasses.replace(planned, rates=dataclasses.replace(planned.rates, control=50, physics=500))
     assert planned_scenario(slow).rates.control == 250
 
 
@@ -171,6 +171,19 @@ def test_a_session_of_an_autopilot_is_one_that_starts_its_program(monkeypatch: p
     monkeypatch.setenv("PATH", "")
     with pytest.raises(ScenarioError, match=r"^controller.program: is missing; must be the path of PX4's program"):
         Session(load_scenario("case3", controller="px4"))
+
+
+def test_clocks_and_sensors_that_the_autopilot_needs_are_checked_too(tmp_path: Path) -> None:
+    late = load_scenario("case3", controller="px4", duration=1.005)
+    with pytest.raises(
+        ScenarioError, match=r"^duration = 1\.005: must be a whole number of control periods of 0\.004 s"
+    ):
+        Session(late)
+    broken = scenario_of(tmp_path, preparation=60.001)
+    with pytest.raises(
+        ScenarioError, match=r"^duration = 60\.001: must be a whole number of control periods of 0\.004"
+    ):
+        Session(broken)
 
 
 def test_the_take_off_begins_at_rest_on_the_stand_below_the_start(tmp_path: Path) -> None:
@@ -229,11 +242,11 @@ def test_the_autopilot_is_told_the_model_and_the_rotors_are_the_plants(tmp_path:
     scenario = scenario_of(tmp_path)
     vehicle = scenario.plant.vehicle
     heavy = dataclasses.replace(vehicle, base=dataclasses.replace(vehicle.base, mass=2.0 * float(vehicle.base.mass)))
-    changed = scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=heavy))
+    changed = dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=heavy))
     assert model_of(changed).vehicle == vehicle
     endless = tuple(dataclasses.replace(rotor, max_speed=float("inf")) for rotor in vehicle.rotors)
-    changed = scenario.with_words(
-        plant=dataclasses.replace(scenario.plant, vehicle=dataclasses.replace(vehicle, rotors=endless))
+    changed = dataclasses.replace(
+        scenario, plant=dataclasses.replace(scenario.plant, vehicle=dataclasses.replace(vehicle, rotors=endless))
     )
     with pytest.raises(ScenarioError, match=r"plant\.vehicle: rotor .* must have a max_speed"):
         planned_scenario(changed)
@@ -243,7 +256,7 @@ def test_each_link_takes_what_it_says_from_the_model(tmp_path: Path, monkeypatch
     scenario = scenario_of(tmp_path)
     vehicle = scenario.plant.vehicle
     heavy = dataclasses.replace(vehicle, base=dataclasses.replace(vehicle.base, mass=2.0 * float(vehicle.base.mass)))
-    changed = scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=heavy))
+    changed = dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=heavy))
     told = []
 
     class Told(Exception):  # noqa: N818
@@ -302,7 +315,7 @@ def test_a_file_gives_the_gains_of_the_position_loop_of_betaflight(tmp_path: Pat
 
 
 def test_measured_joints_are_where_the_engine_says(tmp_path: Path) -> None:
-    scenario = load_scenario("case3").with_words(duration=0.1)
+    scenario = dataclasses.replace(load_scenario("case3"), duration=0.1)
     session = Session(scenario)
     session.step()
     measured = session.measurement
@@ -366,7 +379,9 @@ def resting(monkeypatch: pytest.MonkeyPatch) -> Callable[..., PilotedSession]:
         scenario = load_scenario("case3", duration=duration)
         record = Resting(climb=0.3, preparation=4.0, **options)
         controller = controller_with(record, scenario.controller.par.model, None)
-        scenario = scenario.with_words(controller=controller, sensors=(*scenario.sensors, ENCODERS), noise=NOISE)
+        scenario = dataclasses.replace(
+            scenario, controller=controller, sensors=(*scenario.sensors, ENCODERS), noise=NOISE
+        )
         return PilotedSession(scenario, progress=progress)
 
     return begin

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import socket
 import struct
 import time
@@ -103,7 +104,9 @@ PREPARED, ANSWERED = 25, 6741
 
 def test_a_recorded_session_of_px4_is_reproduced_byte_for_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(px4, "SETTLED", 5)
-    scenario = scenario_of(tmp_path, duration=2.0, climb=0.2, replayed=str(RECORDED)).with_words(sensors=QUIET)
+    scenario = dataclasses.replace(
+        scenario_of(tmp_path, duration=2.0, climb=0.2, replayed=str(RECORDED)), sensors=QUIET
+    )
     log = open_session(scenario).run()
     assert log.status == "completed", log.info["cause"]
     facts = log.info["autopilot"]
@@ -112,7 +115,7 @@ def test_a_recorded_session_of_px4_is_reproduced_byte_for_byte(tmp_path: Path, m
     assert facts["answered"] == ANSWERED
     assert np.linalg.norm(log.position - log.position_reference, axis=1).max() < 0.1
     # and to its end: one more period finds nothing recorded
-    longer = open_session(scenario.with_words(duration=2.1)).run()
+    longer = open_session(dataclasses.replace(scenario, duration=2.1)).run()
     assert (longer.status, len(longer.time)) == ("autopilot", 2 * 250 + 1)
     assert longer.info["cause"] == "transcript: ends at 27 s, before the flight does"
 

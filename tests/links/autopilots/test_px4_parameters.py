@@ -210,7 +210,7 @@ def test_px4_is_told_the_delays_and_the_noise_of_the_sensors() -> None:
         NamedSensor(name="magnetometer", sensor=Magnetometer(latency=0.02)),
         NamedSensor(name="barometer", sensor=Barometer(latency=0.04)),
     )
-    found = sensor_parameters(skyarm.load_scenario("case3").with_words(sensors=sensors))
+    found = sensor_parameters(dataclasses.replace(skyarm.load_scenario("case3"), sensors=sensors))
     names = ("EKF2_GPS_DELAY", "EKF2_MAG_DELAY", "EKF2_BARO_DELAY", "EKF2_GPS_P_NOISE", "EKF2_GPS_V_NOISE")
     assert [found[name] for name in names] == pytest.approx([120.0, 20.0, 40.0, 0.3, 0.01])
 

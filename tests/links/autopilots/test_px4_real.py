@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from pathlib import Path
 
@@ -64,7 +65,7 @@ def test_flights_of_case_3_differ_by_centimetres() -> None:
 def test_px4_flies_a_circle_of_a_metre_at_a_metre_a_second(tmp_path: Path, vehicle: str) -> None:
     joints = (0.0,) * load_vehicle(vehicle).n
     path = circle(radius=1.0, frequency_hz=0.5 / np.pi, center=(0.0, 0.0, 2.0), joints=joints)
-    log = open_session(scenario_of(tmp_path, vehicle, 25.0).with_words(reference=path)).run()
+    log = open_session(dataclasses.replace(scenario_of(tmp_path, vehicle, 25.0), reference=path)).run()
     require_calm(log)
     error = np.linalg.norm(log.position - log.position_reference, axis=1)[log.time > 10.0]
     assert error.mean() < 0.11

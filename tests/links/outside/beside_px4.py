@@ -239,7 +239,7 @@ def measured(folder: Path) -> dict[str, float | str]:
     found["estimate_mm"] = mean_error((flown.tool - flown.tool_reference)[late])
     found["estimate_error_mm"] = mean_error((flown.position - there.position - shift)[late])
     delay = round(found["delay_p50_ms"] * 1e-3 * own.rates.control) / own.rates.control
-    delayed = skyarm.run(own.with_words(delays=dataclasses.replace(own.delays, command=delay)))
+    delayed = skyarm.run(dataclasses.replace(own, delays=dataclasses.replace(own.delays, command=delay)))
     for words, log in (("own_mm", delayed), ("own_estimate_mm", fly_with_errors(own, errors, late))):
         part = log.time > 4.0
         found[words] = mean_error((log.tool - log.tool_reference)[part])

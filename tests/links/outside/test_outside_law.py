@@ -29,7 +29,7 @@ def test_the_same_controller_commands_the_same_as_in_the_simulator(name):
     # the model is the plant, so that the modelled speeds of the rotors are the true ones
     model = Model(vehicle=scenario.plant.vehicle, gravity=scenario.plant.gravity)
     par = dataclasses.replace(scenario.controller.par, model=model)
-    scenario = scenario.with_words(controller=dataclasses.replace(scenario.controller, par=par))
+    scenario = dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=par))
     session, reference = Session(scenario), references(scenario)
     law = OutsideLaw(scenario.controller, SETTINGS, reference(0))
     for k in range(100):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import os
@@ -158,7 +159,7 @@ def test_a_lost_master_is_one_line_and_the_flight_goes_on():
 def test_a_reference_that_takes_no_goals_says_so_once():
     told: list[str] = []
     changes = (package.Change(at=0.1, path="reference.z.value", value=1.1),)
-    scenario = package.load_scenario("case3", duration=SHORT).with_words(changes=changes)
+    scenario = dataclasses.replace(package.load_scenario("case3", duration=SHORT), changes=changes)
     live = fly_live(scenario, MemoryNode(), 2, pace=math.inf, warn=told.append)
     assert len(told) == 1
     assert told[0].startswith("no goals are taken on /skyarm/goal and /skyarm/joint_goal, since of the reference it")

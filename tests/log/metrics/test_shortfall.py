@@ -46,7 +46,7 @@ def test_of_rotors_on_a_battery_no_limit_is_said_to_be_kept(hover):
     curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
     pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=12.6)
     vehicle = dataclasses.replace(scenario.plant.vehicle, battery=pack)
-    on_battery = scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=vehicle))
+    on_battery = dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=vehicle))
     found = text(skyarm.run(on_battery))
     assert "of a rotor's highest\n" in found
     assert "no command at a limit" not in found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import re
 from importlib.util import find_spec
@@ -76,7 +77,7 @@ def test_a_former_word_is_explained_where_it_is_met() -> None:
     with pytest.raises(ControllerError, match=r"no such option; is now 'observer'; it has"):
         make_controller("ct_ladder", model, observation=1.0)
     with pytest.raises(TypeError, match=r"^Scenario: is now 'reference'; has no field trajectory$"):
-        skyarm.load_scenario("case1").with_words(trajectory=1)
+        dataclasses.replace(skyarm.load_scenario("case1"), trajectory=1)
 
 
 def test_a_subpackage_whose_library_is_missing_is_an_import_error(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -94,7 +94,9 @@ def test_a_push_that_meets_nothing_is_said():
     scenario = before_a_wall("pelican_arm2", (-0.45, -0.9), 0.8)
     (wall,) = scenario.world.surfaces
     away = dataclasses.replace(wall, position=wall.position + Vec3(5.0, 0.0, 0.0))
-    (found,) = pressing_flights(scenario.with_words(world=dataclasses.replace(scenario.world, surfaces=(away,))))
+    (found,) = pressing_flights(
+        dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, surfaces=(away,)))
+    )
     assert (found.level, found.text) == (NOTE, "not known: 0.8 N meet nothing, or for too short a time")
 
 

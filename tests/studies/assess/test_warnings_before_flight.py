@@ -48,7 +48,7 @@ def test_a_joint_beyond_its_limits_is_said():
     links = list(vehicle.links)
     links[0] = dataclasses.replace(links[0], joint=dataclasses.replace(links[0].joint, lower=-0.1, upper=0.1))
     narrow = dataclasses.replace(vehicle, links=tuple(links))
-    (line,) = warnings_before_flight(CASE.with_words(plant=dataclasses.replace(CASE.plant, vehicle=narrow)))
+    (line,) = warnings_before_flight(dataclasses.replace(CASE, plant=dataclasses.replace(CASE.plant, vehicle=narrow)))
     assert line.startswith("reference.joints[0]: joints[joint1] is to reach 0.2, beyond -0.1 ... 0.1, first at")
     assert warnings_before_flight(CASE) == []
 
@@ -157,7 +157,7 @@ WEAK = {"plant.vehicle.links.0.joint.effort_limit": 0.01}
 
 @pytest.mark.parametrize("path", ["sensors.position", "initial.position.x"])
 def test_a_sensor_or_a_start_causes_no_alarm_of_the_vehicle(path):
-    base = CASE.with_words(initial=first_state(CASE))
+    base = dataclasses.replace(CASE, initial=first_state(CASE))
     weak, odd = with_numbers(base, WEAK), with_numbers(base, WEAK | {path: 5000.0})
     assert set(warnings_before_flight(weak)) < set(warnings_before_flight(odd))
     heavy = assess_scenario(with_numbers(base, {path: 5000.0}), payload=5.0, poses=8)
@@ -170,7 +170,7 @@ def test_a_sensor_or_a_start_causes_no_alarm_of_the_vehicle(path):
 
 def test_parts_without_effect_are_findings():
     up = MovingAir(velocity_W=(0.0, 0.0, 1.0))
-    (found,) = [each for each in warnings_of_scenario(CASE.with_words(wind=up)) if each.level == WARNING]
+    (found,) = [each for each in warnings_of_scenario(dataclasses.replace(CASE, wind=up)) if each.level == WARNING]
     assert (found.question, found.field) == ("environment", "environment.wind")
     assert found.remedy.startswith("check environment.wind: drag.area[2]")
 

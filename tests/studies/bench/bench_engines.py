@@ -105,8 +105,8 @@ def steps_of(scenario: Scenario) -> Callable[[float], Steps]:
 
 def flights(scenario: Scenario) -> dict[str, Flight]:
     """The scenario with both integrators, and with noise."""
-    made = {name: scenario.with_words(integrator=name) for name in ("rk4", "euler")}
-    made["noise"] = scenario.with_words(integrator="rk4", noise=NOISE)
+    made = {name: dataclasses.replace(scenario, integrator=name) for name in ("rk4", "euler")}
+    made["noise"] = dataclasses.replace(scenario, integrator="rk4", noise=NOISE)
     return {name: Flight.of(one, steps_of(one)) for name, one in made.items()}
 
 
@@ -154,7 +154,7 @@ def accuracy(scenario: Scenario, duration: float) -> dict[str, float]:
     finest = _positions(Flight.of(short, lambda seconds: Steps(round(seconds / REFERENCE_STEP))), Lanes(1))
     found = {}
     for integrator in ("rk4", "euler"):
-        one = short.with_words(integrator=integrator)
+        one = dataclasses.replace(short, integrator=integrator)
         flight = Flight.of(one, steps_of(one))
         for mode, lanes in (
             ("f64 exact", Lanes(1)),
@@ -162,7 +162,7 @@ def accuracy(scenario: Scenario, duration: float) -> dict[str, float]:
             ("f32", Lanes(1, single=True, contract=True)),
         ):
             found[f"{integrator} {mode}"] = _farthest(_positions(flight, lanes), finest)
-        log = run(one.with_words(kind="mujoco"))
+        log = run(dataclasses.replace(one, kind="mujoco"))
         found[f"mujoco {integrator}, 1 ms, loads held a step"] = _farthest(log.position, finest)
     return found
 

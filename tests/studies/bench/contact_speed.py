@@ -7,6 +7,7 @@ law.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 from bench_engines import Flight, rollout_of, stepped_model
@@ -98,7 +99,7 @@ def bare_mujoco(scenario: Scenario, step: float, threads: int, steps: int = 400)
 def ours(scenario: Scenario, threads: int, blocks: int) -> list[Contender]:
     """The closed loop as machine code, in contact and without the world, in double and single precision."""
     found = []
-    free = scenario.with_words(world=None)
+    free = dataclasses.replace(scenario, world=None)
     for name, each in (("contact", scenario), ("free", free)):
         plant = _plant(each)
         flight, steps = Flight.of(each, plant.substeps, paths=PATHS), plant.substeps(1.0 / each.rates.control).near

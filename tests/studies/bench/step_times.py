@@ -57,7 +57,7 @@ def flown_step_time(scenario: Scenario) -> dict[str, float]:
         return found
 
     called = dataclasses.replace(controller, law=timed_law, compiled=False)
-    run_in_python(scenario.with_words(controller=called))
+    run_in_python(dataclasses.replace(scenario, controller=called))
     return _percentiles(spent[1:])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 
@@ -96,7 +97,7 @@ def test_operations_of_the_flagship_do_not_creep_up():
     47 of them are the logged force of moving air; code that writes no log leaves them out.
     """
     scenario = load_scenario("case3_wind")
-    flagship = scenario.with_words(controller=controller_by_name(scenario, "centroidal_tip"))
+    flagship = dataclasses.replace(scenario, controller=controller_by_name(scenario, "centroidal_tip"))
     program = EpisodeCode(flagship, commands=False, effort=0).loop.program
     assert operations(program.nodes) <= 11248 + 47
 

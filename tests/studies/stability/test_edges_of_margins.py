@@ -92,7 +92,7 @@ def test_no_gain_beyond_the_limit_is_looked_at():
 
 def test_rotors_and_joints_with_delays_of_their_own_are_refused_in_one_line():
     case = load_scenario("case1")
-    late = case.with_words(delays=dataclasses.replace(case.delays, joints=0.003))
+    late = dataclasses.replace(case, delays=dataclasses.replace(case.delays, joints=0.003))
     with pytest.raises(ScenarioError, match=r"^delays\.rotors, delays\.joints: must be left out of margins"):
         nominal(late)
 

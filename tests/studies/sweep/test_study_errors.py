@@ -53,7 +53,7 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
     ({"vary": {"rates.control": {"uniform": [0, 1]}}}, "rates is structure, the same for all episodes"),
     ({"vary": {"delays.command": {"uniform": [0, 1]}}}, "delays is structure"),
     ({"vary": {"duration": {"uniform": [1, 2]}}}, "duration is structure"),
-    ({"vary": {"plant.payload.hand.mass": {"uniform": [0, 1]}}}, "or one of plant.payload.tip.mass"),
+    ({"vary": {"plant.payload.hand.mass": {"uniform": [0, 1]}}}, "no 'hand' here; there are mass, tip"),
     (
         {"metrics": ["speed"]},
         "metrics: 'speed': must be one of standard, gust, wind, paper, effort, contact, all, or of position",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -59,7 +60,7 @@ def scenario() -> skyarm.Scenario:
     """Two ropes, and a payload that hangs."""
     load = HangingPayload(mass=0.02, pick=0.02)
     case = skyarm.load_scenario("case2", duration=0.1)
-    return case.with_words(forces=(Rope(), Rope(), ForceWind(gust=Gust())), payloads=(load,))
+    return dataclasses.replace(case, forces=(Rope(), Rope(), ForceWind(gust=Gust())), payloads=(load,))
 
 
 @cache

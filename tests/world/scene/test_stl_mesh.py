@@ -15,9 +15,9 @@ from skyarm.records.files.stl_mesh import LARGEST, MOST, RECORD, mesh_or_none, r
 from skyarm.records.identity import identity, log_digest
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
+from skyarm.scenario.readers import with_files
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.scenario.scenario_tables import with_files
 from skyarm.world.contact import FreeObject, Mechanism, Surface
 from skyarm.world.contact.contact_scene import surface_shape
 from skyarm.world.scene.shapes import Shape, Solid, mesh_of

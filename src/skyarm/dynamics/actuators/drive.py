@@ -59,6 +59,8 @@ class Drive:
 
     __slots__ = ()
 
+    registered_as = "drive"
+
     largest_step: float | None = None
     """Longest integration step that it bears, s; None for any. May be a field, or a property of the other numbers."""
 

@@ -24,6 +24,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.files import errors_as
 from skyarm.reference import Reference, Trajectory, hover
 from skyarm.scenario.in_flight import stretches
+from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Environment, NamedSensor, Rates, Scenario, ScenarioError, first_state
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import EpisodeInputs
@@ -65,7 +66,12 @@ def planned_scenario(scenario: Scenario) -> Scenario:
         if autopilot.transcript or autopilot.replayed:
             given = "transcript" if autopilot.transcript else "replayed"
             raise ScenarioError(f"controller.{given}: must be left out where a program outside commands")
-        scenario = scenario.with_words(reference=hover_at_start(scenario), tracking_start=0, path_time=None)
+        scenario = dataclasses.replace(
+            scenario,
+            agent=dataclasses.replace(
+                scenario.agent, reference=hover_at_start(scenario), tracking_start=0, path_time=None
+            ),
+        )
     there = {each.name for each in scenario.sensors}
     needed = autopilot.sensors(scenario.plant.vehicle)
     added = tuple(NamedSensor(name=name, sensor=each) for name, each in needed.items() if name not in there)
@@ -82,7 +88,7 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     planned = Rates(physics=physics, control=control, reference=rates.reference)
     if not added and planned == rates:
         return scenario
-    return scenario.with_words(rates=planned, sensors=sensors)
+    return dataclasses.replace(scenario, rates=planned, agent=dataclasses.replace(scenario.agent, sensors=sensors))
 
 
 def require_free_flight(scenario: Scenario) -> None:
@@ -149,18 +155,22 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
         joint_rates=(0.0,) * vehicle.n,
         rotor_speeds=(0.0,) * len(vehicle.rotors),
     )
-    return scenario.with_words(
+    return dataclasses.replace(
+        scenario,
         duration=autopilot.preparation,
-        reference=hover_at_start(scenario),
         environment=Environment(forces=(stand,), ground=False),
-        initial=resting,
-        tracking_start=0,
-        path_time=None,
-        faults=(),
-        payloads=(),
         endings=(),
         changes=(),
         windows=Windows(),
+        agent=dataclasses.replace(
+            scenario.agent,
+            reference=hover_at_start(scenario),
+            initial=resting,
+            tracking_start=0,
+            path_time=None,
+            faults=(),
+            payloads=(),
+        ),
     )
 
 
@@ -220,6 +230,9 @@ class PilotedSession(Session):
         progress: Callable[[float, float], object] | None = None,
     ) -> None:
         planned = planned_scenario(scenario)
+        take_off = take_off_scenario(planned)
+        for each in (planned, take_off):  # their clocks and sensors are others than the scenario's
+            check_scenario(each)
         self._autopilot: Autopilot = autopilot_of(planned.controller)
         self._tape = Tape(self._autopilot.transcript, self._autopilot.replayed, self._autopilot.name)
         self._seconds, self._prepared = 0.0, 0.0
@@ -229,14 +242,14 @@ class PilotedSession(Session):
         self._wall, self._late = 0.0, 0
         self._state: list[float] = []  # true, at the last exchange
         self._arm: list[float] = []  # measured, the last period's: a program outside gets what an encoder reads
-        super().__init__(take_off_scenario(planned), machine_code=machine_code)
+        super().__init__(take_off, machine_code=machine_code)
         self._begin_flight()
         try:
             self._open_joint_port()
             self._connect(planned)
             if self._take_off(progress):
                 state = self.state
-                super().__init__(planned.with_words(initial=state), paths, machine_code=machine_code)
+                super().__init__(planned.with_initial(state), paths, machine_code=machine_code)
                 self._begin_flight()
                 self._joint_server, self._wall = self._joint_port, time.monotonic()
                 if progress is not None:

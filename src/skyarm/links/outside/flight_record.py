@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -60,10 +61,9 @@ class FlightRecord:
         The states are the autopilot's estimates, the rotor speeds modelled ones.
         """
         count = self.ticks[-1] + 1 if self.ticks else 0
-        plain = scenario.with_words(
-            environment=Environment(forces=(), ground=False), sensors=(), estimator=PASS_THROUGH, faults=(),
-            payloads=(), changes=(), endings=(),
-        )  # fmt: skip
+        agent = dataclasses.replace(scenario.agent, sensors=(), estimator=PASS_THROUGH, faults=(), payloads=())
+        still = Environment(forces=(), ground=False)
+        plain = dataclasses.replace(scenario, environment=still, agent=agent, changes=(), endings=())
         rows = np.zeros(count, dtype=int)
         rows[self.ticks] = np.arange(len(self.ticks))
         rows = np.maximum.accumulate(rows)

@@ -40,7 +40,7 @@ def with_goals(scenario: Scenario) -> tuple[Scenario, str]:
         "it changes in flight": any(each.path.startswith("reference") for each in scenario.changes),
     }
     reason = next((words for words, holds in reasons.items() if holds), "")
-    return (scenario, reason) if reason else (scenario.with_words(reference=redirectable(reference)), "")
+    return (scenario, reason) if reason else (scenario.with_reference(redirectable(reference)), "")
 
 
 def goal_paths(reference: Trajectory) -> list[str]:

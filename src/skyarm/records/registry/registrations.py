@@ -22,6 +22,10 @@ Thing = TypeVar("Thing")
 KINDS: Mapping[str, str] = {
     "air": "motion of the air: a subclass of skyarm.Air",
     "force": "forces on bodies: a subclass of skyarm.Force",
+    "fault": "an actuator that loses force: a subclass of skyarm.Fault",
+    "payload": "a load that is picked up and set down: a subclass of skyarm.TimedPayload",
+    "world": "what the vehicle may touch: a subclass of skyarm.Contact",
+    "signal": "a function of time: a subclass of skyarm.Signal, or a function of a table that makes one",
     "sensor": "a reading of the true state: a subclass of skyarm.Sensor",
     "estimator": "from readings to a measurement: a subclass of skyarm.Estimator",
     "drive": "a joint's actuator: a subclass of skyarm.Drive",
@@ -144,14 +148,14 @@ def find(kind: str, name: object, field: str = "") -> Any:
     """Registered object with a given kind and name; an unknown name raises an error.
 
     Args:
-        kind: a key of ``KINDS``.
+        kind: a key of ``KINDS``, or several with a space between them.
         name: as it stands in a file.
         field: where it stands, for the message; the kind if left out.
 
     Raises:
         RegistryError: no such name, with what there is and what was perhaps meant.
     """
-    known = registrations(kind)
+    known = {name: row for each in kind.split() for name, row in registrations(each).items()}
     if not isinstance(name, str) or name not in known:
         more = f"; names of one's own come by {LOADED_BY.format('FILE.py')}" if field else ""
         raise RegistryError(f"{field or kind} = {shown(name)}: {must_be_one_of(known, name)}{more}")

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 _WIND = "skyarm.world.wind"
 _DISTURBANCE = "skyarm.world.disturbance_signals"
 _AERODYNAMIC = "skyarm.world.aerodynamic_forces"
+_SIGNAL = "skyarm.reference.signal_tables"
 _MOTION = "skyarm.reference.reference_tables"
 _TASKS = "skyarm.reference.waypoints"
 _SENSORS = "skyarm.sensing.sensor_kinds"
@@ -27,6 +28,29 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "launch_stand": ("skyarm.world.launch_stand:LaunchStand", "a stand from which the vehicle takes off"),
         "link_drag": (f"{_AERODYNAMIC}:LinkDrag", "drag of the arm's links in moving air"),
         "rotor_drag": (f"{_AERODYNAMIC}:RotorDrag", "thrust lost by climbing, and translational lift"),
+    },
+    "fault": {
+        "loss": ("skyarm.world.faults:Fault", "a rotor or a joint's drive that loses force, or a joint that is stuck"),
+    },
+    "payload": {
+        "rigid": ("skyarm.world.timed_payload:TimedPayload", "a rigid load on the frame that holds it"),
+        "hanging": ("skyarm.world.hanging_payload:HangingPayload", "a point mass on a cord"),
+    },
+    "world": {
+        "contact": ("skyarm.world.contact.contact:Contact", "surfaces, objects, grippers and the points that touch"),
+    },
+    "signal": {
+        "constant": (f"{_SIGNAL}:constant_from", "one value, within a window"),
+        "sine": (f"{_SIGNAL}:sine_from", "a sine, within a window"),
+        "ramp": ("skyarm.reference.signals:Ramp", "from nothing to a height, linear or smooth"),
+        "sequence": (f"{_SIGNAL}:sequence_from", "ramps one after the other"),
+        "sum": ("skyarm.reference.signals:Sum", "of several signals"),
+        "windowed": (f"{_SIGNAL}:windowed_from", "a signal that is zero outside of a window"),
+        "shifted": ("skyarm.reference.signals:Shifted", "a signal some time later"),
+        "product": ("skyarm.reference.signals:Product", "of two signals"),
+        "pulses": ("skyarm.reference.signals:Pulses", "on for a part of each period"),
+        "spline": ("skyarm.reference.waypoints:spline_signal", "least snap through values at instants"),
+        "samples": ("skyarm.reference.waypoints:samples_signal", "a column of a file"),
     },
     "sensor": {
         "full_state": ("skyarm.sensing.measurement:SensorNoise", "the full state with white noise"),

@@ -24,6 +24,8 @@ class Estimator:
 
     __slots__ = ()
 
+    registered_as = "estimator"
+
     @property
     def on_board(self) -> Any:
         """Estimator that an exported C file contains; None if the exported law receives the full state instead."""

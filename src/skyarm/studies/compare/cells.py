@@ -6,6 +6,7 @@ episode after the other, about a thousand times slower.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
@@ -139,7 +140,7 @@ class Flights:
         """Scenario that all flights have in common, before their perturbed parameters are set."""
         built = self.condition.apply(self.case.build())
         controller = self.entrant.controller(built.controller.par.model, noisy=self.condition.noisy)
-        return built.with_words(controller=controller, kind=self.plant, seed=self.seed)
+        return dataclasses.replace(built.with_kind(self.plant).with_controller(controller), seed=self.seed)
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
         """Perturbed parameters of the flights: parameter path -> values (flights,)."""

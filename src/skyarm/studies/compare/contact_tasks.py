@@ -6,6 +6,7 @@ behind the believed surface, and its press waits for no force; all else is the s
 
 from __future__ import annotations
 
+import dataclasses
 import tomllib
 from collections.abc import Mapping
 from importlib import resources
@@ -152,16 +153,18 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
     if law not in OWN:
         name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
         name = f"{law}{TUNED_GAINS}" if law in RIVALS else name
-        found = found.with_words(controller=controller_by_name(found, name))
+        found = found.with_controller(controller_by_name(found, name))
     if task.push and not presses(found.controller.par):
         led = scenario_from(as_positions(task, document))
-        found = led.with_words(controller=found.controller)
-    return found.with_words(
+        found = led.with_controller(found.controller)
+    return dataclasses.replace(
+        found,
         name=task.name,
-        wind=force_wind(found),
-        noise=NOISE if noisy else found.noise,
-        delays=Delays(longest_command=DELAY),
         seed=seed,
+        agent=dataclasses.replace(
+            found.agent, noise=NOISE if noisy else found.noise, delays=Delays(longest_command=DELAY)
+        ),
+        environment=dataclasses.replace(found.environment, wind=force_wind(found)),
     )
 
 

@@ -76,7 +76,7 @@ class AxisFlights(Flights):
         """Scenario of the envelope trial at its easiest value, or at the only value to be simulated."""
         value = self.points[0] if self.axis.numbers is None else self.axis.of(self.setting)[0]
         built = dataclasses.replace(self.axis.scenario(self.setting, value), seed=self.seed, name=self.case.name)
-        return built.with_words(controller=controller_by_name(built, self.entrant.law))
+        return built.with_controller(controller_by_name(built, self.entrant.law))
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
         """Parameters that vary along the difficulty axis: parameter path -> values (flights,)."""

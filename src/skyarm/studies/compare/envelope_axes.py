@@ -20,6 +20,7 @@ from skyarm.reference.splines import uniform_curve
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Change, Delays, JointDrive, Scenario
+from skyarm.sensing.measurement import SensorNoise
 from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
@@ -58,6 +59,9 @@ FALLING = 3.2 - 1.0
 
 LONGEST = 0.03
 """s, of the commands."""
+
+ON_TIME = Delays()
+"""No dead time in the loop."""
 
 ONSET, LATEST = 8.0, 0.04
 """s: from when on commands are late that were on time before, and by how much at most."""
@@ -125,7 +129,7 @@ class Axis:
         built = self.build(setting, value) if self.numbers is None else self.build(setting)
         if self.noisy and built.noise == PERFECT_SENSORS:
             delays = dataclasses.replace(built.delays, measurement=built.delays.measurement or DELAY)
-            built = built.with_words(noise=NOISE, delays=delays)
+            built = dataclasses.replace(built, agent=dataclasses.replace(built.agent, noise=NOISE, delays=delays))
         return built if self.numbers is None else with_numbers(built, self.numbers(setting, value))
 
 
@@ -136,7 +140,7 @@ def sine_from_rest(amplitude: float, frequency_hz: float = 1.0, phase: float = 0
 
 def along(setting: Setting, **signals: Any) -> Scenario:
     """Scenario of a vehicle that follows the given reference signals of base and joints."""
-    return setting.hover.with_words(reference=dataclasses.replace(setting.hover.reference, **signals))
+    return setting.hover.with_reference(dataclasses.replace(setting.hover.reference, **signals))
 
 
 def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float, phase: float) -> tuple[Signal, ...]:
@@ -163,15 +167,17 @@ def circle(setting: Setting, radius: float = 1.0, speed: float = 1.0) -> Scenari
     return moving_base(setting, x=sine_from_rest(radius, f, 0.5 * math.pi), y=sine_from_rest(radius, f))
 
 
-def slow_circle(setting: Setting, **words: Any) -> Scenario:
+def slow_circle(setting: Setting, delays: Delays = ON_TIME, noise: SensorNoise = PERFECT_SENSORS) -> Scenario:
     """Envelope trial: slow horizontal circle, used for delays, lags, payloads and noise."""
-    return circle(setting, *SLOW).with_words(**words)
+    flight = circle(setting, *SLOW)
+    return dataclasses.replace(flight, agent=dataclasses.replace(flight.agent, delays=delays, noise=noise))
 
 
 def slow_circle_with_onset(setting: Setting) -> Scenario:
     """Envelope trial: slow circle on which commands, on time before, are late from 8 s on."""
     late = Change(at=ONSET, path=LATE, value=LATEST)
-    return slow_circle(setting, delays=Delays(measurement=DELAY, longest_command=LATEST), changes=(late,))
+    flight = slow_circle(setting, Delays(measurement=DELAY, longest_command=LATEST))
+    return dataclasses.replace(flight, changes=(late,))
 
 
 def figure(setting: Setting) -> Scenario:
@@ -213,7 +219,9 @@ def vertical(setting: Setting) -> Scenario:
 
 def pushed_hover(setting: Setting, **force: Any) -> Scenario:
     """Envelope trial: hover under a given disturbance force."""
-    return setting.hover.with_words(forces=(Disturbance(**force),))
+    return dataclasses.replace(
+        setting.hover, environment=dataclasses.replace(setting.hover.environment, forces=(Disturbance(**force),))
+    )
 
 
 def turning_wind(setting: Setting) -> Scenario:
@@ -223,7 +231,10 @@ def turning_wind(setting: Setting) -> Scenario:
                         for axis, phase in (("x", 0.5 * math.pi), ("y", 0.0))})
         for size in (2.0 * setting.weight, 2.0)
     )  # fmt: skip
-    return pushed_hover(setting, force=force).with_words(air=(AirSignals(velocity_W=air),))
+    pushed = pushed_hover(setting, force=force)
+    return dataclasses.replace(
+        pushed, environment=dataclasses.replace(pushed.environment, air=(AirSignals(velocity_W=air),))
+    )
 
 
 def turbulence(setting: Setting, mean: float) -> Scenario:
@@ -232,7 +243,13 @@ def turbulence(setting: Setting, mean: float) -> Scenario:
     sigma, length = Vec3(*(0.5 * mean,) * 3), Vec3(*(SCALE_LENGTH,) * 3)
     gusts = Dryden(intensity=sigma, scale_length=length, airspeed=mean, direction_W=E_X)
     plant = dataclasses.replace(setting.hover.plant, vehicle=dataclasses.replace(setting.truth, drag=drag))
-    return setting.hover.with_words(plant=plant, wind=MovingAir(velocity_W=Vec3(mean, 0, 0), turbulence=gusts))
+    return dataclasses.replace(
+        setting.hover,
+        agent=dataclasses.replace(setting.hover.agent, plant=plant),
+        environment=dataclasses.replace(
+            setting.hover.environment, wind=MovingAir(velocity_W=Vec3(mean, 0, 0), turbulence=gusts)
+        ),
+    )
 
 
 def wind_steps(setting: Setting) -> Scenario:
@@ -255,13 +272,15 @@ def lagging_joints(setting: Setting) -> Scenario:
     """Envelope trial: slow circle with a first-order lag on the joint torques."""
     lagged = LaggedTorque(time_constant=LONGEST)
     drives = tuple(JointDrive(joint=link.joint.name, drive=lagged) for link in setting.truth.links)
-    return slow_circle(setting, drives=drives)
+    flight = slow_circle(setting)
+    return dataclasses.replace(flight, agent=dataclasses.replace(flight.agent, drives=drives))
 
 
 def wrong_plants(setting: Setting, times: float) -> Scenario:
     """Envelope trial: joints swing by 0.5 rad on a perturbed plant with an unmodelled command delay."""
     delays = Delays(longest_command=WIDEST * Spread().delay)
-    return swinging(setting, 0.5).with_words(wind=ForceWind(), delays=delays)
+    late = swinging(setting, 0.5).with_delays(delays)
+    return dataclasses.replace(late, environment=dataclasses.replace(late.environment, wind=ForceWind()))
 
 
 def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *, seed: int) -> dict[str, Array]:

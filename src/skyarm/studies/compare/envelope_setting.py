@@ -82,7 +82,7 @@ def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "r
     held = Trajectory(z=Constant(_height(truth)), joints=tuple(Constant(value) for value in middle))
     return Setting(
         vehicle=vehicle,
-        hover=hover.with_words(reference=held),
+        hover=hover.with_reference(held),
         weight=float(truth.mass) / float(load_vehicle(PAPER).mass),
         climb=min(1.0, _spare_thrust(truth) / _spare_thrust(load_vehicle(PAPER))),
         middle=middle,

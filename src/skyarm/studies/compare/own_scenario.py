@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
 from skyarm.control.catalogue import require_different
@@ -51,7 +52,7 @@ class GivenFlights(Flights):
     def scenario(self) -> Scenario:
         """Scenario of the user with this controller in place of its own."""
         law = None if self.entrant.name == OWN else self.entrant.law
-        return as_scenario(self.given, law).with_words(kind=self.plant, seed=self.seed)
+        return dataclasses.replace(as_scenario(self.given, law).with_kind(self.plant), seed=self.seed)
 
 
 @immutable
@@ -95,7 +96,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
         require_different(named, "--laws")
         for name in named:
             as_scenario(self.scenario, name)  # refuses a name of no law before the first flight
-        own = as_scenario(self.scenario).with_words(kind=self.plant)
+        own = as_scenario(self.scenario).with_kind(self.plant)
         case = Case(name=own.name, title=own.title, scenario=own.name)
         by_chance = any(draws_needed(stretch.overrides.of(own)) for stretch in stretches(own))
         title = "the scenario as its file describes it"
@@ -104,7 +105,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
         options: Document = {"case": case, "condition": condition, "given": self.scenario} | self.options
         once = autopilot_of(own.controller) is not None and any(
             name == own.controller.name
-            and identity(own) == identity(as_scenario(self.scenario, name).with_words(kind=self.plant))
+            and identity(own) == identity(as_scenario(self.scenario, name).with_kind(self.plant))
             for name in named
         )
         entrants = [Entrant(name=name, group="own", law=name) for name in (*(() if once else (OWN,)), *named)]

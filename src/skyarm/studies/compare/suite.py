@@ -49,8 +49,13 @@ class Case:
         world = found.plant
         if self.payload:
             world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
-        return found.with_words(
-            name=self.name, wind=turn_wind(force_wind(found), self.wind), plant=world, ground=GROUND
+        return dataclasses.replace(
+            found,
+            name=self.name,
+            agent=dataclasses.replace(found.agent, plant=world),
+            environment=dataclasses.replace(
+                found.environment, wind=turn_wind(force_wind(found), self.wind), ground=GROUND
+            ),
         )
 
 
@@ -116,7 +121,10 @@ class Condition:
         delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
         if self.spread and self.spread.delay:
             delays = Delays(longest_command=self.spread.delay)
-        return scenario.with_words(delays=delays, noise=NOISE if self.noisy else scenario.noise)
+        return dataclasses.replace(
+            scenario,
+            agent=dataclasses.replace(scenario.agent, delays=delays, noise=NOISE if self.noisy else scenario.noise),
+        )
 
 
 def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:

@@ -108,4 +108,4 @@ def one_scenario(work: Work, k: int) -> Scenario:
     if late is None:
         return found
     command = round(late * rate) / rate
-    return found.with_words(delays=dataclasses.replace(found.delays, command=command, longest_command=None))
+    return found.with_delays(dataclasses.replace(found.delays, command=command, longest_command=None))

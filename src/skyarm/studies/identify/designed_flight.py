@@ -125,7 +125,7 @@ def design_flight(
     tell(0, "undesigned flight")
     document = scenario_document(vehicle, name, [], axes, limits.seconds, seed)
     hover = scenario_from(document, folder)
-    plain = run(hover.with_words(reference=unseen_motion(vehicle)))
+    plain = run(hover.with_reference(unseen_motion(vehicle)))
     if plain.info["status"] != "completed":
         raise ValueError(f"vehicle '{vehicle.name}': the law {LAW} does not fly it ({plain.info['status']})")
     measured = measured_noise(_flight_data(plain), vehicle)

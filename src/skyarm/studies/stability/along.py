@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -91,15 +92,18 @@ def hovering(scenario: Scenario) -> Scenario:
     """Scenario that holds the initial reference in calm air without faults, long enough to settle."""
     start = scenario.reference.at(0.0)
     x, y, z, yaw, *joints = (Constant(float(value)) for value in (*start.position, start.yaw, *start.joints))
-    return scenario.as_begun.with_words(
-        reference=Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints)),
-        path_time=None,
+    begun = scenario.as_begun
+    return dataclasses.replace(
+        begun,
         duration=SETTLING,
-        wind=NO_WIND,
-        air=(),
-        faults=(),
-        initial=None,
-        ground=False,
+        agent=dataclasses.replace(
+            begun.agent,
+            reference=Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints)),
+            path_time=None,
+            faults=(),
+            initial=None,
+        ),
+        environment=dataclasses.replace(begun.environment, wind=NO_WIND, air=(), ground=False),
     )
 
 
@@ -177,7 +181,7 @@ class Frozen:
 
 def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
     """Iterate over ``count`` equally spaced times of a flight, with the state to linearise at each."""
-    flight = flight.with_words(kind="rigid_body")
+    flight = flight.with_kind("rigid_body")
     engine = Engine(EpisodeCode(flight, commands=False, effort=0))
     inputs, differentiator = engine.inputs, Differentiator(flight)
     for k in range(1, count + 1):

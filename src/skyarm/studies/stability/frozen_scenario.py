@@ -15,7 +15,7 @@ from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
-from skyarm.world import Component, MovingAir, Wind
+from skyarm.world import Component, MovingAir
 
 LAGS = ("up", "down")
 """Which time constant of the rotors holds in both directions: the two between which every motion lies."""
@@ -40,7 +40,7 @@ def nominal(scenario: Scenario) -> Scenario:
     if scenario.delays.apart:
         raise ScenarioError("delays.rotors, delays.joints: must be left out of margins, which know delays.command only")
     scenario = _without_tilts(scenario)
-    calm: Wind = scenario.wind
+    calm = scenario.wind
     if isinstance(calm, MovingAir):
         calm = dataclasses.replace(calm, turbulence=None)
     drives = tuple(
@@ -50,7 +50,12 @@ def nominal(scenario: Scenario) -> Scenario:
         for each in scenario.joint_drives
     )
     (air, _), (forces, _) = (_split(scenario, field) for field in ("air", "forces"))
-    return scenario.as_begun.with_words(noise=PERFECT_SENSORS, wind=calm, air=air, forces=forces, drives=drives)
+    begun = scenario.as_begun
+    return dataclasses.replace(
+        begun,
+        agent=dataclasses.replace(begun.agent, noise=PERFECT_SENSORS, drives=drives),
+        environment=dataclasses.replace(begun.environment, wind=calm, air=air, forces=forces),
+    )
 
 
 def disturbances(scenario: Scenario) -> tuple[str, ...]:
@@ -103,7 +108,8 @@ def _without_tilts(scenario: Scenario) -> Scenario:
         raise ScenarioError("controller.sideways: must be left out of margins, which do not reckon rotors that tilt")
     fixed = dataclasses.replace(vehicle, rotors=tuple(dataclasses.replace(r, tilt=None) for r in vehicle.rotors))
     first = None if scenario.initial is None else dataclasses.replace(scenario.initial, tilts=())
-    return scenario.with_words(plant=dataclasses.replace(scenario.plant, vehicle=fixed), initial=first)
+    world = dataclasses.replace(scenario.plant, vehicle=fixed)
+    return dataclasses.replace(scenario, agent=dataclasses.replace(scenario.agent, plant=world, initial=first))
 
 
 def without_adaptation(scenario: Scenario) -> Scenario:
@@ -128,7 +134,7 @@ def _with_part(scenario: Scenario, **part: Any) -> Scenario:
     par: Any = scenario.controller.par
     own = innermost(par)
     changed = with_innermost(par, dataclasses.replace(own, parts=dataclasses.replace(own.parts, **part)))
-    return scenario.with_words(controller=dataclasses.replace(scenario.controller, par=changed))
+    return scenario.with_controller(dataclasses.replace(scenario.controller, par=changed))
 
 
 def with_lag(scenario: Scenario, share: Any) -> Scenario:
@@ -152,7 +158,7 @@ def with_lag(scenario: Scenario, share: Any) -> Scenario:
     model = dataclasses.replace(par.model, vehicle=with_one_lag(par.model.vehicle))
     controller = dataclasses.replace(scenario.controller, par=dataclasses.replace(par, model=model))
     world = dataclasses.replace(scenario.plant, vehicle=with_one_lag(scenario.plant.vehicle))
-    return scenario.with_words(controller=controller, plant=world)
+    return dataclasses.replace(scenario, agent=dataclasses.replace(scenario.agent, controller=controller, plant=world))
 
 
 def require_no_memory(scenario: Scenario, first: LoopState) -> None:

@@ -40,7 +40,7 @@ class SettledHover:
 
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
         flight = hovering(nominal(without_adaptation(scenario)))
-        flight = flight.with_words(kind="rigid_body")
+        flight = flight.with_kind("rigid_body")
         self.paths = tuple(paths)
         self._differentiator = Differentiator(flight, self.paths)
         options = LegOptions(paths=self.paths, lanes=Lanes(host_width(), contract=False))

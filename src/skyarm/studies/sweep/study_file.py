@@ -47,10 +47,10 @@ from skyarm.records.files import (
 from skyarm.records.files.names import names_in, read_named
 from skyarm.records.read_table import record_from
 from skyarm.records.registry.plugins import is_law_of_file
-from skyarm.scenario.numbers import DERIVED, number_at, with_numbers
+from skyarm.scenario.numbers import is_computed, number_at, with_numbers
+from skyarm.scenario.readers import require_plugins
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.scenario_record import Scenario, check_name, noise_key
-from skyarm.scenario.scenario_tables import require_plugins
 from skyarm.studies.sweep.distributions import Distribution, distribution_from, finite
 from skyarm.studies.sweep.expressions import derived_from, is_own_name
 from skyarm.studies.sweep.sobol import DIMENSIONS
@@ -257,7 +257,7 @@ def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Sc
         at = f'{"derived" if path in derived else "vary"}."{path}"'
         with errors_as(ValueError, f"{at}: "):
             value = number_at(scenario, path)
-            if not path.startswith(DERIVED):
+            if not is_computed(scenario, path):
                 scenario = with_numbers(scenario, {path: value})
     return scenario
 

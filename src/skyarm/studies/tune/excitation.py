@@ -23,7 +23,7 @@ from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned
-from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, Rates, Scenario
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, Rates, Scenario
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
@@ -199,12 +199,14 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
     return Scenario(
         name=vehicle.name,
         rates=rates,
-        plant=Truth(vehicle=vehicle, gravity=gravity),
-        controller=controller,
-        reference=motion(vehicle),
         duration=DURATION,
-        noise=NOISE,
-        delays=delays,
+        agent=Agent(
+            plant=Truth(vehicle=vehicle, gravity=gravity),
+            controller=controller,
+            reference=motion(vehicle),
+            noise=NOISE,
+            delays=delays,
+        ),
     )
 
 
@@ -219,24 +221,34 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
     noisy = scenario.noise != PERFECT_SENSORS or scenario.sensors or scenario.estimator != PASS_THROUGH
     longest = float(scenario.delays.command) + UNKNOWN_DELAY
     delays = dataclasses.replace(scenario.delays, longest_command=longest)
-    found = scenario.as_begun.with_words(
-        noise=scenario.noise if noisy else NOISE,
-        delays=delays,
-        faults=(),
-        payloads=(),
-        ground=False,
-        world=None,
-        kind="rigid_body",
-        initial=None,
-        tracking_start=0,
-        forces=(*scenario.forces, ForceWind(gusts=(_gust(scenario),))),
+    begun = scenario.as_begun
+    found = dataclasses.replace(
+        begun,
+        solver=dataclasses.replace(begun.solver, kind="rigid_body"),
+        agent=dataclasses.replace(
+            begun.agent,
+            noise=scenario.noise if noisy else NOISE,
+            delays=delays,
+            faults=(),
+            payloads=(),
+            initial=None,
+            tracking_start=0,
+        ),
+        environment=dataclasses.replace(
+            begun.environment,
+            ground=False,
+            world=None,
+            forces=(*scenario.forces, ForceWind(gusts=(_gust(scenario),))),
+        ),
     )
     if not own_motion:
-        found = found.with_words(
-            reference=(unseen_motion if unseen else motion)(scenario.plant.vehicle),
-            path_time=None,
+        found = dataclasses.replace(
+            found,
             duration=UNSEEN.stop if unseen else DURATION,
             windows=Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
+            agent=dataclasses.replace(
+                found.agent, reference=(unseen_motion if unseen else motion)(scenario.plant.vehicle), path_time=None
+            ),
         )
     return found
 

@@ -68,7 +68,11 @@ def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[flo
 def calm(flight: Scenario) -> Scenario:
     """Tuning flight without the drawn wind and without unmodelled delay."""
     delays = dataclasses.replace(flight.delays, longest_command=None)
-    return flight.with_words(forces=flight.forces[:-1], delays=delays)
+    return dataclasses.replace(
+        flight,
+        agent=dataclasses.replace(flight.agent, delays=delays),
+        environment=dataclasses.replace(flight.environment, forces=flight.forces[:-1]),
+    )
 
 
 def margins_of(hover: Instant | None) -> LoopMargins:

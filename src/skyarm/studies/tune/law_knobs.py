@@ -210,7 +210,7 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) 
     )
     numbers = {place: number for knob in moved for place, number in knob.numbers}
     law = flight.controller
-    place = flight.with_words(controller=dataclasses.replace(law, par=replace_at(law.par, numbers)))
+    place = flight.with_controller(dataclasses.replace(law, par=replace_at(law.par, numbers)))
     starts = {GIVEN: _log_factors([knob.values for knob in knobs], middle)}
     for name in dict.fromkeys(names):
         row = _log_factors(known[name], middle)

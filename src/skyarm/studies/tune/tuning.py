@@ -299,9 +299,9 @@ def _tune(plan: Plan, crew: Crew, progress: Progress) -> Tuning:
     plan = dataclasses.replace(
         plan,
         flight=start.flight,
-        check=plan.check.with_words(controller=law),
-        aside=plan.aside.with_words(controller=law),
-        own=plan.own.with_words(controller=law) if plan.own else None,
+        check=plan.check.with_controller(law),
+        aside=plan.aside.with_controller(law),
+        own=plan.own.with_controller(law) if plan.own else None,
         knobs=start.knobs,
     )
     plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)

@@ -16,7 +16,6 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.formats import save_log
 from skyarm.records.arrays import Array
 from skyarm.records.files import require_writable, shown
-from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.session import Session, Snapshot, open_session
@@ -61,11 +60,14 @@ def adjustable(plain: Scenario) -> Scenario:
     delays = plain.delays
     if plain.kind == "rigid_body" and plain.controller.compiled and delays.longest_command is None:
         delays = dataclasses.replace(delays, longest_command=max(delays.longest, LONGEST_DELAY))
-    return plain.with_words(
-        wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
-        forces=(*plain.forces, ForceWind(gust=Gust(duration=0.1))),
-        faults=(*plain.faults, *faults),
-        delays=delays,
+    return dataclasses.replace(
+        plain,
+        agent=dataclasses.replace(plain.agent, faults=(*plain.faults, *faults), delays=delays),
+        environment=dataclasses.replace(
+            plain.environment,
+            wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
+            forces=(*plain.forces, ForceWind(gust=Gust(duration=0.1))),
+        ),
     )
 
 
@@ -397,7 +399,6 @@ class Flight:
 def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
     """Create a simulation session in which the given parameters are adjustable."""
     scheduled = [change.path for change in scenario.changes if isinstance(change.value, float)]
-    require_flight(scenario)
     if autopilot_of(scenario.controller) is not None:
         # a number of the sensors compiles anew when it is moved: those that the autopilot adds have other draws
         return open_session(scenario, [path for path in paths if not path.startswith("sensors.")])

@@ -8,10 +8,11 @@ from collections.abc import Iterator, Mapping
 from skyarm.records.files import number
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, is_record, part, parts
+from skyarm.records.path_names import path_names
 from skyarm.records.units import Unit, declared_fields
 from skyarm.reference.splines import Polynomials
 from skyarm.scenario.numbers import declared_at, number_at, words_of
-from skyarm.scenario.paths import names, places_of
+from skyarm.scenario.paths import places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 DERIVED_PARTS = ("model", "mixer", "slow", "damping_limits", "autopilot")
@@ -99,7 +100,7 @@ def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
     """Field paths in the scenario record of a parameter path; empty if the parameter cannot vary."""
     try:
         number_at(scenario, path)
-        return ((path,),) if ".payload." in path else places_of(scenario, path)
+        return places_of(scenario, path)
     except ScenarioError:
         return ()
 
@@ -110,7 +111,7 @@ def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
     gains = [word for word in law if word not in DERIVED_PARTS and not isinstance(law[word], (bool, int, str))]
     yield from _all_below("law", {f"controller.{word}": law[word] for word in gains})
     if scenario.path_time is None:  # one is planned for the reference as it is
-        yield from (("reference", path) for path in _of_tree(names(scenario.reference)["base"], "reference.base"))
+        yield from (("reference", path) for path in _of_tree(path_names(scenario.reference)["base"], "reference.base"))
         yield from _all_below("reference", {f"reference.{word}": getattr(scenario.reference, word) for word in SIGNALS})
     blowing = {f"environment.{word}": getattr(scenario, word) for word in ("wind", "air", "forces")}
     yield from _all_below("wind and forces", blowing)
@@ -163,7 +164,7 @@ def _below(value: object, path: str) -> Iterator[str]:
         return
     if not is_record(value) and not isinstance(value, tuple):
         return
-    words, fields = names(value), parts(value)
+    words, fields = path_names(value), parts(value)
     # counts are structure, which machine code cannot vary
     declared = declared_fields(type(value)) if is_record(value) else {}
     counts = {(name,) for name, (kind, _) in declared.items() if kind is int}

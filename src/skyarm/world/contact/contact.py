@@ -94,6 +94,8 @@ class Contact(Force):
         grippers: what the vehicle takes hold of them with.
     """
 
+    registered_as = "world"
+
     surfaces: tuple[Surface, ...] = ()
     points: tuple[ContactPoint, ...] = ()
     objects: tuple[FreeObject, ...] = ()

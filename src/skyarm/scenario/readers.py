@@ -1,113 +1,124 @@
-"""Readers of the tables of a scenario file; the grammar is in :mod:`skyarm.scenario.scenario_file`."""
+"""Readers of those words of a scenario file whose records have other fields than their tables.
+
+Each takes the entry of its word, the word's path and a :class:`skyarm.scenario.document.Reading` of all others.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar
+from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import rules
 from skyarm.records.files import Fields, errors_as, number, shown
-from skyarm.records.files.fields import list_of_tables
-from skyarm.records.leaves import Place, parts
+from skyarm.records.leaves import parts
 from skyarm.records.read_table import record_from, registered_from
-from skyarm.records.registry.plugins import known_names
+from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
+from skyarm.reference import Trajectory
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
-from skyarm.scenario.endings import Ending
-from skyarm.scenario.scenario_checks import check_quaternion
-from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario, trimmed_state
-from skyarm.sensing.estimate.estimator import Estimator
+from skyarm.scenario.controller_table import controller_by_name, controller_from, loop_facts
+from skyarm.scenario.numbers import INITIAL
+from skyarm.scenario.scenario_checks import check_quaternion, check_scenario, require_start_outside
+from skyarm.scenario.scenario_record import Agent, JointDrive, NamedSensor, Scenario, trimmed_state
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
-from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import mounted_drives
-from skyarm.world import Component, Payload, faults_from, wind_from
+from skyarm.world import Component, Payload, wind_from
 
 if TYPE_CHECKING:
     from skyarm.reference.feasibility import Feasibility
-    from skyarm.world.contact.contact import Contact
+    from skyarm.scenario.document import Reading
 
 
-def _several(kind: str, base: type, tables: object, where: str) -> tuple[Any, ...]:
-    """Read a list of tables ``{ kind = NAME, ... }``, each as an instance of the class registered as NAME."""
-    return tuple(registered_from(kind, base, each.table, each.where) for each in list_of_tables(tables, where))
+LAW = "controller.law"
 
 
-def _estimator(table: object, where: str) -> Estimator:
-    """Read an estimator from a table, or from the name of its kind."""
-    found: Estimator = registered_from(
-        "estimator", Estimator, {"kind": table} if isinstance(table, str) else table, where
-    )
+def wind(entry: object, path: str, reading: Reading) -> Component:
+    """Read [environment.wind]."""
+    return wind_from(entry, path)
+
+
+def duration(entry: object, path: str, reading: Reading) -> float:
+    """Read the duration, s."""
+    return number(entry, path, low=0.0, strict=True)
+
+
+def plant(entry: object, path: str, reading: Reading) -> Truth:
+    """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
+    fields = Fields(entry, path)
+    found = Truth(vehicle=_vehicle_of_table(fields, reading), gravity=gravity(fields))
+    fields.done(beside=("kind", "integrator", "drives"))
     return found
 
 
-def _ground(value: object, where: str) -> bool:
-    return Fields({"ground": value}, where.rpartition(".")[0]).flag("ground")
-
-
-PARTS: Mapping[str, tuple[Place, Callable[[Any, str], Any]]] = {
-    "environment.wind": (("environment", "wind"), wind_from),
-    "environment.faults": (("agent", "faults"), faults_from),
-    "environment.air": (("environment", "air"), partial(_several, "air", Component)),
-    "environment.forces": (("environment", "forces"), partial(_several, "force", Component)),
-    "environment.ground": (("environment", "ground"), _ground),
-    "estimator": (("agent", "estimator"), _estimator),
-    "endings": (("endings",), partial(_several, "ending", Ending)),
-}
-"""Path in a file -> place in the scenario, and reader of (value, path): parts that need no others to be read."""
-
-
-def parts_from(tables: Mapping[str, Fields]) -> dict[str, Any]:
-    """Read the optional wind, faults, air, forces, ground, estimator and endings of a scenario file."""
-    found = {}
-    for path, (place, read) in PARTS.items():
-        within, _, name = path.rpartition(".")
-        value = tables[within].take(name, None)
-        if name in tables[within].table:
-            found[place[-1]] = read(value, path)
+def model(entry: object, path: str, reading: Reading) -> Model:
+    """Read [model], of the controller; left out: the plant's vehicle and gravity, without payload or joint values."""
+    if entry is None:
+        return Model(vehicle=reading.vehicle("plant"), gravity=reading.word("plant").gravity)
+    fields = Fields(entry, path)
+    found = Model(vehicle=_vehicle_of_table(fields, reading), gravity=gravity(fields))
+    fields.done()
     return found
 
 
-def vehicle(fields: Fields, folder: Path) -> Vehicle:
+def vehicle(named: object, at: str, folder: Path) -> Vehicle:
     """Load the vehicle that [plant] or [model] names, without the table's payload and joint values."""
-    named = fields.take("vehicle")
     if not isinstance(named, str) or not named:
-        raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: must be a name of the library or a path")
+        raise ValueError(f"{at} = {shown(named)}: must be a name of the library or a path")
     try:
         return load_vehicle(named if named in list_vehicles() else folder / named)
     except ValueError as error:
         words = str(error).removeprefix(f"vehicle = {shown(named)}: ")
-        raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: {words}") from None
+        raise ValueError(f"{at} = {shown(named)}: {words}") from None
 
 
-def truth(plant: Fields, folder: Path) -> Vehicle:
+def _vehicle_of_table(fields: Fields, reading: Reading) -> Vehicle:
     """Vehicle of [plant] or [model] with the payload, drives and joint values that the table states."""
-    found = vehicle(plant, folder)
-    if "payload" in plant.table:
+    fields.take("vehicle")
+    found = reading.vehicle(fields.where)
+    if "payload" in fields.table:
         try:
-            found = record_from(Payload, plant.inner("payload")).held_by(found)
+            found = record_from(Payload, fields.inner("payload")).held_by(found)
         except ValueError as error:
-            words, at = str(error), plant.at("payload")
+            words, at = str(error), fields.at("payload")
             raise ValueError(words if words.startswith(at) else f"{at}: {words}") from None
-    if plant.where == "model" and "drives" in plant.table:
-        found = dataclasses.replace(found, drives=_drives(plant))
-    return _with_joint_numbers(found, plant.inner("joints"))
+    if fields.where == "model" and "drives" in fields.table:
+        drives = fields.inner("drives").table
+        found = dataclasses.replace(found, drives=mounted_drives(drives, fields.at("drives")))
+    return _with_joint_numbers(found, fields.inner("joints"))
 
 
-def _drives(fields: Fields) -> tuple[MountedDrive, ...]:
-    """Read [plant.drives.JOINT] or [model.drives.JOINT]: the drives of joints."""
-    return mounted_drives(fields.inner("drives").table, fields.at("drives"))
+def controller(entry: object, path: str, reading: Reading) -> Controller:
+    """Read [controller]: a law for the model, with layers around it."""
+    fields, believed = Fields(entry, path), reading.word("model")
+    facts = loop_facts(reading.word("rates"), reading.word("delays"))
+    return controller_from(fields, believed, reading.replaced.get(path), facts, reading.folder)
+
+
+def law(scenario: Scenario, name: object) -> Controller:
+    """Controller of a given name, with the safety layer of the present controller if it has one."""
+    if not isinstance(name, str):
+        raise ValueError(f"{LAW} = {shown(name)}: must be the name of a preset, a law or LAW_tuned")
+    if is_law_of_file(name):
+        raise ValueError(f"{LAW} = {shown(name)}: must not be a file's; only --laws takes FILE.py:make")
+    try:
+        return controller_by_name(scenario, name)
+    except ControllerError as error:
+        raise ValueError(str(error).replace("controller = ", f"{LAW} = ", 1)) from None
 
 
 def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
@@ -137,13 +148,10 @@ def gravity(fields: Fields) -> float:
     return fields.number("gravity", 9.81, low=0.0)
 
 
-def contact(table: object, folder: Path) -> Contact | None:
-    """Read the contact model [world]: surfaces and the vehicle's contact points; mesh paths start from a folder."""
-    if table is None:
-        return None
-    from skyarm.world.contact.contact import Contact
-
-    return record_from(Contact, Fields(with_files(table, "world", folder), "world"))
+def world(entry: object, path: str, reading: Reading) -> Component:
+    """Read [world]: surfaces, objects, grippers and contact points, with the commands of a task's phases."""
+    found: Component = registered_from("world", Component, with_files(entry, path, reading.folder), path, "contact")
+    return found
 
 
 def with_files(table: object, where: str, folder: Path) -> Any:
@@ -175,20 +183,24 @@ def with_files(table: object, where: str, folder: Path) -> Any:
     return found
 
 
-def sensors(table: Mapping[str, Any]) -> tuple[SensorNoise, tuple[NamedSensor, ...]]:
-    """Read [sensors]: noise of the full state, and named sensors in nested tables."""
-    named = {name: value for name, value in table.items() if isinstance(value, dict)}
-    noise = record_from(SensorNoise, Fields({name: table[name] for name in table if name not in named}, "sensors"))
-    instruments = tuple(
-        NamedSensor(name=name, sensor=registered_from("sensor", Sensor, value, f"sensors.{name}"))
-        for name, value in named.items()
+def noise(entry: object, path: str, reading: Reading) -> SensorNoise:
+    """Read the noise of the full state from [sensors]."""
+    found = record_from(SensorNoise, Fields(entry, path))
+    return SensorNoise(**{name: sigma or 0 for name, sigma in parts(found).items()})
+
+
+def sensors(entry: dict[str, Any], path: str, reading: Reading) -> tuple[NamedSensor, ...]:
+    """Read named sensors from the tables inside [sensors]."""
+    return tuple(
+        NamedSensor(name=name, sensor=registered_from("sensor", Sensor, table, f"{path}.{name}"))
+        for name, table in entry.items()
     )
-    return SensorNoise(**{name: sigma or 0 for name, sigma in parts(noise).items()}), instruments
 
 
-def drives(plant: Fields) -> tuple[JointDrive, ...]:
+def drives(entry: object, path: str, reading: Reading) -> tuple[JointDrive, ...]:
     """Read [plant.drives.JOINT]: the drives of joints."""
-    return tuple(JointDrive(joint=each.name, drive=each.drive) for each in _drives(plant))
+    found = mounted_drives(Fields(entry, path).table, path)
+    return tuple(JointDrive(joint=each.name, drive=each.drive) for each in found)
 
 
 def setting_of(world: Truth, duration: float) -> Setting:
@@ -205,30 +217,55 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
     return feasibility(scenario.reference, setting_of(scenario.plant, scenario.duration))
 
 
-def _as_commanded(scenario: Scenario) -> Scenario:
-    """Return a scenario unchanged, in place of a path governor."""
+def reference(entry: object, path: str, reading: Reading) -> Trajectory:
+    """Read [reference], whose task leaves its events in the setting."""
+    joints = reading.word("plant").vehicle.n
+    return reference_from(with_files(entry, path, reading.folder), joints, path, reading.setting)
+
+
+def tracking_start(entry: object, path: str, reading: Reading) -> Scalar:
+    """Read when the law begins to follow, s; left out, a structural 0: at once."""
+    return number(entry, path, low=0.0)
+
+
+def with_reference(agent: Agent, table: object, reading: Reading) -> tuple[Agent, Callable[[Scenario], Scenario]]:
+    """Agent with the reference that [reference] gives, and the function that slows a scenario's reference."""
+    words = dict(table) if isinstance(table, Mapping) else {}
+    slowed, start = words.pop("governor", False), words.pop("tracking_start", None)
+    found = dataclasses.replace(
+        agent,
+        reference=reference(words if isinstance(table, Mapping) else table, "reference", reading),
+        tracking_start=0 if start is None else tracking_start(start, "reference.tracking_start", reading),
+        path_time=None,
+    )
+    return found, governor(slowed, reading.setting)
+
+
+def governor(entry: object, setting: Setting) -> Callable[[Scenario], Scenario]:
+    """Read [reference.governor]: the function that slows a scenario's reference."""
+    if entry is False:
+        return lambda scenario: scenario
+    from skyarm.scenario.path_governor import planner_from
+
+    return planner_from(entry, setting)
+
+
+def at_start(scenario: Scenario, initial: object) -> Scenario:
+    """Scenario with a given initial state, objects in static equilibrium, and no initial penetration."""
+    if scenario.world is not None:
+        from skyarm.world.contact.static_equilibrium import with_standing_objects
+
+        rested = with_standing_objects(scenario.world, float(scenario.plant.gravity))
+        scenario = dataclasses.replace(scenario, environment=dataclasses.replace(scenario.environment, world=rested))
+    if initial is not None:
+        scenario = scenario.with_initial(initial_state(Fields(initial, "initial"), scenario))
+        check_scenario(scenario, [INITIAL])
+    if scenario.world is not None:
+        require_start_outside(scenario)
     return scenario
 
 
-def reference(
-    table: object, world: Truth, setting: Setting, folder: Path = Path()
-) -> tuple[dict[str, Any], Callable[[Scenario], Scenario]]:
-    """Read [reference]: trajectory, start of tracking, and the function that adds the path governor to a scenario."""
-    planned: Callable[[Scenario], Scenario] = _as_commanded
-    rest, start = table, 0
-    if isinstance(table, Mapping):
-        rest = {name: value for name, value in table.items() if name not in ("governor", "tracking_start")}
-        if "tracking_start" in table:  # s; left out, a structural 0: the law follows at once
-            start = number(table["tracking_start"], "reference.tracking_start", low=0.0)  # type: ignore[assignment]
-        if table.get("governor", False) is not False:
-            from skyarm.scenario.path_governor import planner_from
-
-            planned = planner_from(table["governor"], setting)
-    trajectory = reference_from(with_files(rest, "reference", folder), world.vehicle.n, "reference", setting)
-    return {"reference": trajectory, "tracking_start": start}, planned
-
-
-def initial(fields: Fields, scenario: Scenario) -> State:
+def initial_state(fields: Fields, scenario: Scenario) -> State:
     """Read [initial]: hover trim with given fields replaced, or a vehicle standing on a surface with rotors off."""
     stands = fields.flag("standing", False)
     start = scenario.reference.at(0.0)

@@ -1,0 +1,87 @@
+"""Names that continue a parameter path inside a record: its fields, their words in a file, items of a list.
+
+A class whose numbers a file calls otherwise has a method ``path_names`` that says how: a circle is three signals, and
+its radius the amplitude of two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars import Scalar
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Place, field_names, parts
+from skyarm.records.registry.registrations import name_of
+from skyarm.records.units import Unit
+from skyarm.records.words import words_of_fields
+
+Names = Mapping[str, Any]
+"""Name -> the places that it denotes (several if one number is stored more than once), or a view, or more names."""
+
+
+@immutable(kw_only=False)
+class View:
+    """Number that is no field of a record but follows from several, such as an angle of an attitude.
+
+    Attributes:
+        name: as the methods of :class:`Viewed` take it. unit: of the number.
+        inside: place of the record with these methods.
+        adds: a number in its place comes on top of what the record has.
+    """
+
+    name: str
+    unit: Unit
+    inside: Place = ()
+    adds: bool = False
+
+
+class Viewed(Protocol):
+    """Record with numbers that follow from several of its fields."""
+
+    def number_of_view(self, name: str) -> float:
+        """Return the number of a view."""
+        ...
+
+    def with_views(self, values: Mapping[str, Scalar]) -> Any:
+        """Return the record with the numbers of some views, by name, replaced together."""
+        ...
+
+
+def path_names(record: Any) -> dict[str, Any]:
+    """Names that may continue a parameter path inside a given dataclass or tuple, as :data:`Names`."""
+    own = getattr(record, "path_names", None)
+    found: dict[str, Any] = field_paths(record) if own is None else own()
+    return found
+
+
+def field_paths(record: Any) -> dict[str, Any]:
+    """Names of a dataclass' fields and their words in a file, or of a tuple's items by number and name."""
+    if isinstance(record, tuple):
+        named = [_name(item) for item in record]
+        found: dict[str, Any] = {number: ((number,),) for number in parts(record)}
+        return found | {name: ((str(i),),) for i, name in enumerate(named) if name and named.count(name) == 1}
+    fields = field_names(type(record)) or ()
+    found = {field: ((field,),) for field in fields}
+    if isinstance(record, (Vec3, Quaternion)):
+        found |= {str(i): ((field,),) for i, field in enumerate(fields)}
+    return found | {word: ((field,),) for word, field in words_of_fields(type(record)).items()}
+
+
+def _name(item: object) -> str | None:
+    """Name of a list item: its ``name`` field, else the name under which its class is registered."""
+    own = getattr(item, "name", None)
+    if isinstance(own, str):
+        return own
+    kind = getattr(item, "registered_as", None)
+    return name_of(kind, type(item)) if isinstance(kind, str) else None
+
+
+def below(head: Place, found: Names) -> dict[str, Any]:
+    """Names of a part, with places as seen from the record that holds the part at a place."""
+
+    def from_head(inner: Any) -> Any:
+        return tuple((*head, *place) for place in inner) if isinstance(inner, tuple) else below(head, inner)
+
+    return {name: from_head(inner) for name, inner in found.items()}

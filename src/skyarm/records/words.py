@@ -1,0 +1,137 @@
+"""Words of a file: path of a field in it, and when its value may change, declared beside the field.
+
+``faults: Annotated[tuple[Fault, ...], Word("/environment.faults", whole=True)]`` stands under that name; a field that
+says nothing stands under its own. Reading, parameter paths, scheduled changes and differences all ask :func:`slots`.
+"""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Any, Literal, NamedTuple
+
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Place, field_names
+
+EACH = "*"
+"""Step of a path or place that stands for the name, or the number, of every item of a list."""
+
+
+@immutable(kw_only=False)
+class Word:
+    """Path of a field in a file, what the file may have there, and when it may change.
+
+    Attributes:
+        at: path below the table of the record that holds the field; from the top of the file if it begins with ``/``;
+            empty for that table itself; None for the field's name.
+        varies: ``"always"``, in flight too; ``"between"`` episodes; ``"never"``: it shapes the program.
+        unless: name of a field beside it which, where it is stated, lifts a "never" above.
+        kind: kind of the registry, one of whose classes a table names by ``kind = NAME``.
+        whole: a scheduled change may replace it as a whole.
+        entries: words below it that may be replaced alone, each with the names of the fields that it fills.
+        inside: from the field on to the record that the word means.
+        group: its fields are words of the table.
+        usual: name of the kind where a table names none.
+        reader: function of :mod:`skyarm.scenario.readers` that reads it, where no type of a record can.
+    """
+
+    at: str | None = None
+    varies: Literal["always", "between", "never"] = "always"
+    unless: str = ""
+    kind: str = ""
+    usual: str = ""
+    whole: bool = False
+    entries: tuple[tuple[str, Place], ...] = ()
+    inside: Place = ()
+    group: bool = False
+    reader: str = ""
+
+
+STRUCTURAL = Word(varies="never")
+"""Of a field that is the same for all episodes and throughout a flight."""
+
+
+class Slot(NamedTuple):
+    """Word of a file with its whole path, and the field of the record that holds its value.
+
+    Attributes:
+        path: dotted, from the top of the file. place: from the record; in both ``*`` stands for every item.
+        word: as declared. type: of the field.
+    """
+
+    path: str
+    place: Place
+    word: Word
+    type: Any
+
+    @property
+    def table(self) -> str:
+        """Path of the table that holds all items of the word."""
+        return self.path.removesuffix(f".{EACH}")
+
+    @property
+    def field(self) -> Place:
+        """Place of the field that declares the word."""
+        return self.place[: len(self.place) - len(self.word.inside)]
+
+    @property
+    def record(self) -> Place:
+        """Place of the record that holds all items of the word."""
+        return self.place[: self.place.index(EACH)] if EACH in self.place else self.place
+
+
+@cache
+def slots(kind: type) -> tuple[Slot, ...]:
+    """Words of a file that a dataclass and the groups inside it declare, in the order of their fields."""
+    return tuple(_slots(kind, "", ()))
+
+
+@cache
+def groups(kind: type) -> dict[str, type]:
+    """Fields of a dataclass whose own fields are words of the table, each with its class."""
+    types, full = typing.get_type_hints(kind), typing.get_type_hints(kind, include_extras=True)
+    return {name: types[name] for name in field_names(kind) or () if declared_words(full[name])[0].group}
+
+
+def _slots(kind: type, table: str, place: Place) -> Iterator[Slot]:
+    types, full = typing.get_type_hints(kind), typing.get_type_hints(kind, include_extras=True)
+    for name in field_names(kind) or ():
+        for word in declared_words(full[name]):
+            path = name if word.at is None else word.at
+            path = path[1:] if path.startswith("/") else ".".join(filter(None, (table, path)))
+            if word.group:
+                yield from _slots(types[name], path, (*place, name))
+            else:
+                yield Slot(path, (*place, name, *word.inside), word, types[name])
+
+
+def declared_words(annotation: object) -> tuple[Word, ...]:
+    """Words that a field's annotation declares; one of the field's own name if it declares none."""
+    extras = typing.get_args(annotation)[1:] if typing.get_origin(annotation) is typing.Annotated else ()
+    return tuple(each for each in extras if isinstance(each, Word)) or (Word(),)
+
+
+@cache
+def lifted_fields(kind: type) -> dict[str, str]:
+    """Fields of a dataclass that may change where another one is stated, each with the name of that one."""
+    if field_names(kind) is None:
+        return {}
+    hints = typing.get_type_hints(kind, include_extras=True)
+    said = {name: word.unless for name in field_names(kind) or () for word in declared_words(hints[name])}
+    return {name: other for name, other in said.items() if other}
+
+
+def _words(kind: type) -> dict[str, str]:
+    if field_names(kind) is None:
+        return {}
+    try:
+        full = typing.get_type_hints(kind, include_extras=True)
+    except (NameError, TypeError):  # a name that only type checkers import
+        return {}
+    said = ((word.at, name) for name in field_names(kind) or () if name in full for word in declared_words(full[name]))
+    return {word: name for word, name in said if word and word.isidentifier()}
+
+
+words_of_fields: Callable[[type], dict[str, str]] = cache(_words)
+"""A file's words for fields of a dataclass that are called otherwise."""

@@ -1,0 +1,123 @@
+"""A scenario that is written is read again as the same one, bit for bit, or it is not written."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import skyarm
+from skyarm.records.identity import identity
+from skyarm.scenario.in_flight import with_part
+from skyarm.scenario.scenario_record import ScenarioError
+
+BLOWING = {
+    "mode": "moving_air",
+    "velocity": [3.0, 4.0, 0.0],
+    "gust": [{"velocity": [0.0, 1.0, 0.0], "start": 1.0, "duration": 2.0}],
+    "turbulence": {"altitude": 6.0, "wind_20ft": 7.0},
+}
+PUSHING = [{"kind": "disturbance", "force": [1.0, {"kind": "sine", "amplitude": 1.0, "frequency_hz": 0.3}, 0.0]}]
+
+
+@pytest.fixture(scope="module")
+def case3() -> skyarm.Scenario:
+    return skyarm.load_scenario("case3")
+
+
+def saved(scenario: skyarm.Scenario, folder: Path, base: str = "case3") -> dict[str, object]:
+    """Tables of the file that a scenario is written to, which is read as the same scenario."""
+    file = skyarm.save_scenario(folder / "found.toml", scenario, base)
+    assert identity(skyarm.load_scenario(file)) == identity(scenario)
+    return tomllib.loads(file.read_text("utf-8"))
+
+
+def test_what_has_no_word_is_written_as_a_number_by_its_path(case3, tmp_path):
+    numbers = {"plant.vehicle.base.mass": 0.8, "controller.gains.position.x": 4.5, "reference.base.radius": 0.4}
+    found = saved(skyarm.with_numbers(case3, numbers), tmp_path)
+    assert found["plant"] == {"vehicle": "hummingbird_arm2_rotors", "gravity": 9.8}
+    written = found["numbers"]
+    assert written["plant.vehicle.base.mass"] == 0.8
+    assert written["controller.gains.position.x"] == 4.5
+    assert sorted(written.values()) == [0.4, 0.4, 0.8, 4.5]  # a circle's radius is the amplitude of two sines
+
+
+def test_what_follows_from_numbers_is_not_written(case3, tmp_path):
+    path = "model.vehicle.rotors.0.thrust_coefficient"
+    stronger = skyarm.with_numbers(
+        case3, {path: 1.02 * case3.controller.par.model.vehicle.rotors[0].thrust_coefficient}
+    )
+    assert stronger.controller.par.mixer != case3.controller.par.mixer
+    assert [*saved(stronger, tmp_path)["numbers"]] == [path]
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "word"),
+    [
+        ("environment.wind", BLOWING, "wind"),
+        ("environment.forces", PUSHING, "forces"),
+        ("environment.faults", [{"rotor": "front", "effectiveness": 0.9, "start": 1.0}], "faults"),
+        ("environment.ground", False, "ground"),
+    ],
+)
+def test_parts_with_words_are_written_in_them(case3, tmp_path, path, value, word):
+    found = saved(with_part(case3, path, value), tmp_path)
+    assert [*found["environment"]] == [word]
+    assert found["plant"]["vehicle"] == "hummingbird_arm2_rotors"
+
+
+def test_a_start_a_seed_and_a_duration_are_written(case3, tmp_path):
+    started = skyarm.with_numbers(case3, {"initial.position.x": 0.2, "initial.yaw": 0.1})
+    found = saved(dataclasses.replace(started, seed=5, duration=35.0, title="Longer"), tmp_path)
+    assert (found["seed"], found["duration"], found["title"]) == (5, 35.0, "Longer")
+    assert found["initial"]["position"] == [0.2, 0.0, 1.0]
+    assert "numbers" not in found
+
+
+def test_a_file_elsewhere_leads_to_the_files_of_its_base(tmp_path):
+    own, new = tmp_path / "own", tmp_path / "new"
+    own.mkdir()
+    new.mkdir()
+    library = Path(skyarm.__file__).parent / "vehicle/library"
+    (own / "bird.toml").write_bytes((library / "hummingbird_arm2_rotors.toml").read_bytes())
+    text = 'name = "own"\nduration = 1.0\n[plant]\nvehicle = "bird.toml"\n[controller]\npreset = "paper_ct"\n'
+    (own / "flight.toml").write_text(text)
+    scenario = skyarm.with_numbers(skyarm.load_scenario(own / "flight.toml"), {"plant.gravity": 9.7})
+    file = skyarm.save_scenario(new / "found.toml", scenario, own / "flight.toml")
+    assert tomllib.loads(file.read_text("utf-8"))["plant"]["vehicle"] == "../own/bird.toml"
+    assert identity(skyarm.load_scenario(file)) == identity(scenario)
+
+
+def test_what_words_and_numbers_cannot_say_is_refused_and_nothing_is_written(case3, tmp_path):
+    other = dataclasses.replace(case3, controller=skyarm.load_scenario("case3", controller="paper_pd").controller)
+    with pytest.raises(ScenarioError, match=r"found\.toml: base: must be of the same structure.* controller.* differ$"):
+        skyarm.save_scenario(tmp_path / "found.toml", other, "case3")
+    assert list(tmp_path.iterdir()) == []
+    for wrong, words in ((3, r"scenario = 3: must be a Scenario"),):
+        with pytest.raises(ScenarioError, match=words):
+            skyarm.save_scenario(tmp_path / "found.toml", wrong, "case3")
+    with pytest.raises(ScenarioError, match=r"scenario = 'case33'"):
+        skyarm.save_scenario(tmp_path / "found.toml", case3, "case33")
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        ({"plant.gravity": -1.0}, r"^numbers: plant\.gravity = -1\.0: must be at least 0"),
+        ({"plant.gravty": 9.0}, r"^numbers: path = 'plant\.gravty': no 'gravty' here; did you mean 'gravity'\?"),
+        ({"plant.gravity": "low"}, r"^numbers: values\['plant\.gravity'\] = 'low': must be"),
+        ({"seed": 3}, r"^numbers: path = 'seed': seed is structure"),
+        ([1.0], r"^numbers = \[1\.0\]: must be a table"),
+    ],
+)
+def test_a_wrong_number_of_a_file_is_one_line(numbers, words):
+    tables = {
+        "name": "n",
+        "duration": 1.0,
+        "plant": {"vehicle": "hummingbird_arm2_rotors"},
+        "controller": {"preset": "paper_ct"},
+    }
+    with pytest.raises(ScenarioError, match=words):
+        skyarm.scenario_from(tables | {"numbers": numbers})

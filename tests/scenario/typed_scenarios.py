@@ -1,0 +1,53 @@
+"""Scenarios that type checkers accept, and those that they refuse.
+
+``make types`` reads this file, nothing runs it. Each refusal has a comment that ignores it, so that mypy, told to warn
+of unused ones, fails where it accepts the line.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import assert_type
+
+from skyarm.algebra.scalars import Scalar
+from skyarm.control.controller import Controller
+from skyarm.dynamics import State
+from skyarm.plant.interface import Truth
+from skyarm.reference import Trajectory
+from skyarm.scenario.scenario_record import Delays, JointDrive, NamedSensor, Scenario
+from skyarm.world import NO_WIND, Component, Fault
+
+
+def accepted(scenario: Scenario) -> None:
+    """Fields and groups of the right types, and the shortcuts to what is in the groups."""
+    made = Scenario(name="made", duration=1.0, agent=scenario.agent)
+    agent = dataclasses.replace(scenario.agent, delays=Delays(command=0.01), initial=None)
+    environment = dataclasses.replace(scenario.environment, wind=NO_WIND)
+    assert_type(dataclasses.replace(made, name="other", agent=agent, environment=environment), Scenario)
+    assert_type(made.with_controller(scenario.controller).with_kind("mujoco").under(scenario.controller), Scenario)
+    assert_type(scenario.plant, Truth)
+    assert_type(scenario.controller, Controller)
+    assert_type(scenario.reference, Trajectory)
+    assert_type(scenario.tracking_start, Scalar)
+    assert_type(scenario.sensors, tuple[NamedSensor, ...])
+    assert_type(scenario.drives, tuple[JointDrive, ...])
+    assert_type(scenario.initial, State | None)
+    assert_type(scenario.faults, tuple[Fault, ...])
+    assert_type(scenario.wind, Component)
+    assert_type(scenario.ground, bool)
+    assert_type(scenario.kind, str)
+
+
+def refused(scenario: Scenario) -> None:
+    """Values of a wrong type, names of no field, and fields that are missing or read-only."""
+    Scenario(name=1, duration=1.0, agent=scenario.agent)  # type: ignore[arg-type]
+    Scenario(name="x", duration=1.0)  # type: ignore[call-arg]
+    Scenario(name="x", duration=1.0, agent=scenario.agent, plnt=scenario.plant)  # type: ignore[call-arg]
+    dataclasses.replace(scenario, name=3)  # type: ignore[arg-type]
+    dataclasses.replace(scenario, agent=scenario.plant)  # type: ignore[arg-type]
+    dataclasses.replace(scenario.agent, plnt=1)  # type: ignore[call-arg]
+    dataclasses.replace(scenario.agent, plant=1)  # type: ignore[arg-type]
+    dataclasses.replace(scenario.environment, wind=scenario.plant)  # type: ignore[arg-type]
+    scenario.with_controller(scenario.plant)  # type: ignore[arg-type]
+    scenario.wind = NO_WIND  # type: ignore[misc]
+    scenario.plnt  # type: ignore[attr-defined]  # noqa: B018
