@@ -9,9 +9,16 @@ from pathlib import Path
 import pytest
 
 import skyarm
+from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.identity import identity
+from skyarm.reference.signals import Constant, Windowed
 from skyarm.scenario.in_flight import with_part
+from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.world.aerodynamic_forces import RotorDrag
+
+PLACED = {"mass": 0.1, "pick": 1.0, "pick_place": {"within": 0.1, "of": [0.0, 0.0, 1.0]}, "believed": True}
+HEALED = {"rotor": "front", "effectiveness": 0.5, "signal": 1.0}
 
 BLOWING = {
     "mode": "moving_air",
@@ -100,6 +107,62 @@ def test_what_words_and_numbers_cannot_say_is_refused_and_nothing_is_written(cas
             skyarm.save_scenario(tmp_path / "found.toml", wrong, "case3")
     with pytest.raises(ScenarioError, match=r"scenario = 'case33'"):
         skyarm.save_scenario(tmp_path / "found.toml", case3, "case33")
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"forces": (RotorDrag(),)},
+        {"payloads": (skyarm.TimedPayload(name="bag", mass=0.1, pick=0.0),)},
+        {"faults": (skyarm.Fault(rotor="front", signal=Windowed(Constant(0.5), 1.0, 2.0)),)},
+        {"windows": Windows(steady=Window(11.0, 20.0))},
+        {"changes": (skyarm.Change(at=0.5, path="environment.wind", value={"mode": "none"}),)},
+    ],
+    ids=lambda fields: next(iter(fields)),
+)
+def test_records_whose_tables_have_words_of_their_own_are_written(case3, tmp_path, fields):
+    saved(dataclasses.replace(case3, **fields), tmp_path)
+
+
+def test_a_base_of_another_structure_is_one_line(tmp_path):
+    with pytest.raises(ScenarioError, match=r"base: must be of the same structure"):
+        skyarm.save_scenario(tmp_path / "found.toml", skyarm.load_scenario("case2_gust"), "case1")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ({"plant.payload.mass": 0.1, "plant.payload.tip.mass": 0.2}, r"^numbers: path = .*is the same number as"),
+        ({"changes.0.value": -5.0}, r"^numbers: changes\[0\]: .*mass = -5\.0: must be at least 0"),
+    ],
+)
+def test_numbers_of_a_file_are_checked_as_its_words_are(words, message):
+    tables = tomllib.loads((LIBRARY / "case3.toml").read_text("utf-8"))
+    change = {"at": 1.0, "path": "plant.vehicle.base.mass", "value": 2.0}
+    with pytest.raises(ScenarioError, match=message):
+        skyarm.scenario_from(tables | {"changes": [change], "numbers": words})
+
+
+@pytest.mark.parametrize(
+    ("table", "entry", "message"),
+    [
+        (
+            "payloads",
+            [{"mass": 0.1, "pick": 1.0, "pick_place": PLACE, "believed": True}],
+            r"believed = true: must be false",
+        ),
+        (
+            "environment",
+            {"faults": [{"rotor": "front", "effectiveness": 0.5, "signal": 1.0}]},
+            r"signal = 1\.0: must be left",
+        ),
+    ],
+)
+def test_two_spellings_of_one_thing_are_refused(table, entry, message):
+    tables = tomllib.loads((LIBRARY / "case3.toml").read_text("utf-8"))
+    with pytest.raises(ScenarioError, match=message):
+        skyarm.scenario_from(tables | {table: entry})
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import inspect
 import re
 import types
 import typing
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any, TypeVar
 
 from skyarm.algebra import Quaternion, Vec3
@@ -69,6 +69,8 @@ def entry_of(value: object) -> Any:
     """
     if isinstance(value, (bool, int, float, str)):
         return value
+    if isinstance(value, Mapping):
+        return {str(name): entry_of(each) for name, each in value.items()}
     if isinstance(value, (Vec3, Quaternion, tuple)):
         return [entry_of(each) for each in value]
     own = getattr(value, "to_entry", None)

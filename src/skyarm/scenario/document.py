@@ -22,8 +22,8 @@ from skyarm.records.words import EACH, Slot, groups, slots
 from skyarm.reference.task_records import Setting
 from skyarm.scenario import readers
 from skyarm.scenario.controller_table import require_servos_said
-from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.scenario_checks import check_scenario
+from skyarm.scenario.numbers import require_apart, with_numbers
+from skyarm.scenario.scenario_checks import check_scenario, require_start_outside
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -216,7 +216,7 @@ class Document:
         planned = readers.governor(False if governor is LEFT_OUT else governor, self.setting)
         made = planned(readers.at_start(scenario, None if initial is LEFT_OUT else initial))
         with errors_as(ScenarioError, "numbers: "):
-            return with_numbers(made, numbers) if numbers else made
+            return _with_stated_numbers(made, numbers) if numbers else made
 
     def _fields(self) -> dict[str, Any]:
         """Fields of the scenario by name, those of its groups as tables."""
@@ -256,6 +256,19 @@ def require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
         if change.tick(rate) >= steps:
             last = (steps - 1) / rate
             raise ScenarioError(f"changes[{i}].at = {change.at!r}: must be at most {last:g} s, the last control period")
+
+
+def _with_stated_numbers(scenario: Scenario, numbers: Mapping[str, Any]) -> Scenario:
+    """Scenario with the numbers that a file states by path, checked as if they were stated in words."""
+    require_apart(scenario, tuple(numbers))
+    changed = with_numbers(scenario, numbers)
+    if changed.changes:
+        from skyarm.scenario.in_flight import require_changes
+
+        require_changes(changed)
+    if changed.world is not None:
+        require_start_outside(changed)
+    return changed
 
 
 def _default(slot: Slot) -> Any:

@@ -17,7 +17,7 @@ from skyarm.records.files.names import read_named
 from skyarm.records.files.toml import toml_key, toml_value
 from skyarm.records.files.writing import write_atomically
 from skyarm.records.identity import identity
-from skyarm.records.leaves import Place, is_leaf, leaves, part, walk
+from skyarm.records.leaves import Place, is_leaf, mismatch, part, walk
 from skyarm.records.plain import digest, plain
 from skyarm.records.read_table import entry_of
 from skyarm.records.words import EACH, Slot, groups, slots
@@ -52,7 +52,7 @@ def save_scenario(path: PathLike, scenario: Scenario, base: PathLike | Mapping[s
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario")
     tables = _from_folder(tables, folder, file.parent)
-    with errors_as(ScenarioError, f"{file}: "):
+    with errors_as(ScenarioError, f"{file}: ", (ValueError, TypeError)):
         found = tables_of(scenario, tables, file.parent)
         return write_atomically(file, scenario_text(found).encode())
 
@@ -123,9 +123,10 @@ WITHOUT_ENTRY = ("plant", "model", "controller", "reference", "world")
 
 def _alike(one: object, other: object) -> bool:
     """True if two records differ in numbers alone."""
-    pairs = zip(walk(one), walk(other), strict=False)
-    same = all(a == b and is_leaf(x) == is_leaf(y) and (is_leaf(x) or x == y) for (a, x), (b, y) in pairs)
-    return same and len(leaves(one)) == len(leaves(other))
+    ours, theirs = list(walk(one)), list(walk(other))
+    if [place for place, _ in ours] != [place for place, _ in theirs] or mismatch(one, other, "") is not None:
+        return False
+    return all(is_leaf(x) or x == y for (_, x), (_, y) in zip(ours, theirs, strict=True))
 
 
 def _entry(slot: Slot, value: Any) -> Any:
@@ -148,9 +149,12 @@ def _with_entry(tables: Tables, path: list[str], entry: Any) -> Tables:
 
 def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
     """Numbers by path that make one scenario of another, without those that follow from others where that is enough."""
+    ours, theirs = list(walk(begun)), list(walk(scenario))
+    if [place for place, _ in ours] != [place for place, _ in theirs]:
+        return {}  # of another structure, which numbers do not mend
     places = [
         place
-        for (place, before), (_, after) in zip(walk(begun), walk(scenario), strict=False)
+        for (place, before), (_, after) in zip(ours, theirs, strict=True)
         if is_leaf(after) and isinstance(after, float) and (type(before) is not float or before != after)
     ]
     stated = [place for place in places if place[: len(FOLLOWS)] != FOLLOWS]

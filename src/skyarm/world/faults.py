@@ -11,6 +11,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.read_table import record_entry
 from skyarm.records.units import Unit
 from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.signals import Signal
@@ -51,9 +52,17 @@ class Fault:
 
     registered_as = "fault"
 
+    def to_entry(self) -> dict[str, Any]:
+        """Table of a file, in which a share that changes is the effectiveness itself."""
+        found = record_entry(self)
+        return found | {"effectiveness": found.pop("signal", self.effectiveness)} if not self.stuck else found
+
     @staticmethod
     def short_spellings(fields: Fields) -> dict[str, Any]:
         """Effectiveness from a table: a number, or a signal of time; left out of a joint that is stuck."""
+        if "signal" in fields.table:
+            given = shown(fields.take("signal"))
+            raise ValueError(f"{fields.at('signal')} = {given}: must be left out; effectiveness may be a signal")
         share = fields.table.get("effectiveness")
         if isinstance(share, (dict, list)):
             at = fields.at("effectiveness")

@@ -24,6 +24,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.read_table import record_entry
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import LOAD, Vehicle
@@ -89,6 +90,10 @@ class TimedPayload(Component):
 
     registered_as = "payload"
 
+    def to_entry(self) -> dict[str, Any]:
+        """Table of a file, which always says when the load is picked up."""
+        return record_entry(self) | {"pick": self.pick}
+
     @staticmethod
     def short_spellings(fields: Fields) -> dict[str, Any]:
         """Pick-up and set-down from a table: an instant (s), or ``{ within, of, after }``: arrival at a place."""
@@ -101,7 +106,8 @@ class TimedPayload(Component):
                 inner.done()
         if "pick" not in fields.table:
             fields.take("pick")  # is missing
-        if values and fields.table.get("believed") is True:
+        placed = values or "pick_place" in fields.table or "drop_place" in fields.table
+        if placed and fields.table.get("believed") is True:
             words = "must be false where a place decides; its instant is unknown"
             raise ValueError(f"{fields.at('believed')} = true: {words}")
         return values

@@ -51,6 +51,10 @@ class Window:
             raise ValueError(f"{where} = {shown(value)}: must start before it stops")
         return cls(start, stop)
 
+    def to_entry(self) -> list[float]:
+        """Entry of a file: [start, stop], s."""
+        return [self.start, self.stop]
+
     def of(self, log: Log) -> Mask:
         """Boolean mask (N,) of a log's instants within the window."""
         return _within(log.time, [self])

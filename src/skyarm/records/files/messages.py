@@ -55,7 +55,9 @@ def shown(value: object) -> str:
 
 
 @contextmanager
-def errors_as(kind: type[ValueError], before: str = "", of: type[Exception] = ValueError) -> Iterator[None]:
+def errors_as(
+    kind: type[ValueError], before: str = "", of: type[Exception] | tuple[type[Exception], ...] = ValueError
+) -> Iterator[None]:
     """Context in which errors of a class become errors of another one, with some words before their own."""
     try:
         yield
