@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
 import sys
 import time
 import warnings
@@ -133,7 +134,8 @@ def run(
     rows = [json.loads(line) for line in out.read_text("utf-8").splitlines()] if out.is_file() else []
     done = {(row["kind"], row["seed"], row["noise"], row["channels"]): row for row in rows}
     left = [case for case in wanted if case not in done]
-    with ProcessPoolExecutor(workers) as pool, out.open("a", encoding="utf-8") as file:
+    alone = multiprocessing.get_context("spawn")  # a fork of a process with JAX in it may never end
+    with ProcessPoolExecutor(workers, alone) as pool, out.open("a", encoding="utf-8") as file:
         futures = {pool.submit(identify, case): case for case in left}
         for future in as_completed(futures):
             row = done[futures[future]] = future.result()
