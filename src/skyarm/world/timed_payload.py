@@ -91,7 +91,7 @@ class TimedPayload(Component):
     registered_as = "payload"
 
     def to_entry(self) -> dict[str, Any]:
-        """Table of a file, which always says when the load is picked up."""
+        """Table of a file, with the instant of the pick-up in any case."""
         return record_entry(self) | {"pick": self.pick}
 
     @staticmethod
