@@ -31,6 +31,16 @@ def test_angles_that_are_not_given_stay(given):
     assert tuple(turned.initial.quaternion) == pytest.approx((w, x, y, z), abs=1e-15)
 
 
+def test_a_vehicle_without_a_tip_carries_loads_at_its_frames():
+    vehicle = dataclasses.replace(CASE.plant.vehicle, end_effector="")
+    flight = CASE.with_plant(dataclasses.replace(CASE.plant, vehicle=vehicle))
+    frame = vehicle.frames[0].name
+    heavier = skyarm.with_numbers(flight, {f"plant.payload.{frame}.mass": 0.05})
+    assert float(heavier.plant.vehicle.mass) == pytest.approx(float(vehicle.mass) + 0.05)
+    with pytest.raises(ScenarioError, match=f"no 'mass' here; there are {frame}"):
+        skyarm.with_numbers(flight, {"plant.payload.mass": 0.05})
+
+
 def test_a_payload_is_at_the_tip_or_at_a_frame_of_the_vehicle():
     own = float(CASE.plant.vehicle.mass)
     for path in ("plant.payload.mass", "plant.payload.tip.mass"):

@@ -15,6 +15,7 @@ from skyarm.reference.signals import Constant, Windowed
 from skyarm.scenario.in_flight import with_part
 from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.sensing.sensor_kinds import Imu
 from skyarm.world.aerodynamic_forces import RotorDrag
 
 PLACED = {"mass": 0.1, "pick": 1.0, "pick_place": {"within": 0.1, "of": [0.0, 0.0, 1.0]}, "believed": True}
@@ -115,13 +116,39 @@ def test_what_words_and_numbers_cannot_say_is_refused_and_nothing_is_written(cas
         {"forces": (RotorDrag(),)},
         {"payloads": (skyarm.TimedPayload(name="bag", mass=0.1, pick=0.0),)},
         {"faults": (skyarm.Fault(rotor="front", signal=Windowed(Constant(0.5), 1.0, 2.0)),)},
+        {"noise": skyarm.SensorNoise(position=0.01, joints=0.02)},
+        {"sensors": (skyarm.NamedSensor(name="imu", sensor=Imu()),), "noise": skyarm.SensorNoise(rate=0.01)},
         {"windows": Windows(steady=Window(11.0, 20.0))},
         {"changes": (skyarm.Change(at=0.5, path="environment.wind", value={"mode": "none"}),)},
     ],
     ids=lambda fields: next(iter(fields)),
 )
+@pytest.mark.filterwarnings("ignore:.*only the log reads it")
 def test_records_whose_tables_have_words_of_their_own_are_written(case3, tmp_path, fields):
     saved(dataclasses.replace(case3, **fields), tmp_path)
+
+
+def test_gains_of_a_file_are_left_out_under_another_law():
+    tables = tomllib.loads((LIBRARY / "case3.toml").read_text("utf-8"))
+    stated = tables | {"numbers": {"controller.gains.position.x": 9.0, "plant.gravity": 9.7}}
+    assert float(skyarm.scenario_from(stated).controller.par.gains.position.x) == 9.0
+    other = skyarm.scenario_from(stated, replaced={"controller": "paper_pd"})
+    plain = skyarm.scenario_from(tables, replaced={"controller": "paper_pd"})
+    assert other.controller == plain.controller
+    assert other.plant.gravity == 9.7
+
+
+def test_a_folder_that_is_a_link_leads_to_the_files_of_its_base(tmp_path):
+    for folder in ("own", "real/sub"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "real/sub")
+    library = Path(skyarm.__file__).parent / "vehicle/library"
+    (tmp_path / "own/bird.toml").write_bytes((library / "hummingbird_arm2_rotors.toml").read_bytes())
+    text = 'name = "own"\nduration = 1.0\n[plant]\nvehicle = "bird.toml"\n[controller]\npreset = "paper_ct"\n'
+    (tmp_path / "own/flight.toml").write_text(text)
+    scenario = skyarm.load_scenario(tmp_path / "own/flight.toml")
+    file = skyarm.save_scenario(tmp_path / "link/found.toml", scenario, tmp_path / "own/flight.toml")
+    assert identity(skyarm.load_scenario(file)) == identity(scenario)
 
 
 def test_a_base_of_another_structure_is_one_line(tmp_path):

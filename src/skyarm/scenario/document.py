@@ -23,6 +23,7 @@ from skyarm.reference.task_records import Setting
 from skyarm.scenario import readers
 from skyarm.scenario.controller_table import require_servos_said
 from skyarm.scenario.numbers import require_apart, with_numbers
+from skyarm.scenario.paths import is_below
 from skyarm.scenario.scenario_checks import check_scenario, require_start_outside
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -207,6 +208,8 @@ class Document:
             scenario.windows.require_within(scenario.duration)
             require_within(scenario.changes, scenario.steps, scenario.rates.control)
         numbers = self.table("numbers").table
+        if "controller" in self.replaced:  # gains of a law that does not fly, as changes of it are
+            numbers = {path: value for path, value in numbers.items() if not is_below(path, "controller")}
         initial, governor = self._entry(slot_of("initial")), self._entry(slot_of("reference.governor"))
         top.done()
         if scenario.changes:

@@ -92,7 +92,7 @@ def _from_folder(entry: Any, old: Path, new: Path) -> Any:
     if isinstance(entry, list):
         return [_from_folder(each, old, new) for each in entry]
     if isinstance(entry, str) and Path(entry).suffix and (old / entry).is_file():
-        return os.path.relpath(old / entry, new)
+        return os.path.relpath((old / entry).resolve(), new.resolve())  # a link leads elsewhere than its name
     return entry
 
 
@@ -103,17 +103,21 @@ def _different_words(one: Scenario, other: Scenario) -> dict[str, Slot]:
         field = slot.record[: 2 if slot.record[0] in groups(Scenario) else 1]
         return digest(plain(part(scenario, field)))
 
-    return {slot.table: slot for slot in slots(Scenario) if content(one, slot) != content(other, slot)}
+    return {slot.path: slot for slot in slots(Scenario) if content(one, slot) != content(other, slot)}
 
 
 def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables:
     """Tables with the entries of parts that differ in more than numbers, or whose words are numbers themselves."""
     found = tables
-    for path, slot in _different_words(begun, scenario).items():
+    for slot in _different_words(begun, scenario).values():
         before, after = part(begun, slot.record), part(scenario, slot.record)
         if slot.word.reader in WITHOUT_ENTRY or (slot.word.varies == "always" and _alike(before, after)):
             continue
-        found = _with_entry(found, path.split("."), _entry(slot, after))
+        entry = _entry(slot, after)
+        if slot.table == "sensors":  # of the full state its numbers stand there, of others tables by their names
+            beside = found.get("sensors", {}).items()
+            entry = {name: each for name, each in beside if isinstance(each, dict) is (slot.path == slot.table)} | entry
+        found = _with_entry(found, slot.table.split("."), entry)
     return found
 
 
@@ -135,6 +139,8 @@ def _entry(slot: Slot, value: Any) -> Any:
         inner = slot.place[slot.place.index(EACH) + 1]
         return {each.name: entry_of(getattr(each, inner)) for each in value}
     found = entry_of(value)
+    if slot.path == "sensors":
+        found.pop("kind")
     if slot.path == "environment.wind" and isinstance(found, dict):
         return {"mode": found.pop("kind"), **found}
     return found

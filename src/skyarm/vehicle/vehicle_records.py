@@ -259,7 +259,7 @@ class Vehicle:
     def load_names(self) -> Names:
         """Names of point masses on top of the vehicle, in a parameter path: at the tip, and at each frame."""
         masses = {frame.name: {"mass": View(frame.name, LOAD, ("vehicle",), adds=True)} for frame in self.frames}
-        return {**masses[self.end_effector], **masses} if self.end_effector else {}
+        return {**masses[self.end_effector], **masses} if self.end_effector else dict(masses)
 
     def number_of_view(self, name: str) -> float:
         """Point mass at a frame that is not a part of the vehicle yet: none, kg."""
