@@ -95,3 +95,8 @@ def test_a_wrong_wind_gets_one_line_with_field_value_and_what_is_allowed(table, 
         wind_from(table, "f.toml: wind")
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
+
+
+def test_turbulence_passes_with_the_whole_speed_of_the_mean_wind():
+    found = wind_from({"mode": "moving_air", "velocity": [3.0, 0.0, 4.0], "turbulence": AIR}, "wind")
+    assert found.turbulence.airspeed == 5.0
