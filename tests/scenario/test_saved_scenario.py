@@ -99,15 +99,115 @@ def test_a_file_elsewhere_leads_to_the_files_of_its_base(tmp_path):
 
 
 def test_what_words_and_numbers_cannot_say_is_refused_and_nothing_is_written(case3, tmp_path):
-    other = dataclasses.replace(case3, controller=skyarm.load_scenario("case3", controller="paper_pd").controller)
+    other = skyarm.load_scenario("case3", controller="centroidal_tip")
+    other = dataclasses.replace(other, controller=dataclasses.replace(other.controller, name=case3.controller.name))
     with pytest.raises(ScenarioError, match=r"found\.toml: base: must be of the same structure.* controller.* differ$"):
         skyarm.save_scenario(tmp_path / "found.toml", other, "case3")
+    own = dataclasses.replace(case3, controller=dataclasses.replace(case3.controller, name="mine"))
+    with pytest.raises(ScenarioError, match=r"found\.toml: controller\.law = 'mine': must be"):
+        skyarm.save_scenario(tmp_path / "found.toml", own, "case3")
     assert list(tmp_path.iterdir()) == []
     for wrong, words in ((3, r"scenario = 3: must be a Scenario"),):
         with pytest.raises(ScenarioError, match=words):
             skyarm.save_scenario(tmp_path / "found.toml", wrong, "case3")
     with pytest.raises(ScenarioError, match=r"scenario = 'case33'"):
         skyarm.save_scenario(tmp_path / "found.toml", case3, "case33")
+
+
+@pytest.mark.parametrize(
+    ("law", "stated", "entry"),
+    [
+        ("paper_pd", "paper_pd", {"preset": "paper_pd"}),
+        ("indi", None, {"law": "indi"}),
+        ("px4", "px4", {"autopilot": "px4"}),
+    ],
+)
+def test_a_law_in_place_of_the_bases_is_written(tmp_path, law, stated, entry):
+    scenario = skyarm.load_scenario("case3", controller=law)
+    file = skyarm.save_scenario(tmp_path / "found.toml", scenario, "case3", stated)
+    assert identity(skyarm.load_scenario(file)) == identity(scenario)
+    assert tomllib.loads(file.read_text("utf-8"))["controller"] == entry
+
+
+def test_a_file_of_gains_is_named_from_the_new_folder_and_layers_stay(tmp_path, monkeypatch):
+    (tmp_path / "gains.toml").write_text('schema = 1\n[law]\npreset = "paper_ct"\n[gains]\n"gains.position.x" = 3.0\n')
+    tables = tomllib.loads((LIBRARY / "case3.toml").read_text("utf-8"))
+    safe = tables | {"controller": tables["controller"] | {"safety": True}}
+    monkeypatch.chdir(tmp_path)
+    scenario = skyarm.scenario_from(safe, replaced={"controller": "gains.toml"})
+    file = skyarm.save_scenario("new/found.toml", scenario, safe, "gains.toml")
+    assert identity(skyarm.load_scenario(file)) == identity(scenario)
+    assert tomllib.loads(file.read_text("utf-8"))["controller"] == {"tuned": "../gains.toml", "safety": True}
+
+
+def test_of_a_shortened_flight_nothing_is_written_that_lies_beyond_its_end(case3, tmp_path):
+    changes = (
+        skyarm.Change(at=0.5, path="plant.gravity", value=9.7),
+        skyarm.Change(at=6.0, path="plant.gravity", value=9.6),
+    )
+    short = dataclasses.replace(case3, changes=changes, duration=1.0)
+    assert short.windows.steady.stop > 1.0
+    file = skyarm.save_scenario(tmp_path / "found.toml", short, "case3")
+    found = skyarm.load_scenario(file)
+    assert found.windows == Windows()
+    assert found.changes == changes[:1]
+    log, again = skyarm.run(short), skyarm.run(found)
+    assert again.position.tobytes() == log.position.tobytes()
+    assert again.info["windows"] == log.info["windows"]
+    assert skyarm.score(again) == skyarm.score(log)
+
+
+PICK = {"kind": "pick", "payload": "box", "position": [0.1, 0.0, 1.0], "dwell": 1.0}
+BOX = {"name": "box", "mass": 0.05, "believed": True}
+CARRYING = {
+    "name": "carrying",
+    "duration": 6.0,
+    "plant": {"vehicle": "hummingbird_arm2_rotors"},
+    "controller": {"preset": "paper_ct"},
+    "reference": {"base": {"kind": "phases", "position": [0.0, 0.0, 1.0], "phases": [PICK]}},
+    "payloads": [BOX],
+}
+
+
+def test_what_follows_from_payloads_and_tasks_is_not_written_twice(tmp_path):
+    scenario = skyarm.scenario_from(CARRYING)
+    box, told = scenario.payloads[0], scenario.changes[0]
+    assert (told.path, told.at) == ("model.payload.mass", box.pick)
+    own = skyarm.Change(at=box.pick + 0.5, path="plant.gravity", value=9.7)
+    first = skyarm.Change(at=0.5, path="plant.gravity", value=9.7)
+    bag = skyarm.TimedPayload(name="bag", mass=0.02, pick=0.5)
+    for changed in (
+        dataclasses.replace(scenario, changes=(told, own)),
+        dataclasses.replace(scenario, changes=(first, told)),
+        dataclasses.replace(scenario, payloads=(box, bag)),
+        skyarm.with_numbers(scenario, {"changes.0.value": 0.06, "payloads.box.mass": 0.07}),
+    ):
+        found = skyarm.load_scenario(skyarm.save_scenario(tmp_path / "found.toml", changed, CARRYING))
+        assert found.payloads == changed.payloads
+        assert sorted(found.changes, key=lambda each: each.at) == list(changed.changes)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "words"),
+    [
+        ("found.npz", ScenarioError, r"^path = '.*found\.npz': must end in \.toml$"),
+        ("held/found.toml", OSError, r"held': must be writable \(.*\)$"),
+        ("folder.toml", OSError, r"folder\.toml': must be writable \(there is a folder of this name\)$"),
+    ],
+)
+def test_a_path_that_cannot_be_written_is_one_line(case3, tmp_path, name, kind, words):
+    (tmp_path / "held").write_text("")
+    (tmp_path / "folder.toml").mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(kind, match=words):
+        skyarm.save_scenario(tmp_path / name, case3, "case3")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_log_is_no_base_and_a_long_title_is_no_path(case3, tmp_path):
+    with pytest.raises(ScenarioError, match=r"^base: scenario = 'flight\.npz': must be the path of a \.toml file"):
+        skyarm.save_scenario(tmp_path / "found.toml", case3, "flight.npz")
+    saved(dataclasses.replace(case3, title="On and. " * 100), tmp_path)
 
 
 @pytest.mark.parametrize(

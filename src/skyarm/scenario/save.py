@@ -7,12 +7,14 @@ its path, which is applied after all else is read.
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from skyarm.records.files import PathLike, errors_as, file_name, shown
+from skyarm.control.catalogue import AUTOPILOTS, PRESETS, TUNED
+from skyarm.records.files import PathLike, errors_as, file_name, output_file, shown, taken_back
 from skyarm.records.files.names import read_named
 from skyarm.records.files.toml import toml_key, toml_value
 from skyarm.records.files.writing import write_atomically
@@ -21,61 +23,113 @@ from skyarm.records.leaves import Place, is_leaf, mismatch, part, walk
 from skyarm.records.plain import digest, plain
 from skyarm.records.read_table import entry_of
 from skyarm.records.words import EACH, Slot, groups, slots
+from skyarm.scenario.controller_table import LAYERS, SUFFIX, is_gains_file
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import path_of
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, in_order
 
 FOLLOWS: Place = ("agent", "controller", "par", "mixer")
 """What is computed anew from the rotors that the law believes in."""
 
+INSTANTS = ("pick", "drop")
+"""Entries of a payload that the phases of a task state."""
+
 Tables = dict[str, Any]
 
 
-def save_scenario(path: PathLike, scenario: Scenario, base: PathLike | Mapping[str, Any]) -> Path:
+def save_scenario(
+    path: PathLike, scenario: Scenario, base: PathLike | Mapping[str, Any], controller: str | None = None
+) -> Path:
     """Write a scenario as a file that :func:`skyarm.load_scenario` reads as the same scenario, digest included.
+
+    What never takes effect is left out: windows and changes after the end of a flight that was shortened. Changes by
+    hand may come before those that follow from payloads; they take hold as before.
 
     Args:
         path: of the .toml file to write.
         scenario: to be written.
         base: shipped name, path or tables of the scenario that it was made from: what both have is written as there.
+        controller: name of its law as of :func:`skyarm.load_scenario`; left out, the base's if it has the same law.
 
     Returns:
         The path.
 
     Raises:
-        ScenarioError: one line: a base that differs by more than words and numbers can say, such as another law.
+        ScenarioError: one line: a base that differs by more than words and numbers can say, such as a law of Python.
+        OSError: one line: the file cannot be written.
     """
     with errors_as(ScenarioError):
-        file = Path(file_name(path, "scenario"))
+        file = Path(file_name(path, "path"))
+    with errors_as(ScenarioError, "base: "):
         tables, folder = _tables_of(base)
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario")
-    tables = _from_folder(tables, folder, file.parent)
-    with errors_as(ScenarioError, f"{file}: ", (ValueError, TypeError)):
-        found = tables_of(scenario, tables, file.parent)
-        return write_atomically(file, scenario_text(found).encode())
+    with taken_back(file.parent):
+        with errors_as(ScenarioError):
+            output_file(str(path), "path", SUFFIX)
+        with errors_as(ScenarioError, f"{file}: "):
+            found = tables_of(scenario, _from_folder(tables, folder, file.parent), file.parent, controller)
+            return write_atomically(file, scenario_text(found).encode())
 
 
-def tables_of(scenario: Scenario, tables: Mapping[str, Any], folder: PathLike = "") -> Tables:
+def tables_of(
+    scenario: Scenario, tables: Mapping[str, Any], folder: PathLike = "", controller: str | None = None
+) -> Tables:
     """Tables that a scenario is read from, made of those of another one.
 
     Args:
         scenario: to be written.
         tables: of the scenario that it was made from.
         folder: where paths in the tables begin.
+        controller: as of :func:`save_scenario`.
 
     Raises:
         ScenarioError: as :func:`save_scenario`.
     """
-    begun = scenario_from(tables, folder)
-    found = _with_entries(begun, scenario, {name: each for name, each in tables.items() if name != "numbers"})
-    numbers = _numbers(scenario_from(found, folder), scenario)
+    wanted = _until_end(scenario)
+    stated = {name: each for name, each in tables.items() if name != "numbers"}
+    begun = scenario_from(stated, folder)
+    law = wanted.controller.name
+    if controller is not None or law != begun.controller.name:
+        stated = _under_law(stated, law if controller is None else controller, folder)
+        begun = scenario_from(stated, folder)
+    found = _with_changes(_with_entries(begun, wanted, stated), folder, wanted)
+    read, rate = scenario_from(found, folder), wanted.rates.control
+    if in_order(read.changes, rate) == in_order(wanted.changes, rate):
+        wanted = dataclasses.replace(wanted, changes=read.changes)
+    numbers = _numbers(read, wanted)
     written = found | ({"numbers": numbers} if numbers else {})
-    if identity(scenario_from(written, folder)) != identity(scenario):
-        others = ", ".join(sorted(_different_words(scenario_from(written, folder), scenario)))
+    made = scenario_from(written, folder)
+    if identity(made) != identity(wanted):
+        others = ", ".join(sorted(_different_words(made, wanted)))
         raise ScenarioError(f"base: must be of the same structure; words and numbers do not say how {others} differ")
     return written
+
+
+def law_entry(name: str) -> Tables:
+    """Words of [controller] for a law, a preset, an autopilot or ``LAW_tuned`` by its name."""
+    if name in PRESETS:
+        return {"preset": name}
+    if name in AUTOPILOTS:
+        return {"autopilot": name}
+    return {"law": name.removesuffix(TUNED), "tuned": True} if name.endswith(TUNED) else {"law": name}
+
+
+def _under_law(tables: Tables, name: str, folder: PathLike) -> Tables:
+    """Tables with another law, in the same layers, and without changes of the law before."""
+    if is_gains_file(name):
+        entry = {"tuned": os.path.relpath(Path(name).resolve(), Path(folder).resolve())}
+    else:
+        entry = law_entry(name)
+    layers = {word: each for word, each in tables.get("controller", {}).items() if word in LAYERS}
+    return {word: each for word, each in tables.items() if word != "changes"} | {"controller": entry | layers}
+
+
+def _until_end(scenario: Scenario) -> Scenario:
+    """Scenario without windows and changes that lie beyond its end."""
+    coming = tuple(each for each in scenario.changes if each.tick(scenario.rates.control) < scenario.steps)
+    return dataclasses.replace(scenario, windows=scenario.windows.within(scenario.duration), changes=coming)
 
 
 def _tables_of(base: PathLike | Mapping[str, Any]) -> tuple[Tables, Path]:
@@ -91,7 +145,7 @@ def _from_folder(entry: Any, old: Path, new: Path) -> Any:
         return {name: _from_folder(each, old, new) for name, each in entry.items()}
     if isinstance(entry, list):
         return [_from_folder(each, old, new) for each in entry]
-    if isinstance(entry, str) and Path(entry).suffix and (old / entry).is_file():
+    if isinstance(entry, str) and Path(entry).suffix and os.path.isfile(old / entry):
         return os.path.relpath((old / entry).resolve(), new.resolve())  # a link leads elsewhere than its name
     return entry
 
@@ -111,14 +165,46 @@ def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables
     found = tables
     for slot in _different_words(begun, scenario).values():
         before, after = part(begun, slot.record), part(scenario, slot.record)
-        if slot.word.reader in WITHOUT_ENTRY or (slot.word.varies == "always" and _alike(before, after)):
+        numbers_alone = slot.word.varies == "always" and _alike(before, after)
+        if slot.word.reader in WITHOUT_ENTRY or slot.path == "changes" or numbers_alone:
             continue
-        entry = _entry(slot, after)
+        with errors_as(ScenarioError, f"{slot.path}: ", TypeError):
+            entry = _entry(slot, after)
+        if slot.path == "payloads":
+            entry = _without_instants(entry, tables.get("payloads", []), begun)
         if slot.table == "sensors":  # of the full state its numbers stand there, of others tables by their names
             beside = found.get("sensors", {}).items()
             entry = {name: each for name, each in beside if isinstance(each, dict) is (slot.path == slot.table)} | entry
         found = _with_entry(found, slot.table.split("."), entry)
     return found
+
+
+def _without_instants(entry: list[Tables], stated: list[Tables], begun: Scenario) -> list[Tables]:
+    """Entry of payloads without the instants that the phases of a task of the base state."""
+    known = {each["name"]: each for each in stated if "name" in each}
+    derived = {
+        (name, word, getattr(each, word))
+        for each in begun.payloads
+        for word in INSTANTS
+        if (name := each.name) in known and word not in known[name]
+    }
+    return [
+        {
+            word: value
+            for word, value in each.items()
+            if word not in INSTANTS or (each["name"], word, value) not in derived
+        }
+        for each in entry
+    ]
+
+
+def _with_changes(tables: Tables, folder: PathLike, scenario: Scenario) -> Tables:
+    """Tables with the changes of a scenario that do not follow from its payloads."""
+    bare = {name: each for name, each in tables.items() if name != "changes"}
+    derived = scenario_from(bare, folder).changes
+    if _alike(derived, scenario.changes):
+        return bare
+    return bare | {"changes": entry_of(tuple(each for each in scenario.changes if each not in derived))}
 
 
 WITHOUT_ENTRY = ("plant", "model", "controller", "reference", "world")
@@ -170,18 +256,33 @@ def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
     return numbers
 
 
-def scenario_text(tables: Mapping[str, Any]) -> str:
-    """TOML text of a scenario's tables."""
-    lines, later = list[str](), list[tuple[str, Mapping[str, Any]]]()
-    for name, entry in tables.items():
-        if isinstance(entry, Mapping):
-            later.append((name, entry))
-        else:
-            lines.append(f"{toml_key(name)} = {toml_value(entry)}")
-    for name, table in later:
-        lines += [
-            "",
-            f"[{toml_key(name)}]",
-            *(f"{toml_key(word)} = {toml_value(each)}" for word, each in table.items()),
-        ]
+def scenario_text(document: Mapping[str, Any]) -> str:
+    """Text of a scenario file: a list's entries on lines of their own."""
+    lines = [f"{toml_key(k)} = {toml_value(v)}" for k, v in document.items() if not isinstance(v, Mapping)]
+    for name, table in document.items():
+        if isinstance(table, Mapping):
+            lines += _table_lines(name, table)
     return "\n".join(lines) + "\n"
+
+
+def _table_lines(name: str, table: Mapping[str, Any]) -> list[str]:
+    """Lines of a table: plain values, then the tables in it that have no kind."""
+    inner = {k: v for k, v in table.items() if isinstance(v, Mapping) and any(isinstance(x, list) for x in v.values())}
+    lines = ["", f"[{name}]"]
+    for key, value in table.items():
+        if key not in inner:
+            lines += _value_lines(f"{toml_key(key)} = ", value, "")
+    for key, value in inner.items():
+        lines += _table_lines(f"{name}.{toml_key(key)}", value)
+    return lines
+
+
+def _value_lines(begin: str, value: Any, indent: str) -> list[str]:
+    """Lines of a value; the entries of a list that holds tables or lists stand below each other."""
+    if not isinstance(value, list) or not any(isinstance(each, (Mapping, list)) for each in value):
+        return [f"{indent}{begin}{toml_value(value)}"]
+    lines = [f"{indent}{begin}["]
+    for each in value:
+        inner = _value_lines("", each, indent + "    ")
+        lines += [*inner[:-1], inner[-1] + ","]
+    return [*lines, f"{indent}]"]

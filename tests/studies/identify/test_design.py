@@ -15,6 +15,7 @@ import skyarm
 from skyarm.algebra.frames import turn_vectors
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.reference.reference_tables import trajectory_from
+from skyarm.scenario.save import scenario_text
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.identify.design import (
     DesignLimits,
@@ -24,7 +25,7 @@ from skyarm.studies.identify.design import (
     measured_noise,
     volume_gain,
 )
-from skyarm.studies.identify.designed_flight import broken_axes, design_flight, scenario_document, scenario_text
+from skyarm.studies.identify.designed_flight import broken_axes, design_flight, scenario_document
 from skyarm.studies.identify.identify_windows import SearchOptions, first_fits, search_of
 from skyarm.studies.identify.multisines import axes_of, draw_segment, mutate_segment, reference_table
 from skyarm.studies.identify.required_flight import arm_clearance, required_flight

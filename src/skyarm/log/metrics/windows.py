@@ -124,11 +124,18 @@ class Windows:
         after = Window(settled, duration)
         general: dict[str, Any] = dict.fromkeys(NAMES, after) | {"transient": Window(0.0, settled)}
         general |= {"holds": (after,), "last": min(LAST, duration - settled)}
-        stated = {} if own is None else own._ends()
-        within = {name: getattr(own, name) for name, (end, _) in stated.items() if end <= duration}
-        asked = {name: getattr(self, name) for name in self._ends()}
-        found = general | within | asked
+        stated = Windows() if own is None else own.within(duration)
+        found = general | stated._stated() | self._stated()
         return FlightWindows(duration=duration, **found)
+
+    def within(self, duration: float) -> Windows:
+        """Those of the windows that end within a flight of given duration, s."""
+        ends = self._ends()
+        return Windows(**{name: each for name, each in self._stated().items() if ends[name][0] <= duration})
+
+    def _stated(self) -> dict[str, Any]:
+        """Requested windows by name."""
+        return {name: getattr(self, name) for name in self._ends()}
 
     def require_within(self, duration: float) -> None:
         """Raise an error if a window ends after the flight.

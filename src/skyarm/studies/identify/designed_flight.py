@@ -21,8 +21,8 @@ from skyarm.flight_data.own_log import measured_flight
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import PathLike
-from skyarm.records.files.toml import toml_key, toml_value
 from skyarm.records.immutable import immutable
+from skyarm.scenario.save import scenario_text
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import run
 from skyarm.studies.compare.suite import DELAY, NOISE
@@ -205,35 +205,3 @@ def _tilt(log: Log) -> Array:
 def _saturated_share(log: Log, vehicle: Vehicle) -> float:
     """Share of commands at a rotor's upper limit."""
     return float((log.rotor_commands >= highest_speeds(vehicle.rotors)).mean())
-
-
-def scenario_text(document: Mapping[str, Any]) -> str:
-    """Text of a scenario file: a list's entries on lines of their own."""
-    lines = [f"{toml_key(k)} = {toml_value(v)}" for k, v in document.items() if not isinstance(v, Mapping)]
-    for name, table in document.items():
-        if isinstance(table, Mapping):
-            lines += _table_lines(name, table)
-    return "\n".join(lines) + "\n"
-
-
-def _table_lines(name: str, table: Mapping[str, Any]) -> list[str]:
-    """Lines of a table: plain values, then the tables in it that have no kind."""
-    inner = {k: v for k, v in table.items() if isinstance(v, Mapping) and any(isinstance(x, list) for x in v.values())}
-    lines = ["", f"[{name}]"]
-    for key, value in table.items():
-        if key not in inner:
-            lines += _value_lines(f"{toml_key(key)} = ", value, "")
-    for key, value in inner.items():
-        lines += _table_lines(f"{name}.{toml_key(key)}", value)
-    return lines
-
-
-def _value_lines(begin: str, value: Any, indent: str) -> list[str]:
-    """Lines of a value; the entries of a list that holds tables or lists stand below each other."""
-    if not isinstance(value, list) or not any(isinstance(each, (Mapping, list)) for each in value):
-        return [f"{indent}{begin}{toml_value(value)}"]
-    lines = [f"{indent}{begin}["]
-    for each in value:
-        inner = _value_lines("", each, indent + "    ")
-        lines += [*inner[:-1], inner[-1] + ","]
-    return [*lines, f"{indent}]"]
