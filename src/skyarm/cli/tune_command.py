@@ -34,7 +34,8 @@ from skyarm.records.files import (
 from skyarm.records.immutable import immutable
 from skyarm.records.registry.plugins import is_law_of_file, law_of_file_name
 from skyarm.records.text_tables import Row, aligned_lines
-from skyarm.scenario.controller_table import is_gains_file
+from skyarm.scenario.controller_table import LAYERS, is_gains_file
+from skyarm.scenario.save import law_entry, save_scenario
 from skyarm.scenario.scenario_file import LIBRARY, kind_of_file, load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -43,8 +44,8 @@ if TYPE_CHECKING:
     from skyarm.studies.tune.front import LoopMargins
     from skyarm.studies.tune.tuning import Tuning
 
-GAINS, PAGE = "tuned.toml", "tune.html"
-"""Names of the file of the pick, and of the page."""
+GAINS, PAGE, BEST = "tuned.toml", "tune.html", "best.toml"
+"""Names of the file of the pick's gains, of the page, and of the scenario with the picked law."""
 
 
 def tune(
@@ -62,7 +63,7 @@ def tune(
     flying: Flying = 0,
     on: On = None,
 ) -> None:
-    """Tune a law's gains for a vehicle; write the Pareto front.
+    """Tune a law's gains for a vehicle; write the Pareto front, and the scenario under the picked law.
 
     The same command continues what was interrupted. Exit code 3 if no gains meet the margins.
     """
@@ -91,7 +92,8 @@ def tune(
         say(f"this search cannot be resumed: {error}")
     with taken_back(folder, folder / ROWS), bar(f"{wanted.label} for {scenario.name}") as advance:
         require_writable(folder)
-        require_replaceable(folder / GAINS, folder / PAGE, *(folder / front_name(i) for i in range(POINTS)))
+        files = (GAINS, PAGE, BEST, *map(front_name, range(POINTS)))
+        require_replaceable(*(folder / name for name in files))
         found = perform(plan, workers=count, on=place, folder=folder, progress=advance)
     for i, point in enumerate(found.points):
         write_atomically(folder / front_name(i), gains_text(found, point, wanted.words, wanted.kept).encode())
@@ -99,16 +101,28 @@ def tune(
         (folder / front_name(stale)).unlink(missing_ok=True)
     write_atomically(folder / PAGE, tune_page(found).encode())
     write_atomically(folder / GAINS, gains_text(found, found.pick, wanted.words, wanted.kept).encode())
+    best = _save_best(folder / BEST, scenario, found, target, one_law(laws)) if wanted.has_motion else None
     _tell_front(found, time.perf_counter() - begin)
     loads = f" --plugin {wanted.label.rpartition(':')[0]}" if is_law_of_file(wanted.label) else ""
     flown = target if wanted.has_motion else "SCENARIO"
     tell(
         f"written: {folder / GAINS}; the page of the front: {folder / PAGE}",
         f"next: skyarm run {flown}{loads} --laws {folder / GAINS}",
+        *([] if best is None else [f"the scenario under them, with all digits: skyarm run {best}"]),
     )
-    give(plain_tuning(found), folder=folder, gains=folder / GAINS, page=folder / PAGE)
+    give(plain_tuning(found), folder=folder, gains=folder / GAINS, page=folder / PAGE, best=best)
     if not found.meets:
         raise typer.Exit(NOT_COMPLETED)
+
+
+def _save_best(file: Path, scenario: Scenario, found: Tuning, target: str, law: str | None) -> Path | None:
+    """Write a scenario under the picked law; None, and why, if no file can say it."""
+    file.unlink(missing_ok=True)
+    try:
+        return save_scenario(file, scenario.with_controller(found.controller), target, law)
+    except ValueError as error:
+        say(f"no scenario under the picked law is written: {error}")
+        return None
 
 
 @immutable
@@ -130,7 +144,6 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         ValueError: one line.
     """
     from skyarm.studies.tune.excitation import of_vehicle
-    from skyarm.studies.tune.tune_page import words_of as words_of_law
 
     if controller is not None and not is_named(controller) and not is_gains_file(controller):
         raise ValueError(f"--laws = {shown(controller)}: {must_be_named(controller)}; or a .toml file")
@@ -140,13 +153,14 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         raise ValueError(f"scenario or vehicle = {shown(target)}: {allowed}, or the path of a file")
     if of_a_vehicle:
         scenario = of_vehicle(load_vehicle(target), controller)
-        words = words_of_law(controller or scenario.controller.name)
+        words = law_entry(controller or scenario.controller.name)
     else:
         scenario = load_scenario(target, controller=controller)
         file = LIBRARY / f"{target}.toml" if target in names else Path(target)
         document = read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}  # nothing of a log
         table = document.get("controller", {}) if controller is None else {}
-        words = {name: value for name, value in table.items() if name not in ("safety", "servos")}
+        words = {name: value for name, value in table.items() if name not in LAYERS}
+        words = words or law_entry(scenario.controller.name)  # of a log
     kept: dict[str, Any] = {}
     tuned = controller if is_gains_file(controller) else words.get("tuned")
     if is_gains_file(tuned):
@@ -154,7 +168,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         document = read_toml(path.read_bytes())
         words, kept = dict(document["law"]), dict(document.get("gains", {}))
     elif controller is not None:
-        words = words_of_law(controller)
+        words = law_entry(controller)
     label = str(words.get("preset", words.get("law")))
     name = f"{scenario.name}_{law_of_file_name(label)}"
     return Wanted(scenario=scenario, has_motion=not of_a_vehicle, words=words, kept=kept, label=label, name=name)

@@ -125,16 +125,16 @@ class Windows:
         general: dict[str, Any] = dict.fromkeys(NAMES, after) | {"transient": Window(0.0, settled)}
         general |= {"holds": (after,), "last": min(LAST, duration - settled)}
         stated = Windows() if own is None else own.within(duration)
-        found = general | stated._stated() | self._stated()
+        found = general | stated._by_name() | self._by_name()
         return FlightWindows(duration=duration, **found)
 
     def within(self, duration: float) -> Windows:
-        """Those of the windows that end within a flight of given duration, s."""
+        """Windows of these that end within a flight of given duration, s."""
         ends = self._ends()
-        return Windows(**{name: each for name, each in self._stated().items() if ends[name][0] <= duration})
+        return Windows(**{name: each for name, each in self._by_name().items() if ends[name][0] <= duration})
 
-    def _stated(self) -> dict[str, Any]:
-        """Requested windows by name."""
+    def _by_name(self) -> dict[str, Any]:
+        """Requested windows, by name."""
         return {name: getattr(self, name) for name in self._ends()}
 
     def require_within(self, duration: float) -> None:

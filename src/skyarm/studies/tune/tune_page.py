@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
 
-from skyarm.control.catalogue import PRESETS, TUNED
 from skyarm.records.files.toml import toml_key, toml_value
 from skyarm.records.identity import identity
 from skyarm.records.leaves import part, walk
@@ -26,13 +25,6 @@ DIGITS = 6
 def front_name(number: int) -> str:
     """File name of a set of gains of the Pareto front, numbered from calm to stiff."""
     return f"front_{number + 1}.toml"
-
-
-def words_of(name: str) -> dict[str, Any]:
-    """Table [law] of a gain file that selects a controller by its catalogue name."""
-    if name in PRESETS:
-        return {"preset": name}
-    return {"law": name.removesuffix(TUNED), "tuned": True} if name.endswith(TUNED) else {"law": name}
 
 
 def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
