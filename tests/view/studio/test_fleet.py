@@ -340,13 +340,16 @@ def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together(tm
     fleet.go(60)
     fleet.go(150)
     fleet.save(tmp_path)
-    saved = skyarm.load_scenario(next(tmp_path.glob("*.npz")))
+    file = next(tmp_path.glob("*.npz"))
+    saved = skyarm.load_scenario(file)
+    again = skyarm.run(skyarm.load_scenario(file.with_suffix(".toml")))
     wind, told = "environment.wind.force", "model.payload.mass"
     assert [(each.at, each.path, each.value) for each in saved.changes] == [
         (0.2, f"{wind}.y", 1.0), (0.3, told, 0.05), (0.4, f"{wind}.x", 1.0), (0.6, told, 0.0)
     ]  # fmt: skip
     log = skyarm.run(saved)
     assert (states(flight) == states_of(log)[:150]).all()
+    assert (states_of(again) == states_of(log)).all()
     assert log.info["duration"] == 1.0, "the reference is planned for so long"
     fleet.go(1000)
     assert fleet.time == pytest.approx(1.0 - 1.0 / fleet.rate)

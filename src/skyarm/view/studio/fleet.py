@@ -16,6 +16,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.formats import save_log
 from skyarm.records.arrays import Array
 from skyarm.records.files import require_writable, shown
+from skyarm.scenario.save import save_scenario
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.session import Session, Snapshot, open_session
@@ -46,8 +47,8 @@ reference is planned for it."""
 SAMPLES = 20.0
 """Hz of what the plots keep."""
 
-LOG = ".npz"
-"""Suffix of saved flights."""
+LOG, SCENARIO = ".npz", ".toml"
+"""Suffixes of saved flights and of their scenarios."""
 
 
 def adjustable(plain: Scenario) -> Scenario:
@@ -195,7 +196,9 @@ class Fleet(Clock):
         super().reset()
 
     def save(self, folder: Path) -> str:
-        """Write a log of each flight to new files; returns the commands that repeat the flights.
+        """Write a log and a scenario file of each flight to new files; returns the commands that repeat the flights.
+
+        A flight that no scenario file can say, as one of a log, is repeated from its own log.
 
         Raises:
             ScenarioError: nothing has been flown yet. OSError: a file cannot be written.
@@ -203,16 +206,23 @@ class Fleet(Clock):
         if not self.tick:
             raise ScenarioError("time = 0 s: must be above 0; nothing has been flown yet that could be saved")
         require_writable(str(folder))
-        written = []
+        written, without = [], []
         for flight in self.flights:
             name = f"{self.scenario.name}_{Path(flight.title).stem}"  # a file of gains is named by its path
             ends = itertools.chain([""], (f"_{k}" for k in itertools.count(1)))
-            file = next(path for end in ends if not (path := folder / f"{name}{end}{LOG}").exists())
-            save_log(flight.session.log, file)
+            pairs = ((folder / f"{name}{end}{LOG}", folder / f"{name}{end}{SCENARIO}") for end in ends)
+            log, file = next(pair for pair in pairs if not any(path.exists() for path in pair))
+            save_log(flight.session.log, log)
             # a vehicle that is lost is lost again in the period after its last one
             seconds = (flight.tick + (1 if flight.lost else 0)) / flight.rate
-            written.append(f"skyarm run {file}" + ("" if self.planned else f" --duration {seconds:g}"))
-        return "saved; fly it again: " + ", ".join(written)
+            plan = flight.session.plan
+            try:
+                shortened = plan if self.planned else dataclasses.replace(plan, duration=seconds)
+                written.append(f"skyarm run {save_scenario(file, shortened, self.source, flight.law)}")
+            except ScenarioError as error:
+                without.append(f"; no file of the scenario: {error}")
+                written.append(f"skyarm run {log}" + ("" if self.planned else f" --duration {seconds:g}"))
+        return "saved; fly it again: " + ", ".join(written) + "".join(without)
 
 
 def law_names() -> list[str]:
