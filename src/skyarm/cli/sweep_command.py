@@ -24,10 +24,11 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.lines import say_unlikely
 from skyarm.cli.output import bar, give, json_text, tell
-from skyarm.records.files import require_no_link, require_writable, taken_back, write_inside
+from skyarm.records.files import errors_as, file_names, require_no_link, require_writable, taken_back, write_inside
 
 if TYPE_CHECKING:
     from skyarm.studies.sweep.maps import RobustnessMap
+    from skyarm.studies.sweep.study import Study
     from skyarm.studies.sweep.study_page import Pictures
 
 DPI = 160
@@ -48,6 +49,10 @@ def sweep(
     part: Annotated[
         str | None, typer.Option(metavar="K/N", help="of N machines that share the folder the K-th")
     ] = None,
+    save: Annotated[
+        list[str] | None,
+        typer.Option(metavar="EPISODE", help="of a study: a flight as a scenario: a number, failed, a metric; repeat"),
+    ] = None,
     success: Annotated[
         list[str] | None, typer.Option(metavar="METRIC=LARGEST", help="of a folder: limit of a success; repeat")
     ] = None,
@@ -58,14 +63,53 @@ def sweep(
     """Fly a study's episodes, or sum up the folder of a sweep.
 
     Rows are Parquet; the same command continues what was interrupted. Of a folder: success rates, quantiles, paired
-    differences and maps, as report.html and stats.json.
+    differences and maps, as report.html and stats.json. With --save nothing is flown: an episode's number, or of the
+    rows the first without success or with the largest value of a metric, becomes a file for 'skyarm run'.
     """
     if study not in shipped_names("study") and Path(study).is_dir() and study:
-        require_left_out(context, ["--laws", "--workers", "--on", "--part"], " with the folder of a sweep")
+        require_left_out(context, ["--laws", "--workers", "--on", "--part", "--save"], " with the folder of a sweep")
         _sum_up(study, out, success, paths)
+        return
+    require_left_out(context, ["--success", "--map"], "; only the folder of a sweep has it")
+    if save:
+        require_left_out(context, ["--workers", "--on", "--part"], " with --save: nothing is flown")
+        _save_episodes(study, law_names(laws) or None, out, save)
     else:
-        require_left_out(context, ["--success", "--map"], "; only the folder of a sweep has it")
         _fly(study, law_names(laws) or None, out, workers(flying), on, part)
+
+
+def _load(study: str, controllers: list[str] | None) -> Study:
+    """Load a study without warnings of its file's numbers, in place of which an episode has its own."""
+    from skyarm.scenario.without_effect import WithoutEffectWarning
+    from skyarm.studies.sweep import load_study
+
+    require_not_another(study, "study")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", WithoutEffectWarning)
+        return load_study(study, controllers)
+
+
+def _save_episodes(study: str, controllers: list[str] | None, out: str | None, wanted: list[str]) -> None:
+    """Write episodes of a study as scenario files, those that are named by their rows with each controller's own."""
+    from skyarm.studies.sweep.plan import prepare, save_episode
+    from skyarm.studies.sweep.stats import Rows
+    from skyarm.studies.sweep.study import StudyError
+
+    loaded = _load(study, controllers)
+    folder = Path("out") / loaded.name if out is None else Path(out)
+    rows = None if all(each.isdecimal() for each in wanted) else Rows(folder)
+    if rows is not None and not rows.manifest.is_of(prepare(loaded).manifest):
+        raise StudyError(f"{folder}: holds rows of another study than {study}; choose its --out")
+    names, files = file_names(loaded.scenarios, "", ".toml"), []
+    for which in wanted:
+        for label in loaded.scenarios:
+            with errors_as(StudyError, "--save = ", of=StudyError):
+                episode = int(which) if rows is None or which.isdecimal() else rows.episode(label, which)
+            if episode >= loaded.episodes:
+                raise StudyError(f"--save = {which}: must be less than {loaded.episodes}, the episodes of {study}")
+            files.append(save_episode(folder / f"episode_{episode}_{names[label]}", loaded, label, episode))
+    tell(*(f"skyarm run {file}" for file in files))
+    give(files=files)
 
 
 def _fly(
@@ -73,16 +117,12 @@ def _fly(
 ) -> None:
     """Run the missing episodes of a study, and write them to its folder."""
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
-    from skyarm.scenario.without_effect import WithoutEffectWarning
     from skyarm.studies.flights.executor import LOCAL, require_place
-    from skyarm.studies.sweep import load_study, run_sweep
+    from skyarm.studies.sweep import run_sweep
     from skyarm.studies.sweep.plan import largest_episode
 
-    require_not_another(study, "study")
     place = require_place(LOCAL if on is None else on, "--on")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", WithoutEffectWarning)  # of the file's numbers, in place of an episode's
-        loaded = load_study(study, controllers)
+    loaded = _load(study, controllers)
     folder = Path("out") / loaded.name if out is None else Path(out)
     say_unlikely(loaded.name, unlikely_numbers(largest_episode(loaded)))
     begin = time.perf_counter()

@@ -118,6 +118,10 @@ class Manifest:
         size, episodes = self.study["chunk"], self.study["episodes"]
         return range(index * size, min((index + 1) * size, episodes))
 
+    def is_of(self, other: Manifest) -> bool:
+        """True if the sweeps are of one study, on whatever versions."""
+        return (self.study, self.scenarios) == (other.study, other.scenarios)
+
     def differences(self, there: Manifest) -> Iterator[tuple[str, Any, Any]]:
         """Differences of two sweeps that affect their results: (setting, value here, value there)."""
         ours, theirs = (each._rows_depend_on() for each in (self, there))

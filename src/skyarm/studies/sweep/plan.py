@@ -6,19 +6,23 @@ import dataclasses
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from skyarm.log.metrics.windows import Windows
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import STATED, stated_step
-from skyarm.records.files import errors_as
+from skyarm.records.files import Fields, PathLike, errors_as
 from skyarm.records.identity import all_files, identity
 from skyarm.records.immutable import immutable
+from skyarm.records.read_table import record_from
 from skyarm.records.registry import registrations
 from skyarm.scenario.endings import STATUSES
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.numbers import require_apart, unit_at, with_numbers
+from skyarm.scenario.save import save_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.draws import draws_needed
 from skyarm.studies.flights import Work
@@ -212,6 +216,26 @@ def at_episode(study: Study, label: str, values: Mapping[str, float], episode: i
     """Scenario of a single episode of a study, to run it alone and store its log."""
     scenario = with_numbers(study.scenarios[label], {path: float(values[path]) for path in study.paths})
     return dataclasses.replace(scenario, seed=study.seed, episode=episode)
+
+
+def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path:
+    """Write a single episode of a study as a scenario file, whose flight has the metrics of the episode's row.
+
+    Args:
+        path: of the .toml file to write.
+        study: from :func:`skyarm.studies.sweep.load_study`.
+        label: of the controller.
+        episode: its number.
+
+    Raises:
+        ScenarioError: one line: a scenario that no file can say, as under a law of FILE.py:make.
+        OSError: one line: the file cannot be written.
+    """
+    drawn = values(study, [episode])
+    scenario = at_episode(study, label, {name: column[0] for name, column in drawn.items()}, episode)
+    windows = study.windows.of_flight(scenario.duration, scenario.windows)
+    found = dataclasses.replace(scenario, windows=record_from(Windows, Fields(windows.plain(), "windows")))
+    return save_scenario(path, found, study.base, label if study.document["controllers"] else None)
 
 
 LOOKED_AT = 1000

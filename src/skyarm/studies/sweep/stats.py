@@ -13,13 +13,16 @@ import numpy as np
 
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
-from skyarm.records.files import PathLike, did_you_mean, number, shown
+from skyarm.records.files import PathLike, did_you_mean, must_be_one_of, number, shown
 from skyarm.scenario.numbers import axis_label, words_of
 from skyarm.studies.flights.store import read_column, require_parquet
 from skyarm.studies.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
 from skyarm.studies.sweep.manifest import MANIFEST, read_manifest
 from skyarm.studies.sweep.rows import not_counted, rows_there
 from skyarm.studies.sweep.study import StudyError
+
+FAILED = "failed"
+"""Word for the first episode without success."""
 
 SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
@@ -102,6 +105,27 @@ class Rows:
         for name, limit in self.limits.items():
             found = found & (self.of(controller, name) <= limit)
         return np.asarray(found)
+
+    def episode(self, controller: str, which: str) -> int:
+        """Number of a controller's first episode without success, or of that with the largest value of a metric.
+
+        Args:
+            controller: its label.
+            which: "failed", or the name of a metric.
+
+        Raises:
+            StudyError: neither; no episode failed; or no episode has a value of the metric.
+        """
+        if which == FAILED:
+            found = ~self.succeeded(controller)
+        elif which in self.metrics:
+            column = self.of(controller, which)
+            found = column == np.max(column, initial=-np.inf, where=~np.isnan(column))
+        else:
+            raise StudyError(f"{shown(which)}: {must_be_one_of((FAILED, *self.metrics), which)}, or a number")
+        if not found.any():
+            raise StudyError(f"{which!r}: must be true of an episode of {controller} in {self.folder}; it is of none")
+        return int(self.of(controller, "episode")[int(found.argmax())])
 
 
 def parse_limits(texts: list[str]) -> dict[str, float]:
