@@ -109,7 +109,7 @@ def _save_episodes(study: str, controllers: list[str] | None, out: str | None, w
                 raise StudyError(f"--save = {which}: must be less than {loaded.episodes}, the episodes of {study}")
             files.append(save_episode(folder / f"episode_{episode}_{names[label]}", loaded, label, episode))
     tell(*(f"skyarm run {file}" for file in files))
-    give(files=files)
+    give(study=loaded.name, folder=folder, files=files)
 
 
 def _fly(

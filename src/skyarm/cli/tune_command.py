@@ -65,7 +65,8 @@ def tune(
 ) -> None:
     """Tune a law's gains for a vehicle; write the Pareto front.
 
-    best.toml is the scenario under the picked law. The same command continues what was interrupted. Exit code 3 if no gains meet the margins.
+    best.toml is the scenario under the picked law. The same command continues what was interrupted. Exit code 3 if no
+    gains meet the margins.
     """
     from skyarm.studies.tune.tune_scenario import plan_of, require_size
 
