@@ -31,7 +31,7 @@ from skyarm.cli.output import Advance, Facts, Lines, bar, give, heading, say_cau
 from skyarm.control.catalogue import require_different
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators.rotor import push
-from skyarm.log.flown_scenario import restored_part
+from skyarm.log.flown_scenario import restored_at, written_at
 from skyarm.log.formats import require_format, save_log
 from skyarm.log.log_columns import columns, component_labels
 from skyarm.log.metrics.path_distance import path_distance
@@ -396,14 +396,14 @@ def error_norms(log: Log) -> dict[str, Array]:
 
 def _peak_thrust(log: Log) -> float | None:
     """Highest ratio of a rotor's thrust to its maximum; None if no rotor has a limit."""
-    rotors = getattr(restored_part(log.info, "agent", "plant", "vehicle"), "rotors", ())
+    rotors = getattr(restored_at(log.info, "plant.vehicle"), "rotors", ())
     pairs = zip(rotors, log.rotor_speeds.max(axis=0), strict=False)
     return max((float(push(r, w) / push(r, r.max_speed)) for r, w in pairs if np.isfinite(r.max_speed)), default=None)
 
 
 def _has_battery(log: Log) -> bool:
     """True if a battery's voltage limits the rotors, of which the commands alone say nothing."""
-    return getattr(restored_part(log.info, "agent", "plant", "vehicle"), "battery", None) is not None
+    return getattr(restored_at(log.info, "plant.vehicle"), "battery", None) is not None
 
 
 def _contacts(log: Log) -> list[Facts]:
@@ -509,7 +509,7 @@ def _flight_words(log: Log) -> str:
     info = log.info
     plant = f"{info['plant_vehicle']}, plant {info['plant']} ({info['integrator']})"
     line = f"law {info['controller']} on {plant}, seed {info['seed']}"
-    changes = (info.get("scenario_record") or {}).get("changes", ())
+    changes = written_at(info, "changes") or ()
     paths = dict.fromkeys(str(each["path"]) for each in changes if "path" in each)
     if changes:
         named = f" (of {', '.join(paths)})" if 0 < len(paths) <= MOST_NAMED else ""

@@ -12,7 +12,7 @@ from skyarm.flight_data.flight_data import Channel, FlightData, FlightFormat
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.flight_data.raw_tables import rising_rows
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import written_part
+from skyarm.log.flown_scenario import written_at
 from skyarm.log.formats import load_log
 from skyarm.log.log_columns import setpoints_of
 from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, Source, sources_of
@@ -98,7 +98,7 @@ def measured_flight(log: Log, path: Path) -> FlightData:
         notes.append(f"{', '.join(true)}: are true values, as no sensor of the flight reads them.")
     facts: dict[str, str | float] = {"vehicle": SIMULATED}
     facts |= {key: str(log.info[key]) for key in ("scenario", "status", "digest") if key in log.info}
-    gravity, delay = log.info.get("plant_gravity"), written_part(log.info, "agent", "delays", "command")
+    gravity, delay = log.info.get("plant_gravity"), written_at(log.info, "delays.command")
     given = {"gravity": gravity, "command_delay": delay, "start": log.time[0] if log.time.size else 0.0}
     facts |= {key: float(value) for key, value in given.items() if isinstance(value, (int, float))}
     channels = {name: found[name] for name in QUANTITIES if name in found}

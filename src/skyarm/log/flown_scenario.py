@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.identity import log_digest, own_files
-from skyarm.records.leaves import replace_at
+from skyarm.records.leaves import Place, replace_at
 from skyarm.records.registry import RegistryError
-from skyarm.records.registry.plugins import identities
+from skyarm.records.registry.plugins import code_of, identities
 from skyarm.records.restore import restore
 from skyarm.records.words import slots
 
@@ -24,17 +25,27 @@ def written_scenario(info: Mapping[str, Any]) -> dict[str, Any]:
     return record if isinstance(record, dict) else {}
 
 
-def written_part(info: Mapping[str, Any], *names: str) -> Any:
-    """Part of a log's scenario as plain data, by nested field names; None if it does not exist."""
+def written_at(info: Mapping[str, Any], path: str) -> Any:
+    """Plain data at a path of a log's scenario, such as plant.vehicle, by the words of its file; None if not there."""
+    head, tail = path.split("."), list[str]()
+    while head and ".".join(head) not in _places():
+        tail = [head.pop(), *tail]
     found: Any = written_scenario(info)
-    for name in names:
+    for name in (*_places().get(".".join(head), ()), *tail):
         found = found.get(name) if isinstance(found, dict) else None
     return found
 
 
-def restored_part(info: Mapping[str, Any], *names: str) -> Any:
-    """Part of a log's scenario as dataclasses, by nested field names; None if it cannot be restored."""
-    return restore_written(info, written_part(info, *names))
+@cache
+def _places() -> dict[str, Place]:
+    """Words of a scenario's file, each with its place in the record."""
+    kind: type = code_of(SCENARIO, {})
+    return {slot.table: slot.record for slot in reversed(slots(kind))}
+
+
+def restored_at(info: Mapping[str, Any], path: str) -> Any:
+    """Part of a log's scenario as dataclasses, by path as of :func:`written_at`; None if it cannot be restored."""
+    return restore_written(info, written_at(info, path))
 
 
 def restore_written(info: Mapping[str, Any], written: Any) -> Any:

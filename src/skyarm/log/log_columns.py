@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import restore_written, restored_part, written_part
+from skyarm.log.flown_scenario import restore_written, restored_at, written_at
 from skyarm.log.sensor_data import COMPONENTS, sources_of
 from skyarm.records.arrays import Array
 from skyarm.records.files.names import distinct
@@ -112,7 +112,7 @@ def names_of(log: Log) -> Names:
 
 def _records(info: Mapping[str, Any], kind: type[Any], part: str) -> list[Any]:
     """Restore the links or rotors of the logged vehicle; empty for a damaged file."""
-    found = restored_part(info, "agent", "plant", "vehicle", part)
+    found = restored_at(info, f"plant.vehicle.{part}")
     return [each for each in found if isinstance(each, kind)] if isinstance(found, tuple) else []
 
 
@@ -225,10 +225,10 @@ def drives_of(info: Mapping[str, Any]) -> dict[str, Any]:
     Args:
         info: of a log, which keeps the scenario that was flown.
     """
-    carried = _rows(written_part(info, "agent", "plant", "vehicle", "drives"))
+    carried = _rows(written_at(info, "plant.vehicle.drives"))
     # the scenario's own drive of a joint wins over the vehicle's
     given = {each.get("name"): each.get("drive") for each in carried}
-    given |= {each.get("joint"): each.get("drive") for each in _rows(written_part(info, "agent", "drives"))}
+    given |= {each.get("joint"): each.get("drive") for each in _rows(written_at(info, "plant.drives"))}
     return {joint: restore_written(info, drive) for joint, drive in given.items() if isinstance(joint, str)}
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyarm.log.flown_scenario import written_part
+from skyarm.log.flown_scenario import written_at
 from skyarm.log.log_columns import component_labels
 from skyarm.records.immutable import immutable
 from skyarm.reference.task_records import Guard
@@ -76,8 +76,8 @@ def contact_pairs(log: Log) -> tuple[tuple[str, str], ...]:
 
 def points_at_tip(log: Log) -> frozenset[str]:
     """Names of the contact points at the vehicle's tip."""
-    points = written_part(log.info, "environment", "world", "points") or ()
-    tip = written_part(log.info, "agent", "plant", "vehicle", "end_effector")
+    points = written_at(log.info, "world.points") or ()
+    tip = written_at(log.info, "plant.vehicle.end_effector")
     return frozenset(str(each.get("name")) for each in points if tip and each.get("frame") == tip)
 
 

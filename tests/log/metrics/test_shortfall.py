@@ -58,7 +58,7 @@ def test_speeds_that_the_battery_cuts_are_at_a_limit(hover, esc, share, monkeypa
     curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
     pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=12.6, esc=esc)
     vehicle = dataclasses.replace(skyarm.load_scenario("case3").plant.vehicle, battery=pack)
-    monkeypatch.setattr("skyarm.log.metrics.shortfall.restored_part", lambda *_: vehicle)
+    monkeypatch.setattr("skyarm.log.metrics.shortfall.restored_at", lambda *_: vehicle)
     log = with_components(hover, battery_voltage=np.full((hover.time.size, 1), 6.3))
     found = log.shortfall.saturation
     assert (None if found is None else found.share) == share

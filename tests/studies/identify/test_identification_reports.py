@@ -100,10 +100,9 @@ def test_the_notes_say_what_is_not_known_what_was_not_asked_and_whose_delay_is_n
         (None, {"command": None, "measurement": None}),
     ],
 )
-def test_delays_of_a_log_are_those_that_its_scenario_states(delays, stated, monkeypatch):
-    parts = {("agent", "delays"): delays}
-    monkeypatch.setattr("skyarm.studies.identify.lag_report.written_part", lambda info, *names: parts[names])
-    assert stated_delays(SimpleNamespace(info={})) == stated
+def test_delays_of_a_log_are_those_that_its_scenario_states(delays, stated):
+    record = {"agent": {} if delays is None else {"delays": delays}}
+    assert stated_delays(SimpleNamespace(info={"scenario_record": record})) == stated
 
 
 def test_the_model_of_lags_is_the_vehicle_that_is_named_or_that_of_the_log_s_law():

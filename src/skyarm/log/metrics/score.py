@@ -13,7 +13,7 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import restored_part
+from skyarm.log.flown_scenario import restored_at
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.accumulate import CONTINUOUS, Goal, Instant, Limits, advance_totals, first_totals, quantity
@@ -148,7 +148,7 @@ def _instants(log: Log, *, whole: bool = False) -> Instant:
 
 def _limits(log: Log) -> Limits | None:
     """Limits of the actuators, an array (N,) each; None if the log does not tell its vehicle."""
-    vehicle = restored_part(log.info, "agent", "plant", "vehicle")
+    vehicle = restored_at(log.info, "plant.vehicle")
     if vehicle is None:
         return None
     found = Limits.of(vehicle, [unit is not None for unit in names_of(log).setpoints])

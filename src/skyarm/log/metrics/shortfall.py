@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyarm.log.flown_scenario import restored_part, written_part
+from skyarm.log.flown_scenario import restored_at, written_at
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.accumulate import ROUNDING
 from skyarm.log.metrics.interaction import BAND
@@ -134,7 +134,7 @@ def _saturation(log: Log) -> Saturation | None:
 
 def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, Any]]:
     """Yield name, unit, commands (N,), lower and upper limit of each limited actuator; the upper one may change."""
-    vehicle = restored_part(log.info, "agent", "plant", "vehicle")
+    vehicle = restored_at(log.info, "plant.vehicle")
     if vehicle is None:
         return
     supply: Any = 1.0
@@ -180,7 +180,7 @@ def _missed_positions(log: Log, pushing: Array) -> Iterator[Unreached]:
 def _wanted_force(log: Log) -> tuple[Array, Array]:
     """Commanded contact force (N,), N, and a mask of the instants at which the tip presses or grips."""
     try:
-        push = wanted_push(log) if written_part(log.info, "agent", "reference", "push") else ()
+        push = wanted_push(log) if written_at(log.info, "reference.push") else ()
     except ValueError:  # of a plugin that is not loaded
         push = ()
     if not push:

@@ -14,7 +14,7 @@ import numpy as np
 
 from skyarm.algebra.frames import to_base
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import restored_part
+from skyarm.log.flown_scenario import restored_at
 from skyarm.log.log_columns import Names, columns, names_of, word
 from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, Bytes, encode, flight_definition
 from skyarm.log.ros.scene import (
@@ -117,7 +117,7 @@ def _reference(part: Part) -> dict[str, Any]:
 
 def vehicle_of(log: Log) -> Vehicle | None:
     """Vehicle of a log's plant; None if it cannot be restored."""
-    found = restored_part(log.info, "agent", "plant", "vehicle")
+    found = restored_at(log.info, "plant.vehicle")
     shape = log.joints.shape[1], log.rotor_speeds.shape[1]
     return found if isinstance(found, Vehicle) and (found.n, len(found.rotors)) == shape else None
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from skyarm.algebra import Sym3
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import written_part
+from skyarm.log.flown_scenario import written_at
 from skyarm.records.files import printable
 from skyarm.records.files.toml import toml_key
 from skyarm.records.text_tables import Row, aligned_lines
@@ -57,7 +57,7 @@ def _solid(vehicle: Vehicle) -> Vehicle:
 
 def stated_delays(log: Log) -> dict[str, float | None]:
     """Delays of commands and measurements in the log's scenario, s; None where it states none."""
-    delays = written_part(log.info, "agent", "delays") or {}
+    delays = written_at(log.info, "delays") or {}
     return {name: float(delays[name]) if name in delays else None for name in ("command", "measurement")}
 
 
