@@ -24,7 +24,16 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.lines import say_unlikely
 from skyarm.cli.output import bar, give, json_text, tell
-from skyarm.records.files import errors_as, file_names, require_no_link, require_writable, taken_back, write_inside
+from skyarm.records.files import (
+    errors_as,
+    file_names,
+    must_be_one_of,
+    require_no_link,
+    require_writable,
+    shown,
+    taken_back,
+    write_inside,
+)
 
 if TYPE_CHECKING:
     from skyarm.studies.sweep.maps import RobustnessMap
@@ -92,11 +101,14 @@ def _load(study: str, controllers: list[str] | None) -> Study:
 def _save_episodes(study: str, controllers: list[str] | None, out: str | None, wanted: list[str]) -> None:
     """Write episodes of a study as scenario files, those that are named by their rows with each controller's own."""
     from skyarm.studies.sweep.plan import prepare, save_episode
-    from skyarm.studies.sweep.stats import Rows
+    from skyarm.studies.sweep.stats import FAILED, Rows
     from skyarm.studies.sweep.study import StudyError
 
     loaded = _load(study, controllers)
-    folder = Path("out") / loaded.name if out is None else Path(out)
+    folder, named = Path("out") / loaded.name if out is None else Path(out), (FAILED, *loaded.metrics)
+    for which in wanted:
+        if not which.isdecimal() and which not in named:
+            raise StudyError(f"--save = {shown(which)}: {must_be_one_of(named, which)}, or a number")
     rows = None if all(each.isdecimal() for each in wanted) else Rows(folder)
     if rows is not None and not rows.manifest.is_of(prepare(loaded).manifest):
         raise StudyError(f"{folder}: holds rows of another study than {study}; choose its --out")

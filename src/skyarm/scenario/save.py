@@ -258,10 +258,10 @@ def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
 
 def scenario_text(document: Mapping[str, Any]) -> str:
     """Text of a scenario file: a list's entries on lines of their own."""
-    lines = [f"{toml_key(k)} = {toml_value(v)}" for k, v in document.items() if not isinstance(v, Mapping)]
-    for name, table in document.items():
-        if isinstance(table, Mapping):
-            lines += _table_lines(name, table)
+    lines = list[str]()
+    for name, entry in sorted(document.items(), key=lambda each: isinstance(each[1], Mapping)):
+        key = toml_key(name)
+        lines += _table_lines(key, entry) if isinstance(entry, Mapping) else _value_lines(f"{key} = ", entry, "")
     return "\n".join(lines) + "\n"
 
 

@@ -82,6 +82,7 @@ def test_the_first_failed_and_the_worst_episode_are_found_in_the_rows(here: Path
     ("words", "said"),
     [
         (("--save", "fialed"), r"^--save = 'fialed': did you mean 'failed'\? must be one of .*, or a number$"),
+        (("--save", "-1"), r"^--save = '-1': must be one of failed, .*, or a number$"),
         (("--save", "50"), r"^--save = 50: must be less than 50, the episodes of "),
         (("--save", "1", "--part", "1/2"), r"--part.* with --save: nothing is flown"),
         (("--laws", "paper_ct", "--save", "failed"), r"rows_of_it: holds rows of another study than .*mine\.toml"),

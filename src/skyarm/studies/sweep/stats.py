@@ -13,7 +13,7 @@ import numpy as np
 
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
-from skyarm.records.files import PathLike, did_you_mean, must_be_one_of, number, shown
+from skyarm.records.files import PathLike, did_you_mean, number, shown
 from skyarm.scenario.numbers import axis_label, words_of
 from skyarm.studies.flights.store import read_column, require_parquet
 from skyarm.studies.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
@@ -114,15 +114,13 @@ class Rows:
             which: "failed", or the name of a metric.
 
         Raises:
-            StudyError: neither; no episode failed; or no episode has a value of the metric.
+            StudyError: the rows have no such metric; no episode failed; or no episode has a value of the metric.
         """
         if which == FAILED:
             found = ~self.succeeded(controller)
-        elif which in self.metrics:
+        else:
             column = self.of(controller, which)
             found = column == np.max(column, initial=-np.inf, where=~np.isnan(column))
-        else:
-            raise StudyError(f"{shown(which)}: {must_be_one_of((FAILED, *self.metrics), which)}, or a number")
         if not found.any():
             raise StudyError(f"{which!r}: must be true of an episode of {controller} in {self.folder}; it is of none")
         return int(self.of(controller, "episode")[int(found.argmax())])
