@@ -103,7 +103,8 @@ def tables_of(
     made = scenario_from(written, folder)
     if identity(made) != identity(wanted):
         others = ", ".join(sorted(_different_words(made, wanted)))
-        raise ScenarioError(f"base: must be of the same structure; words and numbers do not say how {others} differ")
+        must = "must be of the same structure, under the law that controller names"
+        raise ScenarioError(f"base: {must}; words and numbers do not say how {others} differ")
     return written
 
 

@@ -27,7 +27,8 @@ def text_of(**fields: object) -> str:
     tables = document(
         precision="bit_exact", metrics=["position_error_mean"], success={"position_error_mean": 0.2}, vary=vary
     )
-    return "".join(f"{toml_key(name)} = {toml_value(each)}\n" for name, each in (tables | fields).items())
+    stated = {name: each for name, each in (tables | fields).items() if each is not None}
+    return "".join(f"{toml_key(name)} = {toml_value(each)}\n" for name, each in stated.items())
 
 
 def sweep(*words: str) -> str:
@@ -111,3 +112,13 @@ def test_a_number_needs_no_rows(tmp_path: Path) -> None:
     scenario = skyarm.load_scenario(tmp_path / "new/episode_3_indi.toml")
     assert (scenario.controller.name, scenario.seed, scenario.episode) == ("indi", 3, 3)
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["episode_3_indi.toml"]
+
+
+def test_a_scenario_beside_the_study_is_found_from_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "own").mkdir()
+    skyarm.save_scenario(tmp_path / "own/flight.toml", skyarm.load_scenario("case3_wind"), "case3_wind")
+    (tmp_path / "own/mine.toml").write_text(text_of(scenario="flight.toml", controllers=None))
+    monkeypatch.chdir(tmp_path)
+    sweep("own/mine.toml", "--out", "new", "--save", "3")
+    scenario = skyarm.load_scenario("new/episode_3_hybrid_computed_torque.toml")
+    assert (scenario.controller.name, scenario.episode) == ("hybrid_computed_torque", 3)

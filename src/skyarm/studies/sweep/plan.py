@@ -23,6 +23,7 @@ from skyarm.scenario.endings import STATUSES
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.numbers import require_apart, unit_at, with_numbers
 from skyarm.scenario.save import save_scenario
+from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.draws import draws_needed
 from skyarm.studies.flights import Work
@@ -223,7 +224,7 @@ def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path
 
     Args:
         path: of the .toml file to write.
-        study: from :func:`skyarm.studies.sweep.load_study`.
+        study: from :func:`skyarm.studies.sweep.load_study`, beside whose file that of its scenario is.
         label: of the controller.
         episode: its number.
 
@@ -235,7 +236,9 @@ def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path
     scenario = at_episode(study, label, {name: column[0] for name, column in drawn.items()}, episode)
     windows = study.windows.of_flight(scenario.duration, scenario.windows)
     found = dataclasses.replace(scenario, windows=record_from(Windows, Fields(windows.plain(), "windows")))
-    return save_scenario(path, found, study.base, label if study.document["controllers"] else None)
+    named = study.document["scenario"]
+    base = named if named in list_scenarios() else Path(study.source).parent / named
+    return save_scenario(path, found, base, label if study.document["controllers"] else None)
 
 
 LOOKED_AT = 1000

@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import Any
 
 from skyarm.log.metrics.windows import Windows
-from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.sweep.distributions import Distribution, Values, finite
@@ -32,7 +31,6 @@ class Study:
     Attributes:
         name: short name. title: one-line description. source: its name in messages.
         scenarios: label of the controller -> scenario it flies; all of them fly the same draws.
-        base: shipped name or path of the scenario that they were made from.
         vary: dotted path -> its distribution, in the order of the file; or a name that is only derived from.
         derived: dotted path, or a name that is only written into the rows -> its expression of what stands before it.
         design: "random", "grid" or "sobol".
@@ -48,7 +46,6 @@ class Study:
     title: str = ""
     source: str = "study"
     scenarios: Mapping[str, Scenario]
-    base: PathLike = ""
     vary: Mapping[str, Distribution]
     design: str = "random"
     episodes: int

@@ -142,7 +142,7 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
         least = -(-chosen["episodes"] // MOST_CHUNKS)
         raise ValueError(f"chunk = {chosen['chunk']}: must be at least {least} for {chosen['episodes']} episodes")
     paths = [name for name in (*vary, *derived) if not (derived and is_own_name(name))]
-    base, scenarios = _scenarios(top, folder, paths, derived)
+    scenarios = _scenarios(top, folder, paths, derived)
     first = next(iter(scenarios.values()))
     chosen["metrics"] = _metrics(top, first)
     windows = chosen["windows"].of_flight(first.duration, first.windows)
@@ -159,7 +159,6 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
         title=title,
         source=source,
         scenarios=scenarios,
-        base=base,
         vary=vary,
         derived=derived,
         success=success,
@@ -212,10 +211,8 @@ def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
     return metric_names(wanted, scenario.plant.vehicle.n, scenario.commands_setpoints)
 
 
-def _scenarios(
-    top: Fields, folder: Path, paths: list[str], derived: Collection[str]
-) -> tuple[PathLike, dict[str, Scenario]]:
-    """Name or path of a study's scenario; scenarios by controller, whose varied parameters are inputs of a batch."""
+def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:
+    """Scenarios of a study by controller name, whose varied parameters are inputs of a batch of flights."""
     named = top.take("scenario")
     if not isinstance(named, str):
         raise ValueError(f"scenario = {shown(named)}: must be the name of a shipped scenario or a path")
@@ -230,7 +227,7 @@ def _scenarios(
         if any(path.startswith("changes.") for path in paths) and controller is not None:
             _require_numbered_alike(scenario, load_scenario(file, duration=duration))
         found[controller or scenario.controller.name] = _ready(scenario, paths, derived)
-    return file, found
+    return found
 
 
 def _require_numbered_alike(scenario: Scenario, own: Scenario) -> None:
