@@ -180,6 +180,7 @@ def test_what_follows_from_payloads_and_tasks_is_not_written_twice(tmp_path):
         dataclasses.replace(scenario, changes=(told, own)),
         dataclasses.replace(scenario, changes=(first, told)),
         dataclasses.replace(scenario, payloads=(box, bag)),
+        dataclasses.replace(scenario, payloads=(dataclasses.replace(box, drop=5.0), bag)),
         skyarm.with_numbers(scenario, {"changes.0.value": 0.06, "payloads.box.mass": 0.07}),
     ):
         found = skyarm.load_scenario(skyarm.save_scenario(tmp_path / "found.toml", changed, CARRYING))

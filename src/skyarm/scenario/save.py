@@ -172,7 +172,7 @@ def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables
         with errors_as(ScenarioError, f"{slot.path}: ", TypeError):
             entry = _entry(slot, after)
         if slot.path == "payloads":
-            entry = _without_instants(entry, tables.get("payloads", []), begun)
+            entry = _without_instants(entry, tables.get("payloads", []))
         if slot.table == "sensors":  # of the full state its numbers stand there, of others tables by their names
             beside = found.get("sensors", {}).items()
             entry = {name: each for name, each in beside if isinstance(each, dict) is (slot.path == slot.table)} | entry
@@ -180,20 +180,14 @@ def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables
     return found
 
 
-def _without_instants(entry: list[Tables], stated: list[Tables], begun: Scenario) -> list[Tables]:
-    """Entry of payloads without the instants that the phases of a task of the base state."""
-    known = {each["name"]: each for each in stated if "name" in each}
-    derived = {
-        (name, word, getattr(each, word))
-        for each in begun.payloads
-        for word in INSTANTS
-        if (name := each.name) in known and word not in known[name]
-    }
+def _without_instants(entry: list[Tables], stated: list[Tables]) -> list[Tables]:
+    """Entry of payloads without instants that the base's table of a payload leaves to the phases of a task."""
+    known = {each.get("name"): each for each in stated}
     return [
         {
             word: value
             for word, value in each.items()
-            if word not in INSTANTS or (each["name"], word, value) not in derived
+            if word not in INSTANTS or word in known.get(each["name"], INSTANTS)
         }
         for each in entry
     ]
