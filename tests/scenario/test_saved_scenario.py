@@ -205,6 +205,17 @@ def test_a_path_that_cannot_be_written_is_one_line(case3, tmp_path, name, kind, 
     assert sorted(tmp_path.rglob("*")) == before
 
 
+class Draught(RotorDrag):
+    """A force of a class that no file names."""
+
+
+def test_a_part_without_words_is_refused_by_its_word(case3, tmp_path):
+    with pytest.raises(ScenarioError, match=r"found\.toml: environment\.forces\[0\]\.kind = None: must") as caught:
+        skyarm.save_scenario(tmp_path / "found.toml", dataclasses.replace(case3, forces=(Draught(),)), "case3")
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_log_is_no_base_and_a_long_title_is_no_path(case3, tmp_path):
     with pytest.raises(ScenarioError, match=r"^base: scenario = 'flight\.npz': must be the path of a \.toml file"):
         skyarm.save_scenario(tmp_path / "found.toml", case3, "flight.npz")

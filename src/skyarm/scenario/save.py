@@ -68,7 +68,7 @@ def save_scenario(
     with taken_back(file.parent):
         with errors_as(ScenarioError):
             output_file(str(path), "path", SUFFIX)
-        with errors_as(ScenarioError, f"{file}: "):
+        with errors_as(ScenarioError, f"{file}: ", (ValueError, TypeError)):
             found = tables_of(scenario, _from_folder(tables, folder, file.parent), file.parent, controller)
             return write_atomically(file, scenario_text(found).encode())
 
