@@ -7,7 +7,7 @@ import inspect
 import re
 import types
 import typing
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypeVar
 
 from skyarm.algebra import Quaternion, Vec3
@@ -20,7 +20,7 @@ from skyarm.records.immutable import declarations
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find
 from skyarm.records.registry.registrations import name_of
-from skyarm.records.units import NUMBER, Unit, declared_units, units
+from skyarm.records.units import NUMBER, Unit, declared_units, scalars
 from skyarm.records.words import words_of_fields
 
 Record = TypeVar("Record")
@@ -80,8 +80,12 @@ def entry_of(value: object) -> Entry:
     return entry
 
 
-def record_entry(value: object) -> dict[str, Entry]:
+def record_entry(value: object, always: Collection[str] = ()) -> dict[str, Entry]:
     """Table of a record's fields that are not their defaults, and of its kind if its class is registered.
+
+    Args:
+        value: a record.
+        always: fields that stand in the table even so.
 
     Raises:
         TypeError: no record, or one of values that no file has words for.
@@ -93,7 +97,9 @@ def record_entry(value: object) -> dict[str, Entry]:
     named = {"kind": _registered_name(kind, value)} if kind else {}
     usual, words = defaults(type(value)), {name: word for word, name in words_of_fields(type(value)).items()}
     held = ((name, getattr(value, name)) for name in names)
-    stated = ((name, each) for name, each in held if each is not None and not same_as(each, usual[name]))
+    stated = (
+        (name, each) for name, each in held if each is not None and (name in always or not same_as(each, usual[name]))
+    )
     return named | {words.get(name, name): entry_of(each) for name, each in stated}
 
 
@@ -130,13 +136,21 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: object) -> Rec
         raise ValueError(f"{where}{'.' if named in own or field in own else ': '}{words}") from None
 
 
-def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Collection[str] = ()) -> dict[str, float]:
-    """Read some numeric fields of a dataclass from a table, and check their declared bounds."""
-    known, found = units(kind), dict[str, float]()
-    for name in names:
-        if fields.take(name, None) is None and name not in required:
+def numbers_from(kind: type, fields: Fields, *, partial: bool = False) -> dict[str, float]:
+    """Read the scalar fields of a dataclass that a table states, and check their declared bounds.
+
+    Args:
+        kind: a dataclass.
+        fields: the table, which may have other words, too.
+        partial: a field without a default may be left out.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed, in which unit.
+    """
+    found, usual = dict[str, float](), defaults(kind)
+    for name, unit in scalars(kind).items():
+        if fields.take(name, None) is None and (partial or usual[name] is not dataclasses.MISSING):
             continue
-        unit = known[name]
         try:
             value = fields.number(name, low=unit.low, strict=unit.strict, infinite=unit.infinite)
         except ValueError as error:

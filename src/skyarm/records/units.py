@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Annotated
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
@@ -80,6 +81,15 @@ def _units(kind: type) -> Mapping[str, Unit]:
 
 units: Callable[[type], Mapping[str, Unit]] = _units
 """The unit of each field of a dataclass that states one."""
+
+
+@cache
+def _scalars(kind: type) -> Mapping[str, Unit]:
+    return {name: unit for name, (wanted, unit) in declared_fields(kind).items() if wanted is Scalar}
+
+
+scalars: Callable[[type], Mapping[str, Unit]] = _scalars
+"""The unit of each field of a dataclass that holds one scalar."""
 
 
 def declared_fields(kind: type) -> dict[str, tuple[object, Unit]]:
