@@ -161,7 +161,7 @@ def replace_at(record: Record, values: Mapping[Place, object]) -> Record:
     return result
 
 
-def blend(condition: object, new: Record, old: Record) -> Record:
+def blend(condition: Scalar, new: Record, old: Record) -> Record:
     """Select between two nested dataclasses, scalar by scalar: ``new`` where a condition holds, else ``old``."""
     values = [where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)]
     return rebuild(old, iter(values))
