@@ -11,6 +11,8 @@ from skyarm.control.catalogue import LAWS, make_controller, rescale
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import Model
 from skyarm.records.leaves import is_leaf, leaves, mismatch, named_leaves, pairs, part, parts, replace_at, walk
+from skyarm.records.path_names import View, below
+from skyarm.records.units import Unit
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,16 @@ def test_only_what_stands_at_the_places_is_replaced() -> None:
     changed = replace_at(RECORD, {("rows", "1", "0"): 9.0, ("inner", "0"): Inner(8.0)})
     assert changed == Outer(((1.0, 2.0), (9.0,)), (Inner(8.0), Inner(5.0)))
     assert changed.inner[1] is RECORD.inner[1]
+    assert replace_at(RECORD, {(): changed}) is changed
+
+
+def test_names_of_a_part_lead_there_from_the_record_that_holds_it() -> None:
+    angle = View("roll", Unit("rad"), ("attitude",))
+    assert below(("state",), {"x": (("p", "x"), ("q",)), "roll": angle, "of": {"y": (("y",),)}}) == {
+        "x": (("state", "p", "x"), ("state", "q")),
+        "roll": View("roll", Unit("rad"), ("state", "attitude")),
+        "of": {"y": (("state", "y"),)},
+    }
 
 
 @pytest.mark.parametrize("path", ["gains.positions", "gains.position.w", "nothing", "joint_gains.stiffness.2"])

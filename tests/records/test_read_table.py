@@ -12,7 +12,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields
-from skyarm.records.read_table import options_from, record_from
+from skyarm.records.read_table import entry_of, options_from, record_from
 from skyarm.records.units import Unit, units
 
 
@@ -32,6 +32,11 @@ class Tether:
         accept_fields(self, "tether")
 
 
+@dataclass(frozen=True)
+class Own(skyarm.Force):
+    """Force that is not registered."""
+
+
 TABLE = {"spring": {"stiffness": 3}, "anchor": [0, 1.5, 2]}
 
 
@@ -39,6 +44,14 @@ def test_a_table_is_read_by_the_annotations_units_or_not() -> None:
     tether = record_from(Tether, Fields({**TABLE, "length": 2, "turns": 4.0}, "forces[0]"))
     assert tether == Tether(Spring(3.0), skyarm.Vec3(0.0, 1.5, 2.0), 2.0, 4)
     assert record_from(Tether, Fields(TABLE, "forces[0]")).length is None
+
+
+def test_an_entry_is_read_back_and_a_class_that_no_file_can_name_has_none() -> None:
+    tether = Tether(Spring(3.0), skyarm.Vec3(0.0, 1.5, 2.0), turns=4)
+    assert entry_of(tether) == {"spring": {"stiffness": 3.0}, "anchor": [0.0, 1.5, 2.0], "turns": 4}
+    assert record_from(Tether, Fields(entry_of(tether), "")) == tether
+    with pytest.raises(TypeError, match=r"^Own is registered under no name$"):
+        entry_of(Own())
 
 
 def test_the_unit_of_an_option_of_a_union_is_the_field_s() -> None:

@@ -158,7 +158,8 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
     else:
         scenario = load_scenario(target, controller=controller)
         file = LIBRARY / f"{target}.toml" if target in names else Path(target)
-        document = read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}  # nothing of a log
+        # nothing of a log
+        document: dict[str, Any] = read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}
         table = document.get("controller", {}) if controller is None else {}
         words = {name: value for name, value in table.items() if name not in LAYERS}
         words = words or law_entry(scenario.controller.name)  # of a log
@@ -166,8 +167,8 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
     tuned = controller if is_gains_file(controller) else words.get("tuned")
     if is_gains_file(tuned):
         path = Path(str(tuned)) if controller is not None else Path(target).parent / str(tuned)
-        document = read_toml(path.read_bytes())
-        words, kept = dict(document["law"]), dict(document.get("gains", {}))
+        stated: dict[str, Any] = read_toml(path.read_bytes())
+        words, kept = dict(stated["law"]), dict(stated.get("gains", {}))
     elif controller is not None:
         words = law_entry(controller)
     label = str(words.get("preset", words.get("law")))

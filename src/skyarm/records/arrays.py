@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.algebra.scalars import Scalar
+
 Array = npt.NDArray[np.float64]
 """Array of doubles; the shape stands in the docstring that names it."""
 
@@ -27,7 +29,7 @@ AnyArray = npt.NDArray[Any]
 """Array of doubles, integers or booleans."""
 
 
-def stack_values(count: int, values: Iterable[Any]) -> Array:
+def stack_values(count: int, values: Iterable[Scalar | Array]) -> Array:
     """Stack scalars and arrays of length ``count`` into one array (values, count)."""
     rows = [np.broadcast_to(np.asarray(value, dtype=float), count) for value in values]
     return np.stack(rows) if rows else np.zeros((0, count))

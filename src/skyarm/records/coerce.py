@@ -10,14 +10,19 @@ from __future__ import annotations
 import math
 import numbers
 import sys
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NoReturn
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NoReturn, TypeGuard, TypeVar
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
-from skyarm.algebra.scalars import structural
+from skyarm.algebra.scalars import Scalar, structural
 from skyarm.records.files.messages import must_be_one_of, shown
 
-Rule = Callable[[str, Any], Any]
+if TYPE_CHECKING:
+    from skyarm.records.arrays import Array
+
+Thing = TypeVar("Thing")
+
+Rule = Callable[[str, object], Any]
 """From a field's name and what was given to what is held; raises RecordError."""
 
 TOLERANCE = 1e-6
@@ -33,7 +38,7 @@ def refuse(field: str, value: object, allowed: str) -> NoReturn:
     raise RecordError(f"{field} = {shown(value)}: {allowed}")
 
 
-def concrete(*values: Any) -> bool:
+def concrete(*values: object) -> bool:
     """True if all values are plain Python numbers, not arrays of a batch or symbols of a traced program."""
     return all(isinstance(value, (int, float)) for value in values)
 
@@ -62,7 +67,7 @@ def accept(record: object, where: str, rules: Mapping[str, Rule], error: type[Va
         raise error(str(refusal)) from None
 
 
-def number(field: str, value: object) -> Any:
+def number(field: str, value: object) -> Scalar:
     """Convert a scalar: plain numbers become floats; arrays of a batch and traced scalars stay as they are."""
     if type(value) is float:
         return value
@@ -77,13 +82,17 @@ def number(field: str, value: object) -> Any:
     if _is_array(plain) and plain.dtype.kind in "fiu":
         return plain if plain.dtype.kind == "f" else plain.astype(float)
     # what is left of scalars: JAX, CasADi, nodes of a trace
-    scalar = hasattr(plain, "__mul__") and hasattr(plain, "__float__")
-    if not scalar or _is_array(plain) or isinstance(plain, numbers.Number):
+    if not _is_scalar(plain) or _is_array(plain) or isinstance(plain, numbers.Number):
         refuse(field, value, "must be a number")
     return plain
 
 
-def coefficient(field: str, value: object) -> Any:
+def _is_scalar(value: object) -> TypeGuard[Scalar]:
+    """True for what has a scalar's product and is one number."""
+    return hasattr(value, "__mul__") and hasattr(value, "__float__")
+
+
+def coefficient(field: str, value: object) -> Scalar:
     """Convert a scalar coefficient; an integer 0 stays one, which removes the effect from compiled code."""
     return 0 if absent(value) else number(field, value)
 
@@ -110,7 +119,7 @@ def inertia(field: str, value: object) -> Sym3:
             *(_entry(f"{field}.{name}", each) for name, each in zip(Sym3.__slots__, value.entries, strict=True))
         )
     allowed = "must be three (xx yy zz) or six (xx yy zz xy xz yz) numbers, or a symmetric 3x3 matrix"
-    entries = items(field, value, (3, 6), allowed)
+    entries: Sequence[object] = items(field, value, (3, 6), allowed)
     if any(_many(entry) for entry in entries):
         rows = [items(field, row, (3,), allowed) for row in items(field, entries, (3,), allowed)]
         entries = _symmetric(field, [[number(field, each) for each in row] for row in rows], value)
@@ -118,12 +127,12 @@ def inertia(field: str, value: object) -> Sym3:
     return Sym3(*(0 if type(each) is float and each == 0.0 else each for each in held))
 
 
-def _symmetric(field: str, rows: list[list[Any]], value: object) -> list[Any]:
+def _symmetric(field: str, rows: list[list[Scalar]], value: object) -> list[Scalar]:
     """Entries xx yy zz xy xz yz of a 3 x 3 matrix, after a check of its symmetry."""
     pairs = [(rows[i][j], rows[j][i]) for i, j in ((0, 1), (0, 2), (1, 2))]
     concrete = [each for row in rows for each in row if type(each) is float]
     slack = TOLERANCE * max((abs(each) for each in concrete), default=0.0)
-    if len(concrete) == 9 and any(abs(a - b) > slack for a, b in pairs):
+    if len(concrete) == 9 and any(abs(float(a) - float(b)) > slack for a, b in pairs):
         refuse(field, value, "must be symmetric")
     return [rows[0][0], rows[1][1], rows[2][2], *(a for a, _ in pairs)]
 
@@ -143,7 +152,7 @@ def name(field: str, value: object) -> str:
 def word_of(words: Iterable[str]) -> Rule:
     """Make a conversion rule that accepts one of the given texts."""
 
-    def rule(field: str, value: Any) -> str:
+    def rule(field: str, value: object) -> str:
         if not isinstance(value, str) or value not in words:
             refuse(field, value, must_be_one_of(words, value))
         return value
@@ -177,10 +186,10 @@ def whole(field: str, value: object) -> int:
     return int(plain)
 
 
-def one(kind: type) -> Rule:
+def one(kind: type[Thing]) -> Callable[[str, object], Thing]:
     """Make a check that accepts only instances of a given class."""
 
-    def rule(field: str, value: object) -> Any:
+    def rule(field: str, value: object) -> Thing:
         if not isinstance(value, kind):
             refuse(field, value, f"must be a {kind.__name__}")
         return value
@@ -188,7 +197,7 @@ def one(kind: type) -> Rule:
     return rule
 
 
-def pairs(field: str, value: Any) -> tuple[tuple[str, str], ...]:
+def pairs(field: str, value: object) -> tuple[tuple[str, str], ...]:
     """Convert a mapping or a sequence of pairs of texts to a tuple of pairs."""
     items = tuple(value.items()) if isinstance(value, Mapping) else value
     if not is_sequence(items):
@@ -199,13 +208,13 @@ def pairs(field: str, value: Any) -> tuple[tuple[str, str], ...]:
     return tuple((key, source) for key, source in held)
 
 
-def is_sequence(value: object) -> bool:
+def is_sequence(value: object) -> TypeGuard[Iterable[object]]:
     """True for a sequence, but not for text, a table or a zero-dimensional array."""
     several = hasattr(value, "__iter__") and not isinstance(value, (str, bytes, Mapping, type))
     return several and bool(getattr(value, "ndim", 1))
 
 
-def plain_number(value: object) -> Any:
+def plain_number(value: object) -> object:
     """Convert NumPy scalars and zero-dimensional arrays to Python numbers; other values are returned unchanged."""
     numpy = sys.modules.get("numpy")
     if numpy is not None and isinstance(value, (numpy.generic, numpy.ndarray)) and value.ndim == 0:
@@ -213,7 +222,7 @@ def plain_number(value: object) -> Any:
     return value
 
 
-def _is_array(value: object) -> bool:
+def _is_array(value: object) -> TypeGuard[Array]:
     """True for a NumPy array: values of a batch, or a row of a matrix."""
     numpy = sys.modules.get("numpy")
     return numpy is not None and isinstance(value, numpy.ndarray)
@@ -224,7 +233,7 @@ def _many(value: object) -> bool:
     return isinstance(value, (list, tuple, Vec3)) or _is_array(value)
 
 
-def items(field: str, value: Any, counts: tuple[int, ...] | None, allowed: str) -> list[Any]:
+def items(field: str, value: Any, counts: tuple[int, ...] | None, allowed: str) -> list[object]:
     """Items of a sequence or array as a list, after a check of their count (None allows any)."""
     if isinstance(value, (str, bytes, Mapping, set, frozenset)):
         refuse(field, value, allowed)
@@ -237,12 +246,12 @@ def items(field: str, value: Any, counts: tuple[int, ...] | None, allowed: str) 
     return found
 
 
-def _entry(field: str, value: object) -> Any:
+def _entry(field: str, value: object) -> Scalar:
     """Convert one entry of a vector or matrix; integers 0, 1 and -1 stay constants of compiled code."""
     return value if type(value) is int and value in _STRUCTURE else number(field, value)
 
 
-def _structural_number(field: str, value: object) -> Any:
+def _structural_number(field: str, value: object) -> Scalar:
     """Convert a plain number; exact 0, 1 and -1 become constants of compiled code."""
     held = number(field, value)
     return structural(held) if type(held) is float else held
@@ -282,14 +291,14 @@ def proper_rotation(field: str, value: object) -> Mat3:
     return Mat3(*(Vec3(*row) for row in rows))
 
 
-def _dot(rows: list[list[Any]], i: int, j: int) -> Any:
+def _dot(rows: list[list[Scalar]], i: int, j: int) -> Scalar:
     """Dot product of two columns of a matrix."""
     return sum(row[i] * row[j] for row in rows)
 
 
-def _skew(rows: list[list[Any]]) -> float:
+def _skew(rows: list[list[Scalar]]) -> float:
     """Deviation of a matrix R from orthonormal columns: largest entry of R^T R - I."""
-    return float(max(abs(_dot(rows, i, j) - (i == j)) for i in range(3) for j in range(3)))
+    return float(max(abs(float(_dot(rows, i, j) - (i == j))) for i in range(3) for j in range(3)))
 
 
 def near_unit_quaternion(value: Quaternion) -> Quaternion:

@@ -7,22 +7,24 @@ field without a :class:`Unit` is checked by its type alone: the records of plugi
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import types
 import typing
 from collections.abc import Callable, Mapping
 from functools import cache, partial
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, Rule, concrete, refuse
+from skyarm.records.immutable import declarations
 from skyarm.records.leaves import field_names
 from skyarm.records.units import Unit, declared_fields
 
 Record = TypeVar("Record")
+
+Several = TypeVar("Several", Vec3, Quaternion)
 
 
 WHOLE = 2**53
@@ -96,15 +98,15 @@ rules: Callable[[type], Mapping[str, Rule]] = _rules
 
 
 @cache
-def _usual(kind: Any) -> Mapping[str, Any]:
-    return {field.name: field.default for field in dataclasses.fields(kind)}
+def _usual(kind: type) -> Mapping[str, object]:
+    return {field.name: field.default for field in declarations(kind)}
 
 
-defaults: Callable[[type], Mapping[str, Any]] = _usual
+defaults: Callable[[type], Mapping[str, object]] = _usual
 """The default of each field of a dataclass; ``dataclasses.MISSING`` where one must be given."""
 
 
-def _rule(wanted: Any, unit: Unit) -> Rule | None:
+def _rule(wanted: object, unit: Unit) -> Rule | None:
     """Function that checks and converts values of an annotated type; None if there is nothing to check."""
     if unit.rule is not None:
         return _with_bounds(unit.rule, unit)
@@ -124,14 +126,15 @@ def _rule(wanted: Any, unit: Unit) -> Rule | None:
         return coerce.word_of(options)
     if origin is not None and issubclass(origin, Callable):  # type: ignore[arg-type]
         return _callable
-    plain = {bool: coerce.flag, str: coerce.text}.get(wanted)
-    return coerce.one(wanted) if plain is None and _is_record(wanted) else plain
+    if wanted in (bool, str):
+        return coerce.flag if wanted is bool else coerce.text
+    return coerce.one(wanted) if _is_record(wanted) else None
 
 
 def _with_bounds(rule: Rule, unit: Unit) -> Rule:
     """Extend a field's own conversion function by a check of the field's bounds."""
 
-    def check(field: str, value: object) -> Any:
+    def check(field: str, value: object) -> object:
         held = rule(field, value)
         if isinstance(held, (Vec3, Sym3)):
             for name in type(held).__slots__:
@@ -144,13 +147,13 @@ def _with_bounds(rule: Rule, unit: Unit) -> Rule:
     return check
 
 
-def _is_record(wanted: object) -> bool:
+def _is_record(wanted: object) -> TypeGuard[type]:
     """True if an annotation is a class whose instances ``isinstance`` can test, such as a dataclass."""
     said = isinstance(wanted, type) and wanted not in (Any, object, bool, str, *_NUMBERS)
     return said and not hasattr(wanted, "_is_protocol")
 
 
-def _number(field: str, value: object, unit: Unit) -> Any:
+def _number(field: str, value: object, unit: Unit) -> Scalar:
     """Convert a number and check its bounds; the number stays variable in compiled code."""
     held = value if type(value) is float else coerce.number(field, value)
     if type(held) is float:
@@ -158,7 +161,7 @@ def _number(field: str, value: object, unit: Unit) -> Any:
     return held
 
 
-def _scalar(field: str, value: object, unit: Unit) -> Any:
+def _scalar(field: str, value: object, unit: Unit) -> Scalar:
     """Convert a scalar and check its bounds; integers become constants of compiled code."""
     if type(value) is int and abs(value) < WHOLE:
         _within(field, value, unit)
@@ -166,7 +169,7 @@ def _scalar(field: str, value: object, unit: Unit) -> Any:
     return _number(field, value, unit)
 
 
-def accept_scalar(field: str, value: object, unit: Unit) -> Any:
+def accept_scalar(field: str, value: object, unit: Unit) -> Scalar:
     """Convert a scalar to its stored type, and check the bounds of its unit.
 
     Raises:
@@ -195,7 +198,7 @@ def _within(field: str, value: float, unit: Unit) -> None:
         refuse(field, value, f"must be at most {unit.largest:g}{' in size' if unit.low < 0.0 else ''}")
 
 
-def _numbers(field: str, value: Any, unit: Unit, kind: Any, letters: str, allowed: str) -> Any:
+def _numbers(field: str, value: object, unit: Unit, kind: type[Several], letters: str, allowed: str) -> Several:
     """Convert a list of plain numbers, or an instance of the class, to a vector or quaternion class."""
     if isinstance(value, kind):
         given = [getattr(value, letter) for letter in letters]
@@ -205,7 +208,7 @@ def _numbers(field: str, value: Any, unit: Unit, kind: Any, letters: str, allowe
     return kind(*(0 if unit.folds and concrete(each) and each == 0.0 else each for each in entries))
 
 
-_NUMBERS: Mapping[Any, Callable[[str, Any, Unit], Any]] = {
+_NUMBERS: Mapping[object, Callable[[str, object, Unit], object]] = {
     float: _number,
     int: _whole,
     Scalar: _scalar,
@@ -216,24 +219,25 @@ _NUMBERS: Mapping[Any, Callable[[str, Any, Unit], Any]] = {
 }
 
 
-def _one_of(options: tuple[Any, ...], unit: Unit) -> Rule | None:
+def _one_of(options: tuple[object, ...], unit: Unit) -> Rule | None:
     """Make a check for a union type: the first member type that accepts a value converts it."""
-    found = [_rule(each, unit) for each in options if each is not type(None)]
-    if any(each is None for each in found):
+    held = [each for each in options if each is not type(None)]
+    found = [rule for rule in (_rule(each, unit) for each in held) if rule is not None]
+    if len(found) < len(held):
         return None
-    kinds = tuple(each for each in options if _is_record(each) and each is not type(None))
+    kinds = tuple(each for each in held if _is_record(each))
     names = " or ".join([*(each.__name__ for each in kinds), *(["None"] if type(None) in options else [])])
 
-    def rule(field: str, value: object) -> Any:
+    def rule(field: str, value: object) -> object:
         if value is None and type(None) in options:
             return None
         if len(kinds) == len(found):
             return value if isinstance(value, kinds) else refuse(field, value, f"must be a {names}")
         if len(found) == 1:
-            return found[0](field, value)  # type: ignore[misc]
+            return found[0](field, value)
         for each in found:
             try:
-                return each(field, value)  # type: ignore[misc]
+                return each(field, value)
             except RecordError as error:
                 refusal = error
         raise refusal
@@ -247,7 +251,7 @@ def _many(each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: b
     Whole numbers of a plain list of scalars are data.
     """
 
-    def rule(field: str, value: Any) -> Any:
+    def rule(field: str, value: object) -> object:
         if not coerce.is_sequence(value):
             refuse(field, value, "must be a sequence")
         given = value if isinstance(value, tuple) else tuple(value)
@@ -267,9 +271,9 @@ def _many(each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: b
 
 def _many_records(kind: type) -> Rule:
     """Make a check for a tuple of any length whose items are instances of one class."""
-    item = coerce.one(kind)
+    item: Rule = coerce.one(kind)
 
-    def rule(field: str, value: Any) -> Any:
+    def rule(field: str, value: object) -> object:
         if not coerce.is_sequence(value) or isinstance(value, _ALONE):
             refuse(field, value, f"must be a tuple of {kind.__name__}")
         held = value if isinstance(value, tuple) else tuple(value)
@@ -284,7 +288,7 @@ _ALONE = (Vec3, Quaternion)
 """Records that can be iterated over, and are one thing."""
 
 
-def _callable(field: str, value: object) -> Any:
+def _callable(field: str, value: object) -> object:
     if not callable(value):
         refuse(field, value, "must be a function")
     return value

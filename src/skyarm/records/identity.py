@@ -8,7 +8,6 @@ import types
 from collections.abc import Iterable, Mapping
 from enum import Enum
 from pathlib import Path
-from typing import Any
 
 from skyarm.records.files.user_code import file_of, identity_of_file, is_own, is_own_file, number_duplicates, source_of
 from skyarm.records.plain import digest, fields_of, plain
@@ -43,7 +42,7 @@ def log_digest(written: object, files: Mapping[str, str]) -> str:
     return digest({"record": flown, "code": dict(files)} if files else flown)
 
 
-def _without(data: object, names: tuple[str, ...]) -> Any:
+def _without(data: object, names: tuple[str, ...]) -> object:
     """Plain data with all fields of the given names left out, at any depth."""
     if isinstance(data, dict):
         return {key: _without(value, names) for key, value in data.items() if key not in names}
@@ -54,7 +53,7 @@ Pair = tuple[str, str]
 """Name and identity of a file."""
 
 
-def own_files(*things: Any) -> dict[str, str]:
+def own_files(*things: object) -> dict[str, str]:
     """Digests, by file name, of all user files that define the functions and classes in the given objects.
 
     A plugin's file brings along the modules beside it that it imported. A scenario's plant is in it, though a scenario
@@ -66,14 +65,14 @@ def own_files(*things: Any) -> dict[str, str]:
     return number_duplicates(sorted(_pairs(things)))
 
 
-def all_files(*things: Any) -> dict[str, str]:
+def all_files(*things: object) -> dict[str, str]:
     """Digests by name of the user files behind the given objects and of all loaded plugins."""
     return number_duplicates(
         sorted(_pairs(things) | {pair for plugin in loaded_plugins() for pair in plugin.identities()})
     )
 
 
-def _pairs(things: Iterable[Any]) -> set[Pair]:
+def _pairs(things: Iterable[object]) -> set[Pair]:
     found: set[Pair] = set()
     waiting, seen = list(things), {}
     while waiting:
@@ -119,7 +118,7 @@ def _of_class(kind: type) -> set[Pair]:
     return {pair for code in codes if isinstance(code, types.CodeType) for pair in _of_code(code, kind.__module__)}
 
 
-def _parts(value: object) -> list[Any]:
+def _parts(value: object) -> list[object]:
     """Objects inside an object, such as items, fields and captured variables, in which user code is searched."""
     if isinstance(value, Mapping):
         return [*value.values()]
@@ -139,7 +138,7 @@ def _parts(value: object) -> list[Any]:
     return [type(value), *held, *([] if named_plant is None else [named_plant.target])]
 
 
-def _content(cell: types.CellType) -> Any:
+def _content(cell: types.CellType) -> object:
     """Value of a variable captured by a function (closure cell); None if it is not assigned yet."""
     try:
         return cell.cell_contents

@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
-from typing import Any, TypeVar, dataclass_transform, overload
+from dataclasses import Field, dataclass, field, fields, is_dataclass
+from functools import cache
+from typing import TypeVar, dataclass_transform, overload
 
 T = TypeVar("T")
+
+
+def _declarations(kind: type) -> tuple[Field[object], ...]:
+    return fields(kind) if is_dataclass(kind) else ()
+
+
+declarations: Callable[[type], tuple[Field[object], ...]] = cache(_declarations)
+"""Fields of a dataclass with their defaults and metadata; none of any other type."""
+
 
 LONGEST = 300
 """Characters of a record's text: a notebook prints it below a cell whose last line it is."""
 
 
-def short_repr(record: Any) -> str:
+def short_repr(record: object) -> str:
     """Text of a record of at most 300 characters: its class and fields; of long values the class alone if need be."""
     texts = {
         each.name: (type(value).__name__, " ".join(repr(value).split()))
-        for each in fields(record)
+        for each in declarations(type(record))
         if each.repr
         for value in [getattr(record, each.name)]
     }

@@ -10,9 +10,9 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
-from skyarm.algebra.scalars import where
+from skyarm.algebra.scalars import Scalar, where
 
 Record = TypeVar("Record")
 
@@ -22,7 +22,7 @@ Place = tuple[str, ...]
 """Field names and item numbers that lead from one record to a part of it."""
 
 
-def _map(record: object, visit: Callable[[Any], Any]) -> Any:
+def _map(record: object, visit: Callable[[object], object]) -> Any:
     if isinstance(record, tuple):
         return tuple(_map(item, visit) for item in record)
     names = field_names(type(record))
@@ -38,7 +38,7 @@ def leaves(record: object) -> list[Any]:
     return found
 
 
-def _visit_only(record: object, visit: Callable[[Any], None]) -> None:
+def _visit_only(record: object, visit: Callable[[object], None]) -> None:
     if isinstance(record, tuple):
         for item in record:
             _visit_only(item, visit)
@@ -62,7 +62,7 @@ def is_record(value: object) -> bool:
     return field_names(type(value)) is not None
 
 
-def is_leaf(value: object) -> bool:
+def is_leaf(value: object) -> TypeGuard[Scalar]:
     """True if a value is a variable scalar; false for constants of compiled code, such as integers and texts."""
     return not isinstance(value, _STRUCTURE)
 
@@ -86,7 +86,7 @@ def walk(record: object, place: Place = ()) -> Iterator[tuple[Place, Any]]:
         yield place, record
 
 
-def pairs(example: object, record: object, path: str) -> list[tuple[Any, Any, str]] | None:
+def pairs(example: object, record: object, path: str) -> list[tuple[object, object, str]] | None:
     """Fields of two dataclasses in pairs, each pair with its name; None if the two differ in structure."""
     if isinstance(example, tuple) and isinstance(record, tuple) and len(example) == len(record):
         return [(a, b, f"{path}[{i}]") for i, (a, b) in enumerate(zip(example, record, strict=True))]
@@ -106,24 +106,24 @@ def mismatch(example: object, record: object, path: str) -> str | None:
     return next((found for a, b, name in below if (found := mismatch(a, b, name))), None)
 
 
-def named_leaves(record: object, where: str = "") -> Iterator[tuple[str, Any]]:
+def named_leaves(record: object, where: str = "") -> Iterator[tuple[str, Scalar]]:
     """Dotted path and value of every variable scalar of a nested dataclass."""
     return ((path, value) for path, value in named_parts(record, where) if is_leaf(value))
 
 
-def named_parts(record: object, where: str = "") -> Iterator[tuple[str, Any]]:
+def named_parts(record: object, where: str = "") -> Iterator[tuple[str, object]]:
     """Dotted path and value of every number, text or flag of a nested dataclass, constants included."""
     for place, value in walk(record):
         yield f"{where}{''.join(f'[{i}]' if i.isdigit() else f'.{i}' for i in place)}".removeprefix("."), value
 
 
-def rebuild(template: Record, values: Iterator[Any]) -> Record:
+def rebuild(template: Record, values: Iterator[object]) -> Record:
     """Copy of a nested dataclass with its scalars replaced, in order, by given values."""
     result: Record = _map(template, lambda _leaf: next(values))
     return result
 
 
-def shaped_like(template: Record, values: Sequence[Any]) -> Record:
+def shaped_like(template: Record, values: Sequence[object]) -> Record:
     """Copy of a nested dataclass with a list of scalars in place of its own; their number must match."""
     iterator = iter(values)
     count = len(leaves(template))
@@ -139,24 +139,29 @@ def part(record: object, place: Place) -> Any:
     return record
 
 
-def replace_at(record: Any, values: Mapping[Place, Any]) -> Any:
+def replace_at(record: Record, values: Mapping[Place, object]) -> Record:
     """Copy of nested dataclasses with some values inside replaced, each given by its sequence of field names.
 
     Every record on the way is made, and checked, once: numbers that only together make sense are replaced together.
     """
-    if () in values:
-        return values[()]
-    below: dict[str, dict[Place, Any]] = {}
+    whole: Any = record  # what it has is known by the names of the places alone
+    below: dict[str, dict[Place, object]] = {}
     for place, value in values.items():
-        below.setdefault(place[0], {})[place[1:]] = value
-    if isinstance(record, tuple):
-        return tuple(replace_at(item, below[str(i)]) if str(i) in below else item for i, item in enumerate(record))
-    return dataclasses.replace(
-        record, **{name: replace_at(getattr(record, name), inner) for name, inner in below.items()}
-    )
+        if place:
+            below.setdefault(place[0], {})[place[1:]] = value
+    if () in values:
+        whole = values[()]
+    elif isinstance(whole, tuple):
+        whole = tuple(replace_at(item, below[str(i)]) if str(i) in below else item for i, item in enumerate(whole))
+    else:
+        whole = dataclasses.replace(
+            whole, **{name: replace_at(getattr(whole, name), inner) for name, inner in below.items()}
+        )
+    result: Record = whole
+    return result
 
 
-def blend(condition: object, new: object, old: object) -> Any:
+def blend(condition: Scalar, new: Record, old: Record) -> Record:
     """Select between two nested dataclasses, scalar by scalar: ``new`` where a condition holds, else ``old``."""
     values = [where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)]
     return rebuild(old, iter(values))

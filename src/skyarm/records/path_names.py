@@ -6,8 +6,9 @@ its radius the amplitude of two.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Protocol, Self, TypeAlias
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
@@ -16,9 +17,6 @@ from skyarm.records.leaves import Place, field_names, parts
 from skyarm.records.registry.registrations import name_of
 from skyarm.records.units import Unit
 from skyarm.records.words import words_of_fields
-
-Names = Mapping[str, Any]
-"""Name -> the places that it denotes (several if one number is stored more than once), or a view, or more names."""
 
 
 @immutable(kw_only=False)
@@ -37,6 +35,13 @@ class View:
     adds: bool = False
 
 
+Denoted: TypeAlias = "tuple[Place, ...] | View | Names"
+"""Places that a name denotes, several if one number is stored more than once, or a view, or more names."""
+
+Names: TypeAlias = Mapping[str, Denoted]
+"""Names that may follow one another in a path, each with what it denotes."""
+
+
 class Viewed(Protocol):
     """Record with numbers that follow from several of its fields."""
 
@@ -44,23 +49,23 @@ class Viewed(Protocol):
         """Return the number of a view."""
         ...
 
-    def with_views(self, values: Mapping[str, Scalar]) -> Any:
+    def with_views(self, values: Mapping[str, Scalar]) -> Self:
         """Return the record with the numbers of some views, by name, replaced together."""
         ...
 
 
-def path_names(record: Any) -> dict[str, Any]:
+def path_names(record: object) -> Names:
     """Names that may continue a parameter path inside a given dataclass or tuple, as :data:`Names`."""
     own = getattr(record, "path_names", None)
-    found: dict[str, Any] = field_paths(record) if own is None else own()
+    found: Names = field_paths(record) if own is None else own()
     return found
 
 
-def field_paths(record: Any) -> dict[str, Any]:
+def field_paths(record: object) -> dict[str, Denoted]:
     """Names of a dataclass' fields and their words in a file, or of a tuple's items by number and name."""
     if isinstance(record, tuple):
         named = [_name(item) for item in record]
-        found: dict[str, Any] = {number: ((number,),) for number in parts(record)}
+        found: dict[str, Denoted] = {number: ((number,),) for number in parts(record)}
         return found | {name: ((str(i),),) for i, name in enumerate(named) if name and named.count(name) == 1}
     fields = field_names(type(record)) or ()
     found = {field: ((field,),) for field in fields}
@@ -78,10 +83,12 @@ def _name(item: object) -> str | None:
     return name_of(kind, type(item)) if isinstance(kind, str) else None
 
 
-def below(head: Place, found: Names) -> dict[str, Any]:
+def below(head: Place, found: Names) -> dict[str, Denoted]:
     """Names of a part, with places as seen from the record that holds the part at a place."""
 
-    def from_head(inner: Any) -> Any:
+    def from_head(inner: Denoted) -> Denoted:
+        if isinstance(inner, View):
+            return dataclasses.replace(inner, inside=(*head, *inner.inside))
         return tuple((*head, *place) for place in inner) if isinstance(inner, tuple) else below(head, inner)
 
     return {name: from_head(inner) for name, inner in found.items()}

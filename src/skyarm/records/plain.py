@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import hashlib
 import json
@@ -10,12 +9,24 @@ import math
 from collections.abc import Callable, Mapping
 from enum import Enum
 from types import ModuleType
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
+from skyarm.records.immutable import declarations
 from skyarm.records.leaves import field_names
 
 NOT_FINITE = ("inf", "-inf", "nan")
 """Texts of the floats that strict JSON lacks."""
+
+Plain: TypeAlias = bool | int | float | str | list["Plain"] | dict[str, "Plain"] | None
+"""What strict JSON has words for."""
+
+
+class Named(Protocol):
+    """Class or function."""
+
+    @property
+    def __name__(self) -> str: ...
+
 
 WRITTEN_IF_ANY = {"written_if_any": True}
 """Metadata of a field that plain data holds only where it is not empty: what was written before it was added keeps its
@@ -41,7 +52,7 @@ def _text(record: object) -> str:
     return json.dumps(record, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
-def _plain(value: object, above: tuple[int, ...]) -> Any:
+def _plain(value: object, above: tuple[int, ...]) -> Plain:
     """Convert any value to plain data; ``above`` are the ids of the objects that contain the value."""
     if value is None or (isinstance(value, (bool, str)) and not isinstance(value, Enum)):
         return {"type": "text", "text": value} if value in NOT_FINITE else value
@@ -61,11 +72,12 @@ def _plain(value: object, above: tuple[int, ...]) -> Any:
         return {"type": "partial"} | {name: _plain(each, above) for name, each in parts.items()}
     if hasattr(value, "__name__"):
         bound = _bound(value)
-        return {"type": "function", "name": dotted_name(value)} | ({"bound": _plain(bound, above)} if bound else {})
-    return {"type": dotted_name(type(value))} | {name: _plain(each, above) for name, each in fields_of(value)}
+        called: dict[str, Plain] = {"type": "function", "name": dotted_name(value)}
+        return called | ({"bound": _plain(bound, above)} if bound else {})
+    return {"type": dotted_name(type(value)), **{name: _plain(each, above) for name, each in fields_of(value)}}
 
 
-def _several(value: Any, above: tuple[int, ...]) -> Any:
+def _several(value: Any, above: tuple[int, ...]) -> Plain:
     """Convert a container or array to plain data."""
     if isinstance(value, Mapping):
         table = {str(key): _plain(each, above) for key, each in value.items()}
@@ -78,12 +90,12 @@ def _several(value: Any, above: tuple[int, ...]) -> Any:
     return {"type": "array", "kind": str(value.dtype), "entries": entries} if value.ndim else entries
 
 
-def dotted_name(named: Any) -> str:
+def dotted_name(named: type | Named) -> str:
     """Module and name of a class or function, as ``skyarm.algebra.vector:Vec3``."""
     return f"{getattr(named, '__module__', '')}:{getattr(named, '__qualname__', named.__name__)}"
 
 
-def fields_of(value: object) -> list[tuple[str, Any]]:
+def fields_of(value: object) -> list[tuple[str, object]]:
     """Names and values of an object's fields."""
     names = field_names(type(value))
     if names is not None:
@@ -94,15 +106,15 @@ def fields_of(value: object) -> list[tuple[str, Any]]:
     return [*getattr(value, "__dict__", {}).items(), *((name, getattr(value, name, None)) for name in slots)]
 
 
-def _written_if_any(kind: Any) -> tuple[str, ...]:
-    return tuple(field.name for field in dataclasses.fields(kind) if "written_if_any" in field.metadata)
+def _written_if_any(kind: type) -> tuple[str, ...]:
+    return tuple(field.name for field in declarations(kind) if "written_if_any" in field.metadata)
 
 
 written_if_any: Callable[[type], tuple[str, ...]] = functools.cache(_written_if_any)
 """Fields of a dataclass that are written only where they are not empty."""
 
 
-def _bound(function: object) -> list[Any]:
+def _bound(function: object) -> list[object]:
     """Object of a bound method, or variables captured by a function, which distinguish it in a digest."""
     owner = getattr(function, "__self__", None)
     cells = getattr(function, "__closure__", None) or ()

@@ -7,7 +7,7 @@ import inspect
 import re
 import types
 import typing
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypeVar
 
 from skyarm.algebra import Quaternion, Vec3
@@ -15,10 +15,12 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.records.coerce import whole
 from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields, errors_as, shown
+from skyarm.records.files.toml import Entry
+from skyarm.records.immutable import declarations
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find
 from skyarm.records.registry.registrations import name_of
-from skyarm.records.units import NUMBER, Unit, declared_units, units
+from skyarm.records.units import NUMBER, Unit, declared_units, scalars
 from skyarm.records.words import words_of_fields
 
 Record = TypeVar("Record")
@@ -43,9 +45,9 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         raise ValueError(f"{fields.where}: {kind.__name__} must be a dataclass to be read from a file")
     known, words = declared_units(kind), words_of_fields(kind)
     fields.expect((*(field_names(kind) or ()), *words))
-    read_short: Callable[[Fields], dict[str, Any]] = getattr(kind, "short_spellings", lambda _: {})
+    read_short: Callable[[Fields], dict[str, object]] = getattr(kind, "short_spellings", lambda _: {})
     values = read_short(fields)
-    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
+    for field in declarations(kind):
         name, required = field.name, field.default is field.default_factory is dataclasses.MISSING
         if name in values:
             continue
@@ -61,7 +63,7 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
     return make_at(fields.where, kind, **values)
 
 
-def entry_of(value: object) -> Any:
+def entry_of(value: object) -> Entry:
     """Entry of a file from which a value is read again: a table of a record's fields that are not their defaults.
 
     Raises:
@@ -74,11 +76,16 @@ def entry_of(value: object) -> Any:
     if isinstance(value, (Vec3, Quaternion, tuple)):
         return [entry_of(each) for each in value]
     own = getattr(value, "to_entry", None)
-    return record_entry(value) if own is None else own()
+    entry: Entry = record_entry(value) if own is None else own()
+    return entry
 
 
-def record_entry(value: object) -> dict[str, Any]:
+def record_entry(value: object, always: Collection[str] = ()) -> dict[str, Entry]:
     """Table of a record's fields that are not their defaults, and of its kind if its class is registered.
+
+    Args:
+        value: a record.
+        always: fields that stand in the table even so.
 
     Raises:
         TypeError: no record, or one of values that no file has words for.
@@ -87,11 +94,20 @@ def record_entry(value: object) -> dict[str, Any]:
     if names is None:
         raise TypeError(f"{type(value).__name__} has no words in a file")
     kind = getattr(value, "registered_as", "")
-    named = {"kind": name_of(kind, type(value))} if kind else {}
+    named = {"kind": _registered_name(kind, value)} if kind else {}
     usual, words = defaults(type(value)), {name: word for word, name in words_of_fields(type(value)).items()}
     held = ((name, getattr(value, name)) for name in names)
-    stated = ((name, each) for name, each in held if each is not None and not same_as(each, usual[name]))
+    stated = (
+        (name, each) for name, each in held if each is not None and (name in always or not same_as(each, usual[name]))
+    )
     return named | {words.get(name, name): entry_of(each) for name, each in stated}
+
+
+def _registered_name(kind: str, value: object) -> Entry:
+    name = name_of(kind, type(value))
+    if name is None:
+        raise TypeError(f"{type(value).__name__} is registered under no name")
+    return name
 
 
 def same_as(value: object, usual: object) -> bool:
@@ -99,7 +115,7 @@ def same_as(value: object, usual: object) -> bool:
     return type(value) is type(usual) and value == usual and repr(value) == repr(usual)
 
 
-def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record:
+def make_at(where: str, kind: Callable[..., Record], /, **values: object) -> Record:
     """Create an instance of a class; an error message begins with the table of the file that states its values.
 
     Raises:
@@ -120,13 +136,21 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: Any) -> Record
         raise ValueError(f"{where}{'.' if named in own or field in own else ': '}{words}") from None
 
 
-def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Collection[str] = ()) -> dict[str, Any]:
-    """Read some numeric fields of a dataclass from a table, and check their declared bounds."""
-    known, found = units(kind), {}
-    for name in names:
-        if fields.take(name, None) is None and name not in required:
+def numbers_from(kind: type, fields: Fields, *, partial: bool = False) -> dict[str, float]:
+    """Read the scalar fields of a dataclass that a table states, and check their declared bounds.
+
+    Args:
+        kind: a dataclass.
+        fields: the table, which may have other words, too.
+        partial: a field without a default may be left out.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed, in which unit.
+    """
+    found, usual = dict[str, float](), defaults(kind)
+    for name, unit in scalars(kind).items():
+        if fields.take(name, None) is None and (partial or usual[name] is not dataclasses.MISSING):
             continue
-        unit = known[name]
         try:
             value = fields.number(name, low=unit.low, strict=unit.strict, infinite=unit.infinite)
         except ValueError as error:
@@ -135,20 +159,20 @@ def numbers_from(kind: type, fields: Fields, names: Iterable[str], required: Col
     return found
 
 
-def takes_table(function: Callable[..., Any]) -> bool:
+def takes_table(function: Callable[..., object]) -> bool:
     """True if a function's only parameter is a ``Fields`` reader, from which it reads a whole table."""
     parameters = list(inspect.signature(function).parameters.values())
     return len(parameters) == 1 and parameters[0].annotation in (Fields, "Fields")
 
 
-def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]:
+def options_from(function: Callable[..., object], fields: Fields) -> dict[str, object]:
     """Read the keyword arguments of a function from a table, by their annotated types.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
     known = declared_units(function)
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     parameters = inspect.signature(function).parameters
     fields.expect(parameters)
     for name, parameter in parameters.items():
@@ -159,7 +183,7 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
     return values
 
 
-def _value(wanted: object, unit: Unit, fields: Fields, name: str, folds: bool = False) -> Any:
+def _value(wanted: object, unit: Unit, fields: Fields, name: str, folds: bool = False) -> object:
     """Read a field of a table as the type that the dataclass declares for it."""
     if typing.get_origin(wanted) in (typing.Union, types.UnionType):
         wanted = next(each for each in typing.get_args(wanted) if each is not type(None))
@@ -188,7 +212,7 @@ def _value(wanted: object, unit: Unit, fields: Fields, name: str, folds: bool = 
     raise ValueError(f"{at}: a field of type {wanted} cannot be read from a file")
 
 
-def _several(kind: object, fields: Fields, name: str) -> tuple[Any, ...]:
+def _several(kind: object, fields: Fields, name: str) -> tuple[object, ...]:
     """Read a tuple of numbers, of tuples of numbers, or of dataclasses from a list in a table."""
     if kind in (float, Scalar):
         return fields.numbers(name)
@@ -210,8 +234,15 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[Any, ...]:
 
 
 def registered_from(
-    kind: str, base: type, table: Any, where: str, usual: str = "", *, word: str = "kind", folds: bool = False
-) -> Any:
+    kind: str,
+    base: type[Record],
+    table: object,
+    where: str,
+    usual: str = "",
+    *,
+    word: str = "kind",
+    folds: bool = False,
+) -> Record:
     """Read a table ``{ kind = NAME, ... }`` as an instance of the class that is registered as NAME.
 
     Args:
@@ -235,5 +266,5 @@ def registered_from(
     require_stated = getattr(found, "require_stated", None)
     if require_stated is not None:  # numbers that others of the table need
         with errors_as(ValueError, f"{where}."):
-            require_stated(table.keys())
+            require_stated(fields.table.keys())
     return record

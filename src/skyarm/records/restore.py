@@ -7,13 +7,13 @@ taken. A field whose metadata says ``restored = False``, as the path of a progra
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Mapping
 from enum import Enum
 from typing import Any
 
 from skyarm.records.files import shown
+from skyarm.records.immutable import declarations
 from skyarm.records.leaves import field_names
 from skyarm.records.plain import NOT_FINITE, dotted_name, plain, written_if_any
 from skyarm.records.registry.plugins import code_of
@@ -25,6 +25,10 @@ beside an autopilot."""
 
 class RestoreError(ValueError):
     """Error: a dataclass cannot be restored from plain data."""
+
+
+Table = dict[str, Any]
+"""Table of plain data as somebody wrote it: readers try what they expect, and :func:`_restore` tells what fails."""
 
 
 def restore(data: object, plugins: Mapping[str, str] | None = None) -> Any:
@@ -65,13 +69,13 @@ def _restore(data: object, plugins: Mapping[str, str], where: str) -> Any:
         ) from None
 
 
-def _each(table: dict[str, Any], plugins: Mapping[str, str], where: str) -> dict[str, Any]:
+def _each(table: Table, plugins: Mapping[str, str], where: str) -> dict[str, object]:
     return {key: _restore(value, plugins, f"{where}.{key}" if where else key) for key, value in table.items()}
 
 
-def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
+def _record(data: Table, plugins: Mapping[str, str], where: str) -> object:
     """Restore an instance of a frozen dataclass, whose fields must match exactly."""
-    kind: Any = code_of(data["type"], plugins)
+    kind = code_of(data["type"], plugins)
     names = field_names(kind) if isinstance(kind, type) and dotted_name(kind) == data["type"] else None
     if names is None or not kind.__dataclass_params__.frozen:
         raise RestoreError(f"{where or 'record'}: {data['type']} is no frozen dataclass, it cannot be read back")
@@ -79,12 +83,12 @@ def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any
     odd = sorted((set(table) ^ set(names)) - set(written_if_any(kind)))
     if odd:
         raise RestoreError(f"{where or 'record'}: {data['type']} was written by another version ({', '.join(odd)})")
-    taken = [field for field in dataclasses.fields(kind) if field.init and field.metadata.get("restored", True)]
+    taken = [field for field in declarations(kind) if field.init and field.metadata.get("restored", True)]
     fields = [field.name for field in taken if field.name in table]
     return kind(**_each({name: table[name] for name in fields}, plugins, where))
 
 
-def _function(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
+def _function(data: Table, plugins: Mapping[str, str], where: str) -> object:
     """Restore a module's function or a record's method."""
     name = data["name"]
     if "<" in name:
@@ -100,7 +104,7 @@ def _function(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> A
     return found
 
 
-def _partial(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
+def _partial(data: Table, plugins: Mapping[str, str], where: str) -> object:
     function, arguments, keywords = (_restore(data[part], plugins, where) for part in _PARTS)
     return functools.partial(function, *arguments, **keywords)
 
@@ -108,7 +112,7 @@ def _partial(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> An
 _PARTS = ("function", "arguments", "keywords")
 
 
-def _array(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
+def _array(data: Table, plugins: Mapping[str, str], where: str) -> object:
     import numpy as np
 
     if data["kind"] not in _ARRAYS:
@@ -119,7 +123,7 @@ def _array(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
 _ARRAYS = ("float64", "float32", "bool", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
 
 
-def _enum(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
+def _enum(data: Table, plugins: Mapping[str, str], where: str) -> object:
     kind = code_of(data["class"], plugins)
     if not (isinstance(kind, type) and issubclass(kind, Enum)):
         raise RestoreError(f"{where or 'record'} = {shown(data['class'])}: must be an enum")

@@ -16,7 +16,7 @@ from skyarm.records.registry.plugins import load_again, loaded_plugins, sources_
 from skyarm.records.registry.registrations import KINDS, SHIPPED, registrations, take_over
 
 
-def pack(value: Any) -> bytes:
+def pack(value: object) -> bytes:
     """Serialise a value for another process; what it can import goes by name, everything else by content.
 
     A function that was made inside another one works there on the variables of its own module, as those that go by name
@@ -33,13 +33,17 @@ def pack(value: Any) -> bytes:
         raise ValueError(f"workers: {error}; what flies in other processes must be able to travel there") from error
 
 
+Cells = tuple[tuple[object, ...], ...]
+"""What a function is closed over, as :func:`_cell_content` has each."""
+
+
 @lru_cache(maxsize=1)
-def _pickler() -> Any:
+def _pickler() -> type[pickle.Pickler]:
     """Class of the pickler; made when it is needed, since the package behind it takes its time to import."""
     import cloudpickle
 
     class Pickler(cloudpickle.Pickler):  # type: ignore[misc]
-        def reducer_override(self, value: Any) -> Any:
+        def reducer_override(self, value: object) -> object:
             if type(value) is not FunctionType or not _is_made_in_a_module(value):
                 return super().reducer_override(value)
             cells = value.__closure__ or ()
@@ -59,13 +63,13 @@ def _is_made_in_a_module(function: FunctionType) -> bool:
     home = sys.modules.get(str(function.__globals__.get("__name__")))
     if getattr(home, "__spec__", None) is None or home is sys.modules["__main__"]:
         return False
-    found: Any = sys.modules.get(function.__module__)
+    found: object = sys.modules.get(function.__module__)
     for name in function.__qualname__.split("."):
         found = getattr(found, name, None)
     return found is not function and vars(home) is function.__globals__
 
 
-def _cell_content(cell: CellType) -> tuple[Any, ...]:
+def _cell_content(cell: CellType) -> tuple[object, ...]:
     """Value that a function is closed over, as a tuple; () if it has none yet."""
     try:
         return (cell.cell_contents,)
@@ -78,7 +82,7 @@ def _empty_function(code: CodeType, home: str, cells: int) -> FunctionType:
     return FunctionType(code, vars(import_module(home)), code.co_name, None, tuple(CellType() for _ in range(cells)))
 
 
-def _fill_function(function: FunctionType, held: tuple[Any, ...]) -> None:
+def _fill_function(function: FunctionType, held: tuple[Cells, dict[str, object]]) -> None:
     contents, attributes = held
     for name, value in attributes.items():
         setattr(function, name, value)

@@ -11,8 +11,9 @@ import types
 import typing
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
@@ -49,7 +50,7 @@ class Unit:
     strict: bool = False
     infinite: bool = False
     folds: bool = False
-    rule: Callable[[str, Any], Any] | None = None
+    rule: Callable[[str, object], object] | None = None
     fixed: bool = False
     usual: float | tuple[float, float] = math.inf
 
@@ -82,13 +83,22 @@ units: Callable[[type], Mapping[str, Unit]] = _units
 """The unit of each field of a dataclass that states one."""
 
 
-def declared_fields(kind: type) -> dict[str, tuple[Any, Unit]]:
+@cache
+def _scalars(kind: type) -> Mapping[str, Unit]:
+    return {name: unit for name, (wanted, unit) in declared_fields(kind).items() if wanted is Scalar}
+
+
+scalars: Callable[[type], Mapping[str, Unit]] = _scalars
+"""The unit of each field of a dataclass that holds one scalar."""
+
+
+def declared_fields(kind: type) -> dict[str, tuple[object, Unit]]:
     """Type and unit of each field of a dataclass."""
     said = declared_units(kind)
     return {name: said[name] for name in field_names(kind) or () if name in said}
 
 
-def declared_units(of: object) -> dict[str, tuple[Any, Unit]]:
+def declared_units(of: object) -> dict[str, tuple[object, Unit]]:
     """Type and unit of each annotated field of a class or parameter of a function.
 
     Empty if an annotation cannot be evaluated: a name that only type checkers import.

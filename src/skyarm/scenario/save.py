@@ -220,7 +220,7 @@ def _entry(slot: Slot, value: Any) -> Any:
         inner = slot.place[slot.place.index(EACH) + 1]
         return {each.name: entry_of(getattr(each, inner)) for each in value}
     found = entry_of(value)
-    if slot.path == "sensors":
+    if slot.path == "sensors" and isinstance(found, dict):
         found.pop("kind")
     if slot.path == "environment.wind" and isinstance(found, dict):
         return {"mode": found.pop("kind"), **found}

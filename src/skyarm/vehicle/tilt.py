@@ -17,8 +17,6 @@ from skyarm.vehicle.check import VehicleError, refuse
 ACROSS = 1e-6
 """Cosine between a servo's axis and the rotor's within which they count as perpendicular."""
 
-NUMBERS = ("lower", "upper", "time_constant", "max_rate")
-
 
 @immutable
 @checked("tilt", VehicleError)

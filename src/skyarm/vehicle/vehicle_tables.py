@@ -16,10 +16,9 @@ from skyarm.vehicle.attach import MIMIC, Mimic, Mount, RigidBodies, attach, bodi
 from skyarm.vehicle.attach import limits_that_contradict as contradicting_limits
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import VehicleError, refuse, with_real_inertias
-from skyarm.vehicle.linkage import BASE, JOINT_NUMBERS, Body, Joint, Link
+from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.thrust_table import ThrustTable
-from skyarm.vehicle.tilt import NUMBERS as TILT_NUMBERS
 from skyarm.vehicle.tilt import Tilt, arm_direction
 from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Rotor, Vehicle
 
@@ -33,8 +32,6 @@ SOURCES: Mapping[str, tuple[str, ...]] = {
 Record = TypeVar("Record")
 
 Default = TypeVar("Default")
-
-ACTUATION = ("lower", "upper", *JOINT_NUMBERS)
 
 Refer = Callable[[str, str, Collection[str], str], RigidBodies | Vehicle]
 """From a field, the name that stands there, the suffixes allowed and what becomes of mimics to what is in that file."""
@@ -66,7 +63,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
             drives += [replace(each, name=prefix + each.name) for each in arm.drives]
     changes: dict[str, dict[str, float]] = {}
     for fields in _named_tables(top, "joints"):
-        changes[fields.text("name")] = _actuation(fields)
+        changes[fields.text("name")] = numbers_from(Joint, fields)
         fields.done()
     bodies = with_real_inertias(_override_joints(changes, bodies, own))
     frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
@@ -188,14 +185,14 @@ def _body(fields: Fields, known: Sequence[str]) -> Body:
 
 
 def _piece(fields: Fields) -> Body:
-    (mass,) = numbers_from(Body, fields, ("mass",), required=("mass",)).values()
+    mass = numbers_from(Body, fields)
     planar = fields.flag("planar", False)
     com, entries = fields.vector("com", (0.0, 0.0, 0.0)), fields.numbers("inertia", (0.0, 0.0, 0.0))
     if len(entries) not in (3, 6):
         allowed = "must be three (xx yy zz) or six (xx yy zz xy xz yz) numbers, kg m^2"
         refuse(fields.at("inertia"), list(entries), allowed)
     placed, turning = description.vector(com), description.inertia(entries)
-    piece = make_at(fields.where, Body, mass=mass, com=placed, inertia=turning, planar=planar)
+    piece = make_at(fields.where, Body, **mass, com=placed, inertia=turning, planar=planar)
     check.inertia(fields.at("inertia"), piece.inertia, planar=planar)
     return piece
 
@@ -204,12 +201,7 @@ def _joint(fields: Fields) -> Joint:
     axis = description.unit_axis(fields.at("axis"), fields.vector("axis"))
     R, p = _pose(fields)
     kind, name = fields.choice("kind", ("revolute", "prismatic"), "revolute"), fields.text("name")
-    return Joint(name=name, kind=kind, axis=axis, position=p, rotation=R, **_actuation(fields))
-
-
-def _actuation(fields: Fields) -> dict[str, Any]:
-    """Read the stated limits and friction of a joint."""
-    return numbers_from(Joint, fields, ACTUATION)
+    return Joint(name=name, kind=kind, axis=axis, position=p, rotation=R, **numbers_from(Joint, fields))
 
 
 def _pose(fields: Fields) -> tuple[Mat3, Any]:
@@ -268,24 +260,18 @@ def _override_joints(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodi
     return replace(bodies, links=links)
 
 
-ROTOR_NUMBERS = (
-    *("thrust_coefficient", "moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"),
-    *("time_constant_up", "time_constant_down", "max_speed", "inertia"),
-)
-
-
 COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
 
 
 def _rotor_values(fields: Fields) -> dict[str, Any]:
     """Read the stated fields of one rotor, or those of [rotor_defaults]."""
-    values: dict[str, Any] = numbers_from(Rotor, fields, ROTOR_NUMBERS)
+    values: dict[str, Any] = dict(numbers_from(Rotor, fields, partial=True))
     values |= _axis(fields)
     if fields.take("thrust_table", None) is not None:
         values["table"] = record_from(ThrustTable, fields.inner("thrust_table"))
     if fields.take("tilt", None) is not None:
         inner = fields.inner("tilt")
-        values["tilt"] = numbers_from(Tilt, inner, TILT_NUMBERS, required=TILT_NUMBERS[:3]) | _axis(inner)
+        values["tilt"] = {**numbers_from(Tilt, inner), **_axis(inner)}
         inner.done()
     return values
 

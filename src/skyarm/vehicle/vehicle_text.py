@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, fields
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.files import shown
 from skyarm.records.files.toml import toml_key, toml_value
-from skyarm.records.leaves import field_names
+from skyarm.records.leaves import parts
+from skyarm.records.read_table import record_entry
 from skyarm.records.registry.registrations import name_of
+from skyarm.records.units import scalars
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.description import quaternion_products
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_records import Frame, MountedDrive, Rotor, Vehicle
-from skyarm.vehicle.vehicle_tables import COEFFICIENTS, ROTOR_NUMBERS
+from skyarm.vehicle.vehicle_tables import COEFFICIENTS
 
 Table = dict[str, Any]
 
@@ -64,8 +66,7 @@ def vehicle_text(vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None
         lines += _section("[[frames]]", _frame(frame, names), f"frames.{frame.name}", notes)
     lines += _of_rotors(vehicle.rotors, notes)
     if any(float(area) for area in vehicle.drag.area) or "drag.area" in notes:
-        drag = {"area": _three(vehicle.drag.area), "air_density": float(vehicle.drag.air_density)}
-        lines += _section("[drag]", drag, "drag", notes)
+        lines += _section("[drag]", _record(vehicle.drag, ("area", "air_density")), "drag", notes)
     for drive in vehicle.drives:
         lines += _section(f"[drives.{toml_key(drive.name)}]", _drive(drive), f"drives.{drive.name}", notes)
     if vehicle.battery is not None:
@@ -98,63 +99,50 @@ def _of_rotors(rotors: Sequence[Rotor], notes: Notes) -> list[str]:
     shared = {name: value for name, value in (tables[0] if tables else {}).items() if name not in PLACED}
     shared = {name: value for name, value in shared.items() if all(each.get(name) == value for each in tables)}
     lines = _section("[rotor_defaults]", shared, "rotors", notes) if shared else []
-    for rotor, table in zip(rotors, tables, strict=True):
+    for table in tables:
         own = {name: value for name, value in table.items() if name not in shared}
-        lines += _section("[[rotors]]", {"name": rotor.name, **own}, "rotors", notes)
+        lines += _section("[[rotors]]", own, "rotors", notes)
     return lines
 
 
-PLACED = ("position", "direction")
+PLACED = ("name", "position", "direction")
 """Fields that every rotor states itself."""
 
 
 def _rotor(rotor: Rotor) -> Table:
-    table: Table = {"position": _three(rotor.position), "direction": "ccw" if rotor.direction > 0 else "cw"}
-    table |= _other_than_default(rotor, ("axis",))
-    follows: tuple[str, ...] = ()
+    # without max_speed a thrust table's last speed would be it
+    found = _record(rotor, [name for name in scalars(Rotor) if name != "max_speed" or rotor.table is not None])
+    found["direction"] = "ccw" if rotor.direction > 0 else "cw"
     if rotor.table is not None:
-        table["thrust_table"] = _thrust_table(rotor, rotor.table)
-        follows = COEFFICIENTS if rotor.table.torque else COEFFICIENTS[:1]
-    stated = (name for name in ROTOR_NUMBERS if name not in (*follows, "max_speed"))
-    table |= {name: float(getattr(rotor, name)) for name in stated}
-    table |= _other_than_default(rotor, ("max_speed",))
-    if rotor.table is not None and not math.isfinite(float(rotor.max_speed)):
-        table["max_speed"] = math.inf  # else it would be the last speed of the table
+        for name in ("table", *(COEFFICIENTS if rotor.table.torque else COEFFICIENTS[:1])):
+            del found[name]
+        found["thrust_table"] = _thrust_table(rotor, rotor.table)
     if rotor.tilt is not None:
-        table["tilt"] = {"axis": _three(rotor.tilt.axis), **_record(rotor.tilt, ("axis",))}
-    return table
+        found["tilt"] = _record(rotor.tilt)
+    return found
 
 
 def _thrust_table(rotor: Rotor, table: ThrustTable) -> Table:
     """Columns of a thrust table times what the rotor's coefficients are over those of the table."""
     thrust = float(rotor.thrust_coefficient) / float(table.thrust_coefficient)
-    found: Table = {"speed": [float(each) for each in table.speed]}
-    found["thrust"] = [float(each) * thrust for each in table.thrust]
+    columns: Table = {"thrust": [float(each) * thrust for each in table.thrust]}
     if table.torque:
         torque = thrust * float(rotor.moment_coefficient) / float(table.moment_coefficient)
-        found["torque"] = [float(each) * torque for each in table.torque]
-        found["moment_coefficient"] = float(rotor.moment_coefficient)
-    if table.current:
-        found["current"] = [float(each) for each in table.current]
-    return {**found, "thrust_coefficient": float(rotor.thrust_coefficient)}
+        columns |= {"torque": [float(each) * torque for each in table.torque]}
+    named = COEFFICIENTS if table.torque else COEFFICIENTS[:1]
+    return _record(replace(table, **columns, **{name: getattr(rotor, name) for name in named}))
 
 
 def _body(body: Body) -> Table:
     entries = [float(each) for each in body.inertia.entries]
     inertia = entries if any(entries[3:]) else entries[:3]
-    found: Table = {"mass": float(body.mass), "com": _three(body.com), "inertia": inertia}
-    return {**found, "planar": True} if body.planar else found
+    return {**_record(body, ("com", "inertia")), "inertia": inertia}
 
 
 def _joint(joint: Joint) -> Table:
-    found: Table = {"name": joint.name, "kind": joint.kind, "axis": _three(joint.axis)}
-    if any(float(each) for each in joint.position):
-        found["position"] = _three(joint.position)
-    found |= _orientation(joint.rotation)
-    found |= _other_than_default(joint, ("lower", "upper", "effort_limit"))
-    found |= {name: float(getattr(joint, name)) for name in ("damping", "coulomb", "coulomb_rate", "armature")}
-    # stated even where it is 0: a limited joint without would be given a stop by the reader
-    return {**found, "stop_stiffness": float(joint.stop_stiffness), **_other_than_default(joint, ("stop_damping",))}
+    # stop_stiffness even where it is 0: a limited joint without would be given a stop by the reader
+    stated = ("damping", "coulomb", "coulomb_rate", "armature", "stop_stiffness")
+    return _with_orientation(_record(joint, ("kind", "axis", *stated)), joint.rotation)
 
 
 def _mimic(follower: Follower, links: Sequence[Link]) -> Table:
@@ -164,7 +152,15 @@ def _mimic(follower: Follower, links: Sequence[Link]) -> Table:
 
 def _frame(frame: Frame, names: Sequence[str]) -> Table:
     link = "base" if frame.link == BASE else names[frame.link]
-    return {"name": frame.name, "link": link, "position": _three(frame.position), **_orientation(frame.rotation)}
+    return _with_orientation({**_record(frame), "link": link}, frame.rotation)
+
+
+def _with_orientation(table: Table, rotation: Mat3) -> Table:
+    """Table of a record with its rotation in a file's words."""
+    found: Table = {}
+    for name, each in table.items():
+        found |= _orientation(rotation) if name == "rotation" else {name: each}
+    return found
 
 
 def _drive(drive: MountedDrive) -> Table:
@@ -176,33 +172,12 @@ def _drive(drive: MountedDrive) -> Table:
     return {"kind": kind, **_record(drive.drive)}
 
 
-def _record(record: Any, left_out: Sequence[str] = ()) -> Table:
-    """Fields of a dataclass as values of a table, without those that are as by default."""
-    return _other_than_default(
-        record, [each.name for each in fields(record) if each.init and each.name not in left_out]
-    )
-
-
-def _other_than_default(record: Any, names: Sequence[str]) -> Table:
-    """Some fields of a dataclass as values of a table, without those that are as by default."""
-    found: Table = {}
-    for each in fields(record):
-        if each.name in names:
-            value = getattr(record, each.name)
-            if value is None or (each.default is not MISSING and value == each.default):
-                continue
-            found[each.name] = _value(value)
-    return found
-
-
-def _value(value: Any) -> Any:
-    if isinstance(value, (str, bool, int, float)):
-        return value
-    if isinstance(value, Vec3):
-        return _three(value)
-    if isinstance(value, (tuple, list)):
-        return [_value(each) for each in value]
-    return _record(value) if field_names(type(value)) is not None else float(value)
+def _record(record: object, always: Collection[str] = ()) -> Table:
+    """Table of a record's fields, in which constants of compiled code are numbers like others."""
+    found: Table = record_entry(record, always)
+    numbers = {name: float(found[name]) for name in scalars(type(record)) if name in found}
+    vectors = ((name, each) for name, each in parts(record).items() if isinstance(each, Vec3))
+    return found | numbers | {name: _three(each) for name, each in vectors if name in found}
 
 
 def _three(vector: Vec3) -> list[float]:

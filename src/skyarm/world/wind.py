@@ -98,7 +98,7 @@ class GustyWind(Component):
 
     def to_entry(self) -> dict[str, Any]:
         """Table of a file: gusts as a list, their peaks called by what blows."""
-        found = record_entry(self)
+        found: dict[str, Any] = record_entry(self)
         for name in ("gust", "gusts"):
             found.pop(name, None)
         gusts = [

@@ -10,7 +10,7 @@ from typing import Any
 
 from skyarm.records.files.messages import comma_list, did_you_mean, must_be_one_of, shown
 
-_REQUIRED: Any = object()
+_REQUIRED = object()
 
 MOST_COMPARED = 1000
 """Fields of a table that are searched for one that is spelt wrongly."""
@@ -77,7 +77,7 @@ class Fields:
         x, y, z = (number(item, f"{at}[{index}]") for index, item in enumerate(value))
         return x, y, z
 
-    def numbers(self, name: str, *default: Any, low: float = -math.inf) -> tuple[float, ...]:
+    def numbers(self, name: str, *default: object, low: float = -math.inf) -> tuple[float, ...]:
         """Read a list of finite numbers, none below ``low``, from a field of the table."""
         values, at = self.take(name, *default), self.at(name)
         if not isinstance(values, (list, tuple)):

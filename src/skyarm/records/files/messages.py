@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 LONGEST = 100
 """Characters of a value that a message shows."""
@@ -39,7 +38,7 @@ def one_line(text: str) -> str:
     return f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 + 5 :]}"
 
 
-def comma_list(names: Iterable[Any]) -> str:
+def comma_list(names: Iterable[object]) -> str:
     """Join names by commas to one line of bounded length, for a message."""
     text = printable(", ".join(map(str, names)))
     return text if len(text) <= LONGEST_LIST else text[: LONGEST_LIST - 3] + "..."
@@ -92,9 +91,10 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
 
 
 @cache
-def present_names(kind: str) -> Any:
+def present_names(kind: str) -> dict[str, str]:
     """Table old name -> text on what it is now, of kind ``module``, ``command`` or ``word`` (of a file)."""
-    return tomllib.loads(Path(__file__).with_name("renamed.toml").read_text("utf-8"))[kind]
+    renamed: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("renamed.toml").read_text("utf-8"))
+    return renamed[kind]
 
 
 def nearest(word: object, known: Iterable[str]) -> list[str]:

@@ -8,11 +8,10 @@ import stat
 from collections.abc import Mapping, Sequence
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any
 
 from skyarm.records.files.messages import did_you_mean, errors_as, must_be_one_of, printable, shown
 from skyarm.records.files.own_inputs import note_input
-from skyarm.records.files.toml import read_toml
+from skyarm.records.files.toml import Entry, read_toml
 from skyarm.records.files.writing import output_file
 
 NO_FILE = "no such file"
@@ -116,7 +115,7 @@ READS = {
 """Kind of a file -> a command that reads it."""
 
 
-def kind_of(document: Mapping[str, Any]) -> str:
+def kind_of(document: Mapping[str, object]) -> str:
     """Kind of a TOML file (scenario, study, vehicle or gains), by its tables; empty if they fit no kind."""
     if "scenario" in document and ("vary" in document or "episodes" in document or "design" in document):
         return "study"
@@ -145,7 +144,7 @@ def names_in(library: Traversable) -> tuple[str, ...]:
     return tuple(sorted(Path(entry.name).stem for entry in library.iterdir() if entry.name.endswith(".toml")))
 
 
-def read_named(text: str, kind: str, library: Traversable, others: str = "") -> tuple[dict[str, Any], Path]:
+def read_named(text: str, kind: str, library: Traversable, others: str = "") -> tuple[dict[str, Entry], Path]:
     """Read a shipped file by name, or any file by path; return its tables and the base folder for relative paths.
 
     Args:

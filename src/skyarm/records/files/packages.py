@@ -23,7 +23,7 @@ FLOORS = {
 """Package -> the lowest version that the tests have passed on."""
 
 METADATA = ".dist-info"
-NUMBERS = re.compile(r"\d+(?:\.\d+)*")
+RELEASE = re.compile(r"\d+(?:\.\d+)*")
 
 
 def installed_versions(packages: Iterable[str], path: Iterable[str] | None = None) -> dict[str, str]:
@@ -70,7 +70,7 @@ def _entries(folder: str) -> list[str]:
 
 def _order(version: str) -> tuple[int, ...]:
     """Leading numbers of a version for comparison, without trailing zeros."""
-    match = NUMBERS.match(version)
+    match = RELEASE.match(version)
     numbers = [int(part) for part in match[0].split(".")] if match else []
     while numbers and numbers[-1] == 0:
         numbers.pop()

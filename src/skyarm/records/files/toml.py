@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 import re
 import tomllib
 from collections.abc import Mapping
-from typing import Any
+from typing import TypeAlias
 
 from skyarm.records.files.messages import one_line
+
+Entry: TypeAlias = bool | int | float | str | datetime.date | datetime.time | list["Entry"] | dict[str, "Entry"]
+"""What a file may have behind a name: a value, a list or a table of them."""
 
 DEEPEST = 64
 """Tables and arrays in one another: readers of tables call themselves, and no file of ours needs ten."""
@@ -26,7 +30,7 @@ _CHAIN = re.compile(rf"""(?<![\w-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){{{DEEPE
 """A key of too many parts: the library's time grows with their square."""
 
 
-def read_toml(content: bytes) -> dict[str, Any]:
+def read_toml(content: bytes) -> dict[str, Entry]:
     """Read a TOML file as tables; a byte order mark, as editors on Windows write one, is skipped.
 
     Raises:
@@ -53,9 +57,9 @@ def read_toml(content: bytes) -> dict[str, Any]:
     return document
 
 
-def _require_bounded(document: dict[str, Any], deep: str) -> None:
+def _require_bounded(document: dict[str, Entry], deep: str) -> None:
     """Raise an error for tables nested too deeply and for integers too large for any field."""
-    waiting: list[tuple[Any, str, int]] = [(document, "", 1)]
+    waiting: list[tuple[dict[str, Entry] | list[Entry], str, int]] = [(document, "", 1)]
     while waiting:
         value, at, depth = waiting.pop()
         if depth > DEEPEST:

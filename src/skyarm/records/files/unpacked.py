@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import io
 import zipfile
-from typing import Any
 
 import numpy as np
+
+from skyarm.records.arrays import AnyArray
 
 LARGEST = 1e9
 """Bytes that a file may unpack to, whatever its own size."""
@@ -34,7 +35,7 @@ def require_size(unpacked: float, content: bytes) -> None:
         raise TooLargeError(f"must unpack to at most {most / 1e6:.0f} MB, and would to {unpacked / 1e6:.3g} MB")
 
 
-def npz_arrays(content: bytes) -> dict[str, Any]:
+def npz_arrays(content: bytes) -> dict[str, AnyArray]:
     """Arrays of an npz file by name; pickled Python objects are not loaded.
 
     Raises:

@@ -10,7 +10,7 @@ import types
 from collections.abc import Iterable
 from pathlib import Path
 from traceback import walk_tb
-from typing import Any
+from typing import TypeVar
 
 from skyarm.records.files.messages import one_line, shown
 
@@ -19,6 +19,8 @@ PACKAGE = f"{os.path.dirname(os.path.dirname(os.path.dirname(__file__)))}{os.sep
 
 PYTHON, INSTALLED = f"{os.path.dirname(os.__file__)}{os.sep}", f"{os.sep}site-packages{os.sep}"
 """Where Python's own library stands, and the folder within it that is not Python's."""
+
+Result = TypeVar("Result")
 
 LIBRARIES = frozenset(["numpy", "scipy", "jax", "jaxlib", "llvmlite", "mujoco", "pyarrow", "typer", "click"])
 """Installed libraries: an error that they raise is told at the line that called them."""
@@ -101,7 +103,7 @@ def place_of(thing: object) -> str:
     return f"{code.co_filename}:{code.co_firstlineno}"
 
 
-def require_result(function: object, value: Any, fine: bool, allowed: str) -> Any:
+def require_result(function: object, value: Result, fine: bool, allowed: str) -> Result:
     """Result of a user's function that is not traced, where it is one that is allowed.
 
     Args:

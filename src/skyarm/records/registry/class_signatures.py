@@ -7,8 +7,7 @@ order, and what is a number there is none that must be called.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
 
 from skyarm.records.files import shown
 from skyarm.records.files.user_code import own_code, place_of
@@ -88,7 +87,7 @@ def thing_mistake(kind: str, thing: object) -> tuple[str, str] | None:
     return class_mistake(thing) if kind in RECORDS and isinstance(thing, type) else None
 
 
-def _members(bases: list[type]) -> Iterator[tuple[str, Any]]:
+def _members(bases: list[type]) -> Iterator[tuple[str, object]]:
     """Public methods and attributes of the library's base classes, the highest base first, each name once."""
     seen: set[str] = set()
     for each in reversed(bases):
@@ -105,7 +104,7 @@ def _number_mistake(name: str, held: object) -> str | None:
     return f"has a function {name}: must be a field, a class attribute or a property"
 
 
-def _function_mistake(name: str, held: Any, given: Any) -> str | None:
+def _function_mistake(name: str, held: object, given: Callable[..., object]) -> str | None:
     """Reason why an attribute cannot override a method of its base class; None if it can."""
     wanted = list(inspect.signature(given).parameters)[1:]
     call = f"{name}({', '.join(wanted)})"
@@ -117,7 +116,7 @@ def _function_mistake(name: str, held: Any, given: Any) -> str | None:
     return _call_mistake(name, function, wanted, int(inspect.isfunction(held) or isinstance(held, classmethod)))
 
 
-def _call_mistake(name: str, function: Any, wanted: list[str], hidden: int) -> str | None:
+def _call_mistake(name: str, function: Callable[..., object], wanted: list[str], hidden: int) -> str | None:
     """Reason why a function does not accept the given arguments; None if it does."""
     call = f"{name}({', '.join(wanted)})"
     try:

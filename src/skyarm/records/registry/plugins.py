@@ -246,7 +246,7 @@ def _words(error: BaseException) -> str:
 
 
 def _require_version(module: ModuleType, name: str) -> None:
-    made_for: Any = getattr(module, "SKYARM_API", API)
+    made_for: object = getattr(module, "SKYARM_API", API)
     if made_for != API:
         raise RegistryError(
             f"plugin = {shown(name)}: was made for version {shown(made_for)} of the extension points; this is {API}"
@@ -381,7 +381,7 @@ def code_of(name: str, plugins: Mapping[str, str]) -> Any:
         RegistryError: one line: the plugin that is not loaded or has changed, or a name that is not there.
     """
     module, _, path = name.partition(":")
-    found: Any = _module(module, name, plugins)
+    found: object = _module(module, name, plugins)
     for part in path.split("."):
         found = getattr(found, part, None)
     if found is None:

@@ -65,7 +65,7 @@ class Registration:
 
     kind: str
     name: str
-    target: Any
+    target: object
     title: str
     source: str
 
