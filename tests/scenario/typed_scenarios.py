@@ -7,7 +7,7 @@ of unused ones, fails where it accepts the line.
 from __future__ import annotations
 
 import dataclasses
-from typing import assert_type
+from typing import Any, assert_type
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import Controller
@@ -33,7 +33,7 @@ def accepted(scenario: Scenario) -> None:
     assert_type(scenario.drives, tuple[JointDrive, ...])
     assert_type(scenario.initial, State | None)
     assert_type(scenario.faults, tuple[Fault, ...])
-    assert_type(scenario.wind, Component)
+    assert_type(scenario.wind, Component[Any])
     assert_type(scenario.ground, bool)
     assert_type(scenario.kind, str)
 

@@ -29,7 +29,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import draw_plan, draws_needed
 from skyarm.simulate.first_state import first_loop_state
-from skyarm.simulate.lane_loop import own_row
+from skyarm.simulate.lane_loop import held_row
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.period import Measured, act, measure
 from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
@@ -135,7 +135,7 @@ class EnvProgram:
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
             first = dataclasses.replace(first, memory=())
-        row = own_row(stages.scenario, first.ticks)
+        row = held_row(stages.scenario, first.ticks)
         return (*self._measure_next(stages, first, row, draws), stages.law_reference(row))
 
     def step(self, now: EnvState, values: Any, _fed: Any, draws: Sequence[Scalar]) -> tuple[EnvState, Outcome]:
@@ -143,12 +143,12 @@ class EnvProgram:
         numbers, given = values
         stages = self._stages(numbers)
         action = tuple(clip(a, -1.0, 1.0) for a in given)
-        loop, row = now.loop, own_row(stages.scenario, now.loop.ticks)
+        loop, row = now.loop, held_row(stages.scenario, now.loop.ticks)
         memory, command = self._decide(stages, now, row, action)
         around = stages.surroundings(loop.components, loop.drives, row.time)
         nothing: Any = None
         read = Readings(sensors=loop.sensors, estimate=loop.estimate, readings=(), measurement=nothing)
-        measured = Measured(loop.components, around, stages.acting(loop.queue), None, read)
+        measured = Measured(loop.components, around, stages.acting(loop.queue), nothing, read)
         plant = RigidBodySteps(stages, self._plant.substeps)
         flown = act(stages, plant, loop, measured, memory, command, loop.clock)
         sent = flown.alive
@@ -156,7 +156,7 @@ class EnvProgram:
         state: State = blend(sent > 0.5, flown.state, loop.state)
         # endings are told beside the loop, and a period that ends an episode counts
         flown = dataclasses.replace(flown, state=state, alive=1.0, ticks=loop.ticks + 1.0)
-        coming = own_row(stages.scenario, flown.ticks)
+        coming = held_row(stages.scenario, flown.ticks)
         ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), sent)
         following, measurement = self._measure_next(stages, flown, coming, draws)
         ended = where(ending > 0.5, 1.0, 0.0)
@@ -191,10 +191,9 @@ class EnvProgram:
     def _goal(self, scenario: Scenario, ticks: Scalar) -> Vec3:
         """Position reference at the end of a control period."""
         last = float(self.task.scenario.steps - 1)
-        position: Vec3 = own_row(scenario, where(ticks > last, last, ticks)).reference.position
-        return position
+        return held_row(scenario, where(ticks > last, last, ticks)).reference.position
 
-    def _decide(self, stages: Stages, now: EnvState, row: Row, action: Scalars) -> Any:
+    def _decide(self, stages: Stages, now: EnvState, row: Row[Reference], action: Scalars) -> Any:
         """Convert an action to a vehicle command; return the control law's next internal state and the command."""
         values = iter(leaves(self._measurement))
         known = dict(zip(self._kept, now.seen, strict=True))
@@ -205,11 +204,13 @@ class EnvProgram:
         memory, command = self.task.actions.command(action, turn)
         return memory, with_rest(stages.scenario.plant.vehicle, command)
 
-    def _measure_next(self, stages: Stages, now: LoopState, row: Row, draws: Any) -> tuple[LoopState, Any]:
+    def _measure_next(self, stages: Stages, now: LoopState, row: Row[Reference], draws: Any) -> tuple[LoopState, Any]:
         """Advance wind, contacts and sensors to the next control period, and measure there."""
         found = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)
-        memories = {"components": found.components, "sensors": found.read.sensors, "estimate": found.read.estimate}
-        return dataclasses.replace(now, **memories), found.read.measurement
+        now = dataclasses.replace(
+            now, components=found.components, sensors=found.read.sensors, estimate=found.read.estimate
+        )
+        return now, found.read.measurement
 
     def _select_numbers(self, measurement: Any) -> Scalars:
         numbers = leaves(measurement)

@@ -36,8 +36,8 @@ from skyarm.simulate.check_endings import Ended, ending_of_command, failed_phase
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import component_places, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
-from skyarm.simulate.loop_state import LoopState, Row, Sample, carry_over, structure_of
-from skyarm.simulate.period import make_period, measure
+from skyarm.simulate.loop_state import GivenRow, LoopState, Sample, carry_over, structure_of
+from skyarm.simulate.period import PlantSteps, make_period, measure
 from skyarm.simulate.plant_steps import (
     CalledPlant,
     EpisodeEndedError,
@@ -101,7 +101,7 @@ class EpisodeCode:
             self.carry = replace(self.first, memory=PushAlone.of(self.first.memory))
         self._example: Any = structure_of(self.carry)
         self.draws = draws_needed(scenario)
-        self._plant: Any = None
+        self._plant: PlantSteps[State] | None = None
         if scenario.kind == "rigid_body":
             self.substeps = Substeps(rigid_body_plant(scenario, self.first))
         else:
@@ -126,7 +126,7 @@ class EpisodeCode:
             fed = fed, 0.0, structure_of(self.first.queue[0])
         return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
 
-    def _begin(self, numbers: Any, fed: Any) -> tuple[Any, Any, Row]:
+    def _begin(self, numbers: Any, fed: Any) -> tuple[Stages, PlantSteps[State], GivenRow]:
         """Make the computation stages, plant model and input record of one control period, for tracing."""
         scenario = self._vary(numbers)
         row, given, command = fed if self.commands else (fed, None, None)

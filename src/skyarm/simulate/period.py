@@ -4,23 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
+from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.law_estimates import numbers_found
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.plant.loads import wind_at
-from skyarm.records.leaves import blend
-from skyarm.simulate.loop_state import LoopState, Row, Sample
+from skyarm.plant.surroundings import Memories, Surroundings
+from skyarm.records.leaves import Tree, blend
+from skyarm.reference import Reference
+from skyarm.simulate.loop_state import Clock, GivenRow, LoopState, Row, Sample
+from skyarm.simulate.stages import Readings, Stages
+from skyarm.world import WindSample
+
+Body = TypeVar("Body")
+"""State of what a plant moves."""
 
 
-class PlantSteps(Protocol):
+class PlantSteps(Protocol[Body]):
     """Protocol of a plant model within one control period, over any scalar type."""
 
-    def specific_force(self, state: Any, command: Any, around: Any) -> Any:
+    def specific_force(self, state: Body, command: Command, around: Surroundings) -> Vec3:
         """Accelerometer reading at the base origin, base axes, m/s^2."""
         ...
 
-    def advance(self, state: Any, before: Any, after: Any, around: Any) -> Any:
+    def advance(self, state: Body, before: Command, after: Command, around: Surroundings) -> tuple[Body, Memories]:
         """State of vehicle and contacts after a control period in which a new command arrives."""
         ...
 
@@ -34,17 +44,22 @@ class Measured(NamedTuple):
         read: sensors, estimator, readings for the log and the law's measurement.
     """
 
-    components: Any
-    around: Any
-    acting: Any
-    wind: Any
-    read: Any
+    components: Memories
+    around: Surroundings
+    acting: Command
+    wind: WindSample
+    read: Readings
 
 
-Period = Callable[[LoopState, Row, Any], tuple[LoopState, Sample]]
+Uniforms = tuple[Scalar, ...]
+"""Random numbers of a period, uniform in (0, 1)."""
+
+Period = Callable[[LoopState, GivenRow, Uniforms], tuple[LoopState, Sample]]
 
 
-def measure(stages: Any, plant: PlantSteps, now: LoopState, row: Row, uniforms: tuple[Scalar, ...]) -> Measured:
+def measure(
+    stages: Stages, plant: PlantSteps[State], now: LoopState, row: Row[Reference], uniforms: Uniforms
+) -> Measured:
     """Evaluate winds, contacts, sensors and estimator at the start of a control period."""
     components, around = stages.surround(now.components, now.drives, now.state, row.time, uniforms, row.path_time)
     acting = stages.acting(now.queue)
@@ -55,7 +70,13 @@ def measure(stages: Any, plant: PlantSteps, now: LoopState, row: Row, uniforms: 
 
 
 def act(
-    stages: Any, plant: PlantSteps, now: LoopState, measured: Measured, memory: Any, command: Any, clock: Any = ()
+    stages: Stages,
+    plant: PlantSteps[State],
+    now: LoopState,
+    measured: Measured,
+    memory: Tree,
+    command: Command,
+    clock: Clock = (),
 ) -> LoopState:
     """Apply a command through delay, joint drives and plant; return the loop state after the control period."""
     alive, queue, acting = stages.send(now.alive, now.queue, command)
@@ -76,7 +97,7 @@ def act(
     )
 
 
-def make_period(stages: Any, plant: PlantSteps) -> Period:
+def make_period(stages: Stages, plant: PlantSteps[State]) -> Period:
     """Make the function that advances the closed loop by one control period.
 
     An episode that has ended keeps the state it ended in; only the law's memory, which nobody reads then, goes on.
@@ -86,8 +107,8 @@ def make_period(stages: Any, plant: PlantSteps) -> Period:
         plant: over the same scalars.
     """
 
-    def period(before: LoopState, row: Row, uniforms: tuple[Scalar, ...]) -> tuple[LoopState, Sample]:
-        row = stages.waits.lead(before.clock, before.ticks, row)
+    def period(before: LoopState, given: GivenRow, uniforms: Uniforms) -> tuple[LoopState, Sample]:
+        row = stages.waits.lead(before.clock, before.ticks, given)
         now = replace(before, alive=stages.alive(before, row.reference))
         measured = measure(stages, plant, now, row, uniforms)
         read = measured.read

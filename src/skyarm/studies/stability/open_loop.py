@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
+from skyarm.reference import Reference
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement, measure, measurement_of, noise_count
@@ -132,7 +133,8 @@ def open_point(carry: LoopState, batteries: int = 0) -> OpenPoint:
     """
     # an open period asks for no time and no specific force
     waiting = carry.sensors[0].waiting
-    seen = waiting[0] if waiting else measurement_of(carry.state, carry.state.velocity * 0.0)
+    # the first sensor is of the full state
+    seen = cast("Measurement", waiting[0]) if waiting else measurement_of(carry.state, carry.state.velocity * 0.0)
     return OpenPoint(
         state=carry.state,
         drives=carry.drives,
@@ -172,7 +174,9 @@ class Differentiator:
         self._point = open_point(first, len(scenario.power))
         row = inputs.row_at(0, first)
 
-        def step(point: OpenPoint, given: tuple[Any, ...], fed: Row, _uniforms: Any) -> tuple[OpenPoint, Any]:
+        def step(
+            point: OpenPoint, given: tuple[Any, ...], fed: Row[Reference], _uniforms: Any
+        ) -> tuple[OpenPoint, Any]:
             return point, self._outputs(point, given, fed)
 
         given = ((0.0, 0.0), self._numbers)
@@ -181,7 +185,7 @@ class Differentiator:
         self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=0)
         self._row = len(leaves(row))
 
-    def _outputs(self, point: OpenPoint, given: tuple[Any, ...], row: Row) -> tuple[Any, ...]:
+    def _outputs(self, point: OpenPoint, given: tuple[Any, ...], row: Row[Reference]) -> tuple[Any, ...]:
         """Next state, measurement, controller state and command, for given arrival times, rotor lag and parameters."""
         (late, lag), numbers = given
         own = self.scenario

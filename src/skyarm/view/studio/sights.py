@@ -12,6 +12,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.reference import Reference
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -76,7 +77,9 @@ def sight(session: Session) -> Sight:
     )
 
 
-def contact_forces(components: Sequence[Component], memories: Sequence[Any], motion: PointMotion) -> dict[str, float]:
+def contact_forces(
+    components: Sequence[Component[Tree]], memories: Sequence[Any], motion: PointMotion
+) -> dict[str, float]:
     """Current sum of the normal forces on the vehicle, N, by the name of each surface.
 
     Args:
