@@ -97,10 +97,10 @@ def _instant(stages: Stages, loop: LoopState, row: Row[Reference], sample: Sampl
     """Collect the quantities of one control instant from which the metrics are computed."""
     vehicle, waits, command = stages.scenario.plant.vehicle, stages.waits, sample.command
     if not goals:
-        free = waits.reference(*waits.instants(waits.log_values(loop.clock, loop.ticks))[1])
+        free = waits.reference(*waits.instants(waits.log_values(loop.agent.clock, loop.ticks))[1])
         goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
     first = loop.ticks < 0.5
-    pairs = zip(command.rotor_speeds, loop.queue[-1].rotor_speeds, strict=True)
+    pairs = zip(command.rotor_speeds, loop.agent.queue[-1].rotor_speeds, strict=True)
     return Instant(
         state=sample.state,
         tool=tool_of(vehicle, sample.state),
@@ -226,7 +226,7 @@ class Leg:
             varied = self._lane_scenario(values)
             stages, (loop, totals) = Stages(varied), both
             row, goals, inside = self._feed.read(varied, fed, loop.ticks)
-            row = stages.waits.lead(loop.clock, loop.ticks, row)
+            row = stages.waits.lead(loop.agent.clock, loop.ticks, row)
             period = make_period(stages, RigidBodySteps(stages, substeps))
             following, sample = period(loop, row, uniforms)
             alive, instant = sample.alive > 0.5, _instant(stages, loop, row, sample, goals)
@@ -295,7 +295,9 @@ class Leg:
 
     def statuses(self, columns: Sequence[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
         """Termination status of each flight of the batch at the end of this interval, from its loop state."""
-        return lane_statuses(self.scenario, self.numbers_by_path(columns), now.state, now.clock, ticks, ended)
+        return lane_statuses(
+            self.scenario, self.numbers_by_path(columns), now.agent.state, now.agent.clock, ticks, ended
+        )
 
     def require(self, columns: Sequence[Array]) -> None:
         """Refuse parameter values for which the compiled integration steps are too long.

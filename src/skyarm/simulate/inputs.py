@@ -133,7 +133,7 @@ class EpisodeInputs:
 
     def row_at(self, tick: int, now: LoopState) -> Row[Reference]:
         """Closed-loop inputs of the control period that begins with a given loop state."""
-        numbers, clock = iter(self.rows[min(tick, self.scenario.steps - 1)].tolist()), now.clock
+        numbers, clock = iter(self.rows[min(tick, self.scenario.steps - 1)].tolist()), now.agent.clock
         if clock:
             path_time = float(self.waits.path_time(clock))
             return Row(time=next(numbers), reference=self.held_now(clock, now.ticks), path_time=path_time)

@@ -9,6 +9,7 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
+from skyarm.plant.surroundings import Memories
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Record, Tree, is_record, leaves, mismatch, rebuild
 from skyarm.reference import Reference
@@ -61,28 +62,39 @@ Clock = PathClock | tuple[()]
 
 
 @immutable
-class LoopState:
-    """State of the closed loop from one control period to the next.
+class AgentLoop:
+    """State of one vehicle, its plant and its control, from one control period to the next.
 
     Attributes:
-        alive: 1 while the episode runs, 0 once it has ended. ticks: control periods flown.
         state: of the plant. memory: of the law.
         queue: commands on their way, oldest first; the first acts now.
         sensors: the full state's first, then the named ones. estimate: memory of the estimator.
-        components: memories of air and forces. drives: memories of the joint drives.
+        drives: memories of the joint drives.
         clock: of a reference whose phases wait (:mod:`skyarm.simulate.reference_clock`); () where none does.
     """
 
-    alive: Scalar
-    ticks: Scalar
     state: State
     memory: Tree
     queue: tuple[Command, ...]
     sensors: tuple[SensorState, ...]
     estimate: Tree
-    components: tuple[Tree, ...]
-    drives: tuple[Tree, ...]
+    drives: Memories
     clock: Clock = ()
+
+
+@immutable
+class LoopState:
+    """State of the closed loop from one control period to the next.
+
+    Attributes:
+        alive: 1 while the episode runs, 0 once it has ended. ticks: control periods flown.
+        agent: the vehicle and its control. components: memories of air and forces.
+    """
+
+    alive: Scalar
+    ticks: Scalar
+    agent: AgentLoop
+    components: Memories
 
 
 Wanted_co = TypeVar("Wanted_co", bound=Reference | tuple[()], covariant=True)
@@ -141,19 +153,19 @@ def carry_over(
         clock: of a reference that is another one than before, as it begins in this period; () where it is the same.
     """
     before = dict(zip(places[1], now.components, strict=True))
-    pairs = zip(first.drives, now.drives, strict=True) if len(first.drives) == len(now.drives) else ()
-    return LoopState(
-        alive=now.alive,
-        ticks=now.ticks,
-        state=_kept(first.state, now.state),
-        memory=_kept(first.memory, now.memory),
-        queue=_kept(first.queue, now.queue),
-        sensors=_kept(first.sensors, now.sensors),
-        estimate=_kept(first.estimate, now.estimate),
-        components=tuple(_kept(new, before.get(at)) for at, new in zip(places[0], first.components, strict=True)),
-        drives=tuple(_kept(new, old) for new, old in pairs) or first.drives,
-        clock=clock or _kept(first.clock, now.clock),
+    new, old = first.agent, now.agent
+    drives = zip(new.drives, old.drives, strict=True) if len(new.drives) == len(old.drives) else ()
+    agent = AgentLoop(
+        state=_kept(new.state, old.state),
+        memory=_kept(new.memory, old.memory),
+        queue=_kept(new.queue, old.queue),
+        sensors=_kept(new.sensors, old.sensors),
+        estimate=_kept(new.estimate, old.estimate),
+        drives=tuple(_kept(*both) for both in drives) or new.drives,
+        clock=clock or _kept(new.clock, old.clock),
     )
+    components = tuple(_kept(own, before.get(at)) for at, own in zip(places[0], first.components, strict=True))
+    return LoopState(alive=now.alive, ticks=now.ticks, agent=agent, components=components)
 
 
 def _kept(new: Record, old: Record) -> Record:

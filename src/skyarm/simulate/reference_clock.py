@@ -348,9 +348,9 @@ def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, ane
         now: the loop where the change came; it may be that of many lanes, of which some have ended.
         anew: the reference is another one.
     """
-    other = mismatch(first.clock, now.clock, "clock")
-    if first.clock == () or not (anew or other):
+    other = mismatch(first.agent.clock, now.agent.clock, "clock")
+    if first.agent.clock == () or not (anew or other):
         return ()
     begun = Waits(scenario).begun_at(now.ticks)
-    clock: Clock = begun if other else blend(now.alive > 0.5, begun, now.clock)
+    clock: Clock = begun if other else blend(now.alive > 0.5, begun, now.agent.clock)
     return clock

@@ -91,8 +91,8 @@ class Stages:
 
     def alive(self, now: LoopState, reference: Reference) -> Scalar:
         """1.0 while the flight meets no termination condition, else 0.0."""
-        fine = logical_and(now.alive > 0.5, healthy(self.scenario, now.state, reference.position))
-        sound = self.waits.is_sound(now.clock)
+        fine = logical_and(now.alive > 0.5, healthy(self.scenario, now.agent.state, reference.position))
+        sound = self.waits.is_sound(now.agent.clock)
         return where(fine if sound is True else logical_and(fine, sound), 1.0, 0.0)
 
     def surround(

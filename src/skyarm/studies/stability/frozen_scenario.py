@@ -173,8 +173,8 @@ def require_no_memory(scenario: Scenario, first: LoopState) -> None:
         _require_none(leaves(memory), f"payloads[{i}]", payload)
     for named in scenario.sensors:
         _require_none(True, f"sensors.{named.name}", named.sensor)
-    _require_none(leaves(first.estimate), "estimator", scenario.estimator)
-    _require_none(leaves(first.sensors[0].memory), "sensors", scenario.noise)
+    _require_none(leaves(first.agent.estimate), "estimator", scenario.estimator)
+    _require_none(leaves(first.agent.sensors[0].memory), "sensors", scenario.noise)
 
 
 def _require_none(held: Any, field: str, part: Any) -> None:

@@ -132,15 +132,15 @@ def open_point(carry: LoopState, batteries: int = 0) -> OpenPoint:
         batteries: how many of the last components are batteries.
     """
     # an open period asks for no time and no specific force
-    waiting = carry.sensors[0].waiting
+    own, waiting = carry.agent, carry.agent.sensors[0].waiting
     # the first sensor is of the full state
-    seen = cast("Measurement", waiting[0]) if waiting else measurement_of(carry.state, carry.state.velocity * 0.0)
+    seen = cast("Measurement", waiting[0]) if waiting else measurement_of(own.state, own.state.velocity * 0.0)
     return OpenPoint(
-        state=carry.state,
-        drives=carry.drives,
-        old=carry.queue[0],
-        new=carry.queue[min(1, len(carry.queue) - 1)],
-        memory=carry.memory,
+        state=own.state,
+        drives=own.drives,
+        old=own.queue[0],
+        new=own.queue[min(1, len(own.queue) - 1)],
+        memory=own.memory,
         seen=seen,
         power=carry.components[len(carry.components) - batteries :] if batteries else (),
     )
@@ -277,10 +277,10 @@ class Differentiator:
         """Scalars of the operating point, with measurement and command computed where they have no delay."""
         base = np.array([float(leaf) for leaf in leaves(point)])
         ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
-        if not carry.sensors[0].waiting:
+        if not carry.agent.sensors[0].waiting:
             made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
             base[sum(sizes[:4]) : sum(sizes[:5])] = made[ends[0] : ends[1]]
-        if len(carry.queue) == 1:
+        if len(carry.agent.queue) == 1:
             made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
             base[sizes[0] + sizes[1] : sum(sizes[:3])] = made[ends[2] : ends[3]]
         return base

@@ -56,7 +56,7 @@ class Sight:
 def sight(session: Session) -> Sight:
     """Compute the plotted quantities of a simulation session at its current time."""
     scenario, now, time = session.scenario, session.now, session.time
-    vehicle, state = scenario.plant.vehicle, now.state
+    vehicle, state = scenario.plant.vehicle, now.agent.state
     placed = poses_of(vehicle, state)
     outside = session.wind
     upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(vehicle, scenario.reference.at(time)).tip
@@ -69,7 +69,7 @@ def sight(session: Session) -> Sight:
         tip=placed.tip,
         error=float(np.linalg.norm(away)),
         tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
-        efforts=_efforts(vehicle, now.queue[-1].efforts),
+        efforts=_efforts(vehicle, now.agent.queue[-1].efforts),
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
         air=np.array(floats(outside.air_velocity_W)),
         pushed=np.array(floats(outside.force_W)),
