@@ -46,7 +46,7 @@ def _truth(state: Any) -> tuple[np.ndarray, ...]:
 
 
 def _compared(time: float, now: Any, truth: tuple[np.ndarray, ...]) -> Errors:
-    memory, inertial = now.estimate, now.sensors[1].memory
+    memory, inertial = now.agent.estimate, now.agent.sensors[1].memory
     belief = memory.belief
     position, velocity, attitude = truth
     gyro, accelerometer = (np.array(drift) for drift in inertial.drifts)

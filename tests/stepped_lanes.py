@@ -106,7 +106,7 @@ class BatchSession:
         self._base = tuple(number_at(scenario, path) for path in paths)
         self._loop = loop = LaneLoop(scenario, self._lane_scenario, self._base, stiffest or scenario)
         self._first, self._law = loop.first, law
-        program = loop.program(self._period, loop.first, (self._base, structure_of(loop.first.queue[0])))
+        program = loop.program(self._period, loop.first, (self._base, structure_of(loop.first.agent.queue[0])))
         kernel = Kernel(program, Lanes(host_width(single=single), single=single, contract=not bit_exact))
         self._stepper = LaneStepper(kernel, lanes, seed=seed, threads=threads)
         self._parameters = self._stepper.parameters
@@ -115,7 +115,7 @@ class BatchSession:
             self._parameters[: len(self._base)] = np.array(self._base)[:, None]
         self._carry = self._stepper.carry
         now: LoopState = rebuild(self._first, iter(list(self._carry)))
-        self.state: State = now.state
+        self.state: State = now.agent.state
         self._alive, self._ticks = self._carry[0], self._carry[1]
         self.episodes: Array = np.zeros(lanes, dtype=np.int64)
         self._next, self._over = 0, False
@@ -253,10 +253,10 @@ class BatchSession:
         """An ending that comes in the very last period counts as one, as in a single run."""
         last = np.flatnonzero(self.truncated & ~self.ended)
         if last.size:
-            left: Any = rebuild(self._first, iter([leaf[last].astype(float) for leaf in self._carry]))
+            left: LoopState = rebuild(self._first, iter([leaf[last].astype(float) for leaf in self._carry]))
             values = {path: self._parameters[i, last].astype(float) for i, path in enumerate(self.paths)}
             status = lane_statuses(
-                self.scenario, values, left.state, left.clock, left.ticks, np.zeros(last.size, dtype=bool)
+                self.scenario, values, left.agent.state, left.agent.clock, left.ticks, np.zeros(last.size, dtype=bool)
             )
             self.ended[last] = status != "completed"
         self.truncated &= ~self.ended

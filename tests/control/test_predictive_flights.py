@@ -149,10 +149,10 @@ def test_a_plant_that_changes_in_flight_leaves_the_law_its_memory():
     session = skyarm.Session(base)
     for _ in range(30):
         session.step()
-    plan = session._engine.now.memory.plan
+    plan = session._engine.now.agent.memory.plan
     session.change({"plant.vehicle.base.mass": mass})
-    assert session._engine.now.memory.plan is not None
-    np.testing.assert_array_equal(session._engine.now.memory.plan.u, plan.u)
+    assert session._engine.now.agent.memory.plan is not None
+    np.testing.assert_array_equal(session._engine.now.agent.memory.plan.u, plan.u)
     while session.step():
         pass
     # the same mass again: the flight goes on to the bit

@@ -213,8 +213,8 @@ def test_an_observer_learns_what_was_really_sent():
     state = skyarm.scenario.scenario_record.trimmed_state(planned().plant, held().at(0.0).position, 0.0, (0.0, 0.0))
     scenario = planned(None, reference=held(x=0.5), duration=0.1, initial=state)
     carry = Flown(dataclasses.replace(scenario, controller=with_safety_layer(watching, {"rotor_slew": 200.0}))).carry
-    memory = carry.memory
-    assert memory.inner.sent == memory.sent == carry.queue[-1]
+    memory = carry.agent.memory
+    assert memory.inner.sent == memory.sent == carry.agent.queue[-1]
     # a step of half a metre asks for more than a slew of 1 rad/s per period
     assert memory.inner.desired != memory.sent
 
@@ -233,7 +233,7 @@ def test_laws_that_use_their_commands_are_told_what_was_really_sent(law, options
     state = skyarm.scenario.scenario_record.trimmed_state(scenario.plant, held().at(0.0).position, 0.0, (0.0, 0.0))
     model = scenario.controller.par.model
     slow = with_safety_layer(make_controller(law, model, **options), {"rotor_slew": 200.0})
-    memory = Flown(dataclasses.replace(scenario, initial=state, controller=slow)).carry.memory
+    memory = Flown(dataclasses.replace(scenario, initial=state, controller=slow)).carry.agent.memory
     assert memory.inner.sent[-1] == memory.sent
 
 
@@ -262,7 +262,7 @@ def test_a_law_starts_anew_from_its_first_memory_when_it_comes_back():
 
     law = dataclasses.replace(inner, law=counting, memory=(0.0,))
     scenario = planned(None, reference=held(), duration=2.0, controller=with_safety_layer(law, {"calm": 0.5}))
-    count = Flown(scenario).carry.memory.inner[0]
+    count = Flown(scenario).carry.agent.memory.inner[0]
     # it failed until 1.1 s, then had to be calm for half a second
     assert count == pytest.approx(0.4 / 0.005, abs=25)
 

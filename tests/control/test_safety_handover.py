@@ -85,7 +85,7 @@ def at_release(scenario):
     if not scenario.controller.compiled:
         return SEEN[round(RELEASE * scenario.rates.control) - 1]
     half = dataclasses.replace(scenario, duration=RELEASE)
-    return fly(half).carry.memory
+    return fly(half).carry.agent.memory
 
 
 def estimated(memory):

@@ -7,7 +7,8 @@ of unused ones, fails where it accepts the line.
 from __future__ import annotations
 
 import dataclasses
-from typing import assert_type
+from collections.abc import Sequence
+from typing import Any, assert_type
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import Controller
@@ -15,7 +16,7 @@ from skyarm.dynamics import State
 from skyarm.plant.interface import Truth
 from skyarm.reference import Trajectory
 from skyarm.scenario.scenario_record import Delays, JointDrive, NamedSensor, Scenario
-from skyarm.world import NO_WIND, Component, Fault
+from skyarm.world import NO_WIND, Component, Fault, Force, MovingAir
 
 
 def accepted(scenario: Scenario) -> None:
@@ -33,9 +34,29 @@ def accepted(scenario: Scenario) -> None:
     assert_type(scenario.drives, tuple[JointDrive, ...])
     assert_type(scenario.initial, State | None)
     assert_type(scenario.faults, tuple[Fault, ...])
-    assert_type(scenario.wind, Component)
+    assert_type(scenario.wind, Component[Any])
     assert_type(scenario.ground, bool)
     assert_type(scenario.kind, str)
+
+
+class Creep(Force[tuple[Scalar, Scalar]]):
+    """A force whose memory is two numbers."""
+
+    def advance(
+        self, memory: tuple[Scalar, Scalar], t: Scalar, dt: float, state: State, draws: Sequence[Scalar]
+    ) -> tuple[Scalar, Scalar]:
+        """Memory in the next control period."""
+        return memory[1], state.position.z
+
+    def holds(self, memory: float, frame: str) -> tuple[Scalar, ...]:  # type: ignore[override]
+        """Takes another memory than the one that it gives."""
+        return (memory,)
+
+
+def parts_of_any_memory(scenario: Scenario) -> None:
+    """Components stand side by side, whatever they remember."""
+    dataclasses.replace(scenario.environment, forces=(Creep(), *scenario.forces), air=(MovingAir(),))
+    dataclasses.replace(scenario.environment, forces=(Creep,))  # type: ignore[arg-type]
 
 
 def refused(scenario: Scenario) -> None:

@@ -201,7 +201,7 @@ def test_noise_of_a_channel_changes_the_noise_of_those_after_it_in_its_sensor_an
         session = skyarm.Session(skyarm.scenario_from(document), machine_code=False)
         for _ in range(3):
             session.step()
-        held = [sensor.held for sensor in session.now.sensors[1:]]
+        held = [sensor.held for sensor in session.now.agent.sensors[1:]]
         return held[0].rate, held[0].specific_force, held[1].heading
 
     both, without, quiet = read(), read(accelerometer={}), read(gyro={})

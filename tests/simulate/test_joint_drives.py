@@ -47,8 +47,8 @@ def test_until_the_first_command_arrives_the_standing_setpoint_holds_the_arm(pla
 
 def test_the_standing_setpoint_is_the_drives_own():
     scenario, start = out_arm()
-    torque = first_loop_state(scenario).queue[0].efforts
-    servo = first_loop_state(driven(scenario, joint2=Servo(stiffness=5.0))).queue[0].efforts
+    torque = first_loop_state(scenario).agent.queue[0].efforts
+    servo = first_loop_state(driven(scenario, joint2=Servo(stiffness=5.0))).agent.queue[0].efforts
     assert abs(torque[1]) > 0.01
     assert servo == (torque[0], pytest.approx(start.joints[1] + torque[1] / 5.0, rel=1e-15))
 
@@ -73,11 +73,11 @@ def test_a_drives_memory_follows_the_setpoints_that_act(machine_code, delay):
     late = round(delay * 200)
     scenario = dataclasses.replace(with_law(BASE, stepping), delays=Delays(command=delay))
     flight = skyarm.Session(driven(scenario, joint2=Lag(lag=0.02)), machine_code=machine_code)
-    standing = first_loop_state(driven(scenario, joint2=Lag(lag=0.02))).queue[0].efforts[1]
+    standing = first_loop_state(driven(scenario, joint2=Lag(lag=0.02))).agent.queue[0].efforts[1]
     wanted = 0.0
     for k in range(10):
-        assert flight.now.drives[1][0] == pytest.approx(wanted, abs=1e-15)
-        assert flight.now.drives[0] == ()
+        assert flight.now.agent.drives[1][0] == pytest.approx(wanted, abs=1e-15)
+        assert flight.now.agent.drives[0] == ()
         setpoint = 0.01 - (k - late) / 200 if k >= late else standing
         wanted += (setpoint - wanted) * (1.0 - math.exp(-0.005 / 0.02))
         flight.step()

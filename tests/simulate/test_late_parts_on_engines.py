@@ -116,7 +116,7 @@ def pieces(time: Any, *values: Any) -> list[Any]:
     """What the law is told and answers, which commands act, and when within the period."""
     varied = with_numbers(FLIGHT, dict(zip(VALUES, values, strict=True)))
     told = joined_reference(varied, varied.reference.at(time), time)
-    measured = measurement_of(first_loop_state(FLIGHT).state, Vec3(0.0, 0.0, 9.8))
+    measured = measurement_of(first_loop_state(FLIGHT).agent.state, Vec3(0.0, 0.0, 9.8))
     moving = dataclasses.replace(measured, joint_rates=(0.3, -0.4))
     _, command = varied.controller.law((), moving, told.dense(), 0.005, par=varied.controller.par)
     (rotors, part), (joints, other) = rotor_and_joint_delays(varied)

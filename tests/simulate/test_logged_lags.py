@@ -50,7 +50,7 @@ def test_it_is_what_the_law_holds_until_another_takes_over(scenario, log):
     for _ in range(19):
         session.step()
     # the lag that the last period answered
-    assert session.now.memory.parts.lag.found == tuple(log.lag_found[18])
+    assert session.now.agent.memory.parts.lag.found == tuple(log.lag_found[18])
     while session.step():
         pass
     found = session.log.lag_found

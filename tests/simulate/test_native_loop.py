@@ -191,7 +191,7 @@ def test_an_episode_that_has_ended_keeps_the_state_it_ended_in():
     shorter, longer = (planned("case2", duration=seconds, **ENDINGS["ground"]) for seconds in (0.5, 1.0))
     ends = [fly(one).carry for one in (shorter, longer)]
     assert float(ends[0].alive) == 0.0
-    assert float(ends[0].state.position.z) > -0.5
+    assert float(ends[0].agent.state.position.z) > -0.5
     assert leaves(ends[0]) == leaves(ends[1])
 
 

@@ -250,19 +250,23 @@ def test_a_tip_goes_beside_its_plan_as_the_base_does():
 
 def test_a_task_that_takes_over_in_flight_begins_at_the_flight_s_time(scenario):
     first = first_loop_state(scenario)
-    before = dataclasses.replace(first, ticks=37.0, clock=())
+
+    def at_clock(clock):
+        return dataclasses.replace(first, ticks=37.0, agent=dataclasses.replace(first.agent, clock=clock))
+
+    before = at_clock(())
 
     def taken(now, anew):
         places = component_places(scenario)
-        return carry_over(first, now, (places, places), clock_of_change(scenario, first, now, anew=anew)).clock
+        return carry_over(first, now, (places, places), clock_of_change(scenario, first, now, anew=anew)).agent.clock
 
     # at the first guard that is not passed
     for ticks, guard in ((0.0, 0.0), (19.0, 0.0), (20.0, 0.0), (21.0, 1.0), (41.0, 2.0), (43.0, 3.0), (200.0, 4.0)):
         found = taken(dataclasses.replace(before, ticks=ticks), False)
         assert (found.place, found.held, found.guard) == (ticks, ticks, guard)
     # the same reference goes on where it stands, another one of the same shape begins; of a lane that has ended neither
-    clock = dataclasses.replace(first.clock, place=11.0, guard=1.0, failed=1.0)
-    waiting = dataclasses.replace(before, clock=clock)
+    clock = dataclasses.replace(first.agent.clock, place=11.0, guard=1.0, failed=1.0)
+    waiting = at_clock(clock)
     assert taken(waiting, False) == clock
     assert (taken(waiting, True).place, taken(waiting, True).failed) == (37.0, 0.0)
     assert taken(dataclasses.replace(waiting, alive=0.0), True) == clock

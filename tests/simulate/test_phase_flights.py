@@ -101,19 +101,19 @@ def test_a_session_goes_on_from_a_gate(scenario, log):
     session = skyarm.Session(scenario)
     for _ in range(200):
         session.step()
-    assert session.now.clock.waited > 0.0  # it waits for the touch
+    assert session.now.agent.clock.waited > 0.0  # it waits for the touch
     # margins look at the reference where it stands
     row = episode_inputs(scenario).row_at(200, session.now)
     assert [float(c) for c in row.reference.tip] == [float(c) for c in session.reference.tip]
-    assert (row.time, row.path_time) == (1.0, session.now.clock.place / 200.0)
-    held, held_place = session.snapshot(), session.now.clock.place
+    assert (row.time, row.path_time) == (1.0, session.now.agent.clock.place / 200.0)
+    held, held_place = session.snapshot(), session.now.agent.clock.place
     np.testing.assert_array_equal([float(c) for c in session.reference.tip], log.tip_held[200])
     assert same(session.run(), log) == []
     # another task of the same shape begins at the flight's time, at the first guard that is to come
     session.restore(held)
     session.change({"reference": DOCUMENT["reference"]})
-    assert (session.now.clock.place, session.now.clock.guard) == (200.0, 1.0)
-    assert session.now.clock.place > held_place
+    assert (session.now.agent.clock.place, session.now.agent.clock.guard) == (200.0, 1.0)
+    assert session.now.agent.clock.place > held_place
 
 
 @pytest.fixture(scope="module")

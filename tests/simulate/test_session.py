@@ -154,16 +154,16 @@ def test_a_command_from_outside_leaves_the_laws_memory(name: str) -> None:
     session = Session(base)
     for _ in range(5):
         session.step()
-    before = leaves(session._engine.now.memory) if name == "adaptive" else session._engine.now.memory
+    before = leaves(session._engine.now.agent.memory) if name == "adaptive" else session._engine.now.agent.memory
     command = Command(rotor_speeds=(470.0, 480.0, 470.0, 480.0), efforts=(0.001, -0.002))
     for k in range(3):
         session.step(command)
-        after = leaves(session._engine.now.memory) if name == "adaptive" else session._engine.now.memory
+        after = leaves(session._engine.now.agent.memory) if name == "adaptive" else session._engine.now.agent.memory
         assert after == before
         assert session.log.rotor_commands[5 + k].tolist() == list(command.rotor_speeds)
         assert session.log.efforts[5 + k].tolist() == list(command.efforts)
     session.step()
-    moved = leaves(session._engine.now.memory) if name == "adaptive" else session._engine.now.memory
+    moved = leaves(session._engine.now.agent.memory) if name == "adaptive" else session._engine.now.agent.memory
     assert moved != before
     assert session.log.rotor_commands[8].tolist() != list(command.rotor_speeds), "the law is asked again"
 
@@ -354,7 +354,7 @@ def test_parts_may_be_replaced_and_what_has_another_structure_begins_anew() -> N
     ).controller
     session.change({"controller.law": "centroidal_tip", "sensors.position": 0.005})
     assert session.state == state
-    assert leaves(session._engine.now.memory) == leaves(other.memory)
+    assert leaves(session._engine.now.agent.memory) == leaves(other.memory)
     assert session.step()
     log = session.run()
     assert (log.status, log.time.size) == ("completed", 100)
@@ -384,7 +384,7 @@ def test_a_component_that_is_replaced_leaves_the_others_memories() -> None:
     assert wind == ()
     assert len(leaves(started)) == 5
     assert others == [air, push]
-    assert session._engine.now.drives != ((), ())
+    assert session._engine.now.agent.drives != ((), ())
 
 
 def test_a_number_that_cannot_be_is_refused_and_nothing_has_changed() -> None:

@@ -182,7 +182,7 @@ def test_what_is_not_used_is_not_there(scenario):
     around = first_surroundings(plain, first)
     assert around.effectiveness is None
     assert leaves(around) == [0.0]  # the time
-    assert after_impact(plain.plant.vehicle, first.state, around) is first.state
+    assert after_impact(plain.plant.vehicle, first.agent.state, around) is first.agent.state
     assert loaded_vehicle(plain.plant.vehicle, around) is plain.plant.vehicle
     faulty = dataclasses.replace(plain, faults=(skyarm.Fault(rotor="front", effectiveness=0.5),))
     told = first_surroundings(faulty, first).effectiveness

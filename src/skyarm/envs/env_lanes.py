@@ -134,7 +134,7 @@ class EnvLanes:
         self._carry = self._stepper.carry
         now: Any = rebuild(self.program.first, iter(list(self._carry)))
         self.loop = now.loop
-        self.state: State = now.loop.state
+        self.state: State = now.loop.agent.state
         self.episodes: Array = np.zeros(lanes, dtype=np.int64)
         self.seeds: Array = np.zeros(lanes, dtype=np.uint64)
         self.ended, self.truncated = np.zeros(lanes, dtype=bool), np.zeros(lanes, dtype=bool)

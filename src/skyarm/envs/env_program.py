@@ -29,7 +29,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import draw_plan, draws_needed
 from skyarm.simulate.first_state import first_loop_state
-from skyarm.simulate.lane_loop import own_row
+from skyarm.simulate.lane_loop import held_row
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.period import Measured, act, measure
 from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
@@ -134,8 +134,8 @@ class EnvProgram:
         stages = self._stages(numbers)
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
-            first = dataclasses.replace(first, memory=())
-        row = own_row(stages.scenario, first.ticks)
+            first = dataclasses.replace(first, agent=dataclasses.replace(first.agent, memory=()))
+        row = held_row(stages.scenario, first.ticks)
         return (*self._measure_next(stages, first, row, draws), stages.law_reference(row))
 
     def step(self, now: EnvState, values: Any, _fed: Any, draws: Sequence[Scalar]) -> tuple[EnvState, Outcome]:
@@ -143,20 +143,21 @@ class EnvProgram:
         numbers, given = values
         stages = self._stages(numbers)
         action = tuple(clip(a, -1.0, 1.0) for a in given)
-        loop, row = now.loop, own_row(stages.scenario, now.loop.ticks)
+        loop, own, row = now.loop, now.loop.agent, held_row(stages.scenario, now.loop.ticks)
         memory, command = self._decide(stages, now, row, action)
-        around = stages.surroundings(loop.components, loop.drives, row.time)
+        around = stages.surroundings(loop.components, own.drives, row.time)
         nothing: Any = None
-        read = Readings(sensors=loop.sensors, estimate=loop.estimate, readings=(), measurement=nothing)
-        measured = Measured(loop.components, around, stages.acting(loop.queue), None, read)
+        read = Readings(sensors=own.sensors, estimate=own.estimate, readings=(), measurement=nothing)
+        measured = Measured(loop.components, around, stages.acting(own.queue), nothing, read)
         plant = RigidBodySteps(stages, self._plant.substeps)
-        flown = act(stages, plant, loop, measured, memory, command, loop.clock)
+        flown = act(stages, plant, loop, measured, memory, command, own.clock)
         sent = flown.alive
         # a command that is not finite ends the episode where it is, as in a single run
-        state: State = blend(sent > 0.5, flown.state, loop.state)
+        state = blend(sent > 0.5, flown.agent.state, own.state)
         # endings are told beside the loop, and a period that ends an episode counts
-        flown = dataclasses.replace(flown, state=state, alive=1.0, ticks=loop.ticks + 1.0)
-        coming = own_row(stages.scenario, flown.ticks)
+        agent = dataclasses.replace(flown.agent, state=state)
+        flown = dataclasses.replace(flown, agent=agent, alive=1.0, ticks=loop.ticks + 1.0)
+        coming = held_row(stages.scenario, flown.ticks)
         ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), sent)
         following, measurement = self._measure_next(stages, flown, coming, draws)
         ended = where(ending > 0.5, 1.0, 0.0)
@@ -191,25 +192,24 @@ class EnvProgram:
     def _goal(self, scenario: Scenario, ticks: Scalar) -> Vec3:
         """Position reference at the end of a control period."""
         last = float(self.task.scenario.steps - 1)
-        position: Vec3 = own_row(scenario, where(ticks > last, last, ticks)).reference.position
-        return position
+        return held_row(scenario, where(ticks > last, last, ticks)).reference.position
 
-    def _decide(self, stages: Stages, now: EnvState, row: Row, action: Scalars) -> Any:
+    def _decide(self, stages: Stages, now: EnvState, row: Row[Reference], action: Scalars) -> Any:
         """Convert an action to a vehicle command; return the control law's next internal state and the command."""
         values = iter(leaves(self._measurement))
         known = dict(zip(self._kept, now.seen, strict=True))
         measurement = rebuild(self._measurement, iter([known.get(i, old) for i, old in enumerate(values)]))
         par = stages.scenario.controller.par
         told = stages.law_reference(row)
-        turn = Turn(now.loop.memory, measurement, told, stages.decide, par, self.task.told)
+        turn = Turn(now.loop.agent.memory, measurement, told, stages.decide, par, self.task.told)
         memory, command = self.task.actions.command(action, turn)
         return memory, with_rest(stages.scenario.plant.vehicle, command)
 
-    def _measure_next(self, stages: Stages, now: LoopState, row: Row, draws: Any) -> tuple[LoopState, Any]:
+    def _measure_next(self, stages: Stages, now: LoopState, row: Row[Reference], draws: Any) -> tuple[LoopState, Any]:
         """Advance wind, contacts and sensors to the next control period, and measure there."""
         found = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)
-        memories = {"components": found.components, "sensors": found.read.sensors, "estimate": found.read.estimate}
-        return dataclasses.replace(now, **memories), found.read.measurement
+        agent = dataclasses.replace(now.agent, sensors=found.read.sensors, estimate=found.read.estimate)
+        return dataclasses.replace(now, agent=agent, components=found.components), found.read.measurement
 
     def _select_numbers(self, measurement: Any) -> Scalars:
         numbers = leaves(measurement)

@@ -143,8 +143,7 @@ class JaxEnvironment:
 
     def plant_state(self, state: JaxState) -> State:
         """True vehicle state of a JAX environment, for analysis."""
-        now: Any = rebuild(self._program.first, iter(state.carry))
-        return now.loop.state  # type: ignore[no-any-return]
+        return rebuild(self._program.first, iter(state.carry)).loop.agent.state
 
     def _numbers(self, params: Any) -> Scalars:
         """Check the adjustable parameters of a JAX environment and return them as a tuple.

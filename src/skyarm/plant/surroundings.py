@@ -13,12 +13,12 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import Tree, leaves
 from skyarm.vehicle.vehicle_records import Rotor
 from skyarm.world import Component, Effectiveness, Wrench
 
-Memories = tuple[Any, ...]
-"""Of the coupled components, in their order."""
+Memories = tuple[Tree, ...]
+"""Internal states of environment models or of joint drives, in their order, each of its model's own type."""
 
 
 @immutable
@@ -32,12 +32,12 @@ class Surroundings:
         drives: of the joints, in order; empty where all take torques. drive_memories: theirs.
     """
 
-    components: tuple[Component, ...] = ()
-    memories: tuple[Any, ...] = ()
+    components: tuple[Component[Any], ...] = ()
+    memories: Memories = ()
     time: Scalar = 0.0
     effectiveness: Effectiveness | None = None
     drives: tuple[Drive, ...] = ()
-    drive_memories: tuple[Any, ...] = ()
+    drive_memories: Memories = ()
 
     def air_velocity(self, position_W: Vec3) -> Vec3:
         """Air velocity (m/s, world axes) at a position: sum of all wind models."""
@@ -64,11 +64,11 @@ class Surroundings:
         """Indices of the contact models, whose internal states are integrated with the vehicle's."""
         return tuple(i for i, component in enumerate(self.components) if component.coupled)
 
-    def coupled_memories(self) -> tuple[Any, ...]:
+    def coupled_memories(self) -> Memories:
         """Internal states of the contact models."""
         return tuple(self.memories[i] for i in self.coupled)
 
-    def with_coupled(self, memories: Sequence[Any]) -> Surroundings:
+    def with_coupled(self, memories: Sequence[Tree]) -> Surroundings:
         """Copy of the plant inputs with other internal states of the contact models."""
         places = self.coupled
         if not places:
@@ -78,22 +78,22 @@ class Surroundings:
             held[place] = memory
         return replace(self, memories=tuple(held))
 
-    def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> tuple[Any, ...]:
+    def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Memories:
         """Time derivatives of the contact models' internal states."""
         return tuple(self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled)
 
-    def far(self, motion: PointMotion, seconds: Scalar) -> Any:
+    def far(self, motion: PointMotion, seconds: Scalar) -> Scalar:
         """True if no contact can occur within ``seconds``."""
-        found: Any = True
+        found: Scalar = True
         for i in self.coupled:
             there = self.components[i].far(self.memories[i], motion, seconds)
             found = there if found is True else logical_and(found, there)
         return found
 
-    def hurry(self, motion: PointMotion, seconds: Scalar) -> tuple[Memories, Any]:
+    def hurry(self, motion: PointMotion, seconds: Scalar) -> tuple[Memories, Scalar]:
         """Internal states of the contact models, and number of integration substeps for the next ``seconds``."""
         found = [self.components[i].hurry(self.memories[i], motion, seconds) for i in self.coupled]
-        finer: Any = 1.0
+        finer: Scalar = 1.0
         for _, steps in found:
             finer = maximum(finer, steps)
         return tuple(memory for memory, _ in found), finer
@@ -101,10 +101,10 @@ class Surroundings:
     def without_coupled(self) -> Surroundings:
         """Copy of the plant inputs without the contact models."""
         kept = [i for i, component in enumerate(self.components) if not component.coupled]
-        components, memories = (tuple(each[i] for i in kept) for each in (self.components, self.memories))
+        components, memories = tuple(self.components[i] for i in kept), tuple(self.memories[i] for i in kept)
         return replace(self, components=components, memories=memories)
 
-    def alone(self, seconds: Scalar, rounds: int, gravity: Scalar) -> tuple[Any, ...]:
+    def alone(self, seconds: Scalar, rounds: int, gravity: Scalar) -> Memories:
         """Internal states of the contact models after ``seconds`` without contact."""
         return tuple(self.components[i].alone(self.memories[i], seconds, rounds, gravity) for i in self.coupled)
 

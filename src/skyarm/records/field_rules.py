@@ -150,7 +150,7 @@ def _with_bounds(rule: Rule, unit: Unit) -> Rule:
 def _is_record(wanted: object) -> TypeGuard[type]:
     """True if an annotation is a class whose instances ``isinstance`` can test, such as a dataclass."""
     said = isinstance(wanted, type) and wanted not in (Any, object, bool, str, *_NUMBERS)
-    return said and not hasattr(wanted, "_is_protocol")
+    return said and not getattr(wanted, "_is_protocol", False)  # a generic class has it, too: False
 
 
 def _number(field: str, value: object, unit: Unit) -> Scalar:

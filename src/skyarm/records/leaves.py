@@ -1,7 +1,8 @@
 """Conversion between nested dataclasses and flat lists of their scalars.
 
 A record is a frozen dataclass or a tuple of records. Its *leaves* are the scalars that may vary; integers, strings,
-booleans, None and enums are structure: they shape the program and are not leaves.
+booleans, None and enums are structure: they shape the program and are not leaves. :data:`Tree` is the type of all that
+is made of these alone.
 """
 
 from __future__ import annotations
@@ -10,11 +11,21 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
 from functools import cache
-from typing import Any, TypeGuard, TypeVar
+from typing import Any, ClassVar, Protocol, TypeAlias, TypeGuard, TypeVar
 
 from skyarm.algebra.scalars import Scalar, where
 
 Record = TypeVar("Record")
+
+
+class Dataclass(Protocol):
+    """Protocol of the instances of any dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
+
+
+Tree: TypeAlias = "Scalar | str | Enum | Dataclass | tuple[Tree, ...] | None"
+"""Scalar, constant, frozen dataclass of trees or tuple of trees: what a model remembers, a reading, a whole loop."""
 
 _STRUCTURE = (int, str, bool, type(None), Enum)
 

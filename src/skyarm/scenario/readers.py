@@ -20,7 +20,7 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import rules
 from skyarm.records.files import Fields, errors_as, number, shown
-from skyarm.records.leaves import parts
+from skyarm.records.leaves import Tree, parts
 from skyarm.records.read_table import record_from, registered_from
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 LAW = "controller.law"
 
 
-def wind(entry: object, path: str, reading: Reading) -> Component:
+def wind(entry: object, path: str, reading: Reading) -> Component[Tree]:
     """Read [environment.wind]."""
     return wind_from(entry, path)
 
@@ -148,9 +148,11 @@ def gravity(fields: Fields) -> float:
     return fields.number("gravity", 9.81, low=0.0)
 
 
-def world(entry: object, path: str, reading: Reading) -> Component:
+def world(entry: object, path: str, reading: Reading) -> Component[Tree]:
     """Read [world]: surfaces, objects, grippers and contact points, with the commands of a task's phases."""
-    found: Component = registered_from("world", Component, with_files(entry, path, reading.folder), path, "contact")
+    found: Component[Tree] = registered_from(
+        "world", Component, with_files(entry, path, reading.folder), path, "contact"
+    )
     return found
 
 

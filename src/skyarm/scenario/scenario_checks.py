@@ -23,7 +23,7 @@ from skyarm.plant.largest_step import check_largest_step
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.field_rules import require_fields
 from skyarm.records.files import did_you_mean, errors_as, number, shown
-from skyarm.records.leaves import Place, leaves, named_leaves, part
+from skyarm.records.leaves import Place, Tree, leaves, named_leaves, part
 from skyarm.records.words import Slot, slots
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.paths import is_below
@@ -255,7 +255,7 @@ def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment models are stable."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     joints, own = [link.joint.name for link in vehicle.links], [each.joint for each in scenario.drives]
-    added: list[tuple[str, Component | Drive]] = [*scenario.placed_winds_and_forces]
+    added: list[tuple[str, Component[Tree] | Drive]] = [*scenario.placed_winds_and_forces]
     for fitted in scenario.joint_drives:
         where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"
         added.append((where, fitted.drive))

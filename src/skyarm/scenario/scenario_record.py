@@ -41,8 +41,10 @@ from skyarm.world import NO_WIND, Component, Fault, TimedPayload
 if TYPE_CHECKING:
     from skyarm.world.battery_drain import BatteryDrain
     from skyarm.world.contact.contact import Contact
+
+    AnyComponent = Component[Any]  # of any internal state, which it alone knows
 else:
-    Contact = Component  # a world is imported when a scenario has one
+    Contact = AnyComponent = Component  # a world is imported when a scenario has one
 
 PLANTS = ("rigid_body", "mujoco")
 """That the paper's cases fly on; all are those of the registry."""
@@ -262,9 +264,9 @@ class Environment:
         world: surfaces, and the vehicle's points that touch them (:mod:`skyarm.world.contact`); None for free flight.
     """
 
-    wind: Annotated[Component, Word(whole=True, kind="air force", reader="wind")] = NO_WIND
-    air: Annotated[tuple[Component, ...], Word(whole=True, kind="air")] = ()
-    forces: Annotated[tuple[Component, ...], Word(whole=True, kind="force")] = ()
+    wind: Annotated[AnyComponent, Word(whole=True, kind="air force", reader="wind")] = NO_WIND
+    air: Annotated[tuple[AnyComponent, ...], Word(whole=True, kind="air")] = ()
+    forces: Annotated[tuple[AnyComponent, ...], Word(whole=True, kind="force")] = ()
     ground: Annotated[bool, Word(whole=True, varies="never")] = True
     world: Annotated[Contact | None, Word("/world", kind="world", usual="contact", reader="world")] = dataclasses.field(
         default=None, metadata=WRITTEN_IF_ANY
@@ -470,17 +472,17 @@ class Scenario:
         return self.solver.integrator
 
     @property
-    def wind(self) -> Component:
+    def wind(self) -> AnyComponent:
         """Wind."""
         return self.environment.wind
 
     @property
-    def air(self) -> tuple[Component, ...]:
+    def air(self) -> tuple[AnyComponent, ...]:
         """Further models of the air's motion."""
         return self.environment.air
 
     @property
-    def forces(self) -> tuple[Component, ...]:
+    def forces(self) -> tuple[AnyComponent, ...]:
         """Added forces."""
         return self.environment.forces
 
@@ -565,12 +567,12 @@ class Scenario:
         return round(self.duration * self.rates.control)
 
     @property
-    def components(self) -> tuple[Component, ...]:
+    def components(self) -> tuple[AnyComponent, ...]:
         """All environment models: wind, air, added forces, timed payloads, contact, and the battery's load."""
         return (self.wind, *self.air, *self.forces, *self.payloads, *self.worlds, *self.power)
 
     @property
-    def placed_components(self) -> tuple[tuple[str, Component], ...]:
+    def placed_components(self) -> tuple[tuple[str, AnyComponent], ...]:
         """All environment models with their parameter paths, such as ``environment.air[0]``."""
         loads = tuple((f"payloads[{i}]", each) for i, each in enumerate(self.payloads))
         touched = tuple(("world", each) for each in self.worlds)
@@ -582,7 +584,7 @@ class Scenario:
         )
 
     @property
-    def placed_winds_and_forces(self) -> tuple[tuple[str, Component], ...]:
+    def placed_winds_and_forces(self) -> tuple[tuple[str, AnyComponent], ...]:
         """Wind, air and added forces with their parameter paths."""
         lists = {"environment.air": self.air, "environment.forces": self.forces}
         numbered = ((f"{where}[{i}]", each) for where, several in lists.items() for i, each in enumerate(several))

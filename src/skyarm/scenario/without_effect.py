@@ -20,7 +20,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.loads import applied_force
 from skyarm.plant.surroundings import Surroundings
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.scenario.scenario_checks import tip_sensor
 from skyarm.scenario.scenario_record import PLANTS, Scenario, first_state
 from skyarm.sensing.estimate.estimator import FULL_STATE
@@ -92,7 +92,7 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
                 yield f"{where}: moves no air and exerts no force along the reference; its numbers and times?"
 
 
-def _blind_axes(scenario: Scenario, parts: tuple[Component, ...], attitude: Quaternion) -> set[str]:
+def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude: Quaternion) -> set[str]:
     """World axes along which moving air changes no force on the vehicle; x and y together, for it may turn.
 
     None if a part cannot be evaluated: it may feel air.
@@ -101,7 +101,7 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component, ...], attitude: Quat
     command, rates = Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n), (1.0,) * vehicle.n
     state = replace(first_state(scenario), quaternion=attitude, velocity=ZERO3, rate=MOVING, joint_rates=rates)
 
-    def forces(part: Component, air: Vec3) -> Any:
+    def forces(part: Component[Tree], air: Vec3) -> Any:
         around = (WindSample(air_velocity_W=air), part)
         surroundings = Surroundings(components=around, memories=((), _begin(scenario, part)))
         return np.array(leaves(applied_force(vehicle, state, command, surroundings)))
@@ -116,14 +116,14 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component, ...], attitude: Quat
     return set()
 
 
-def _begin(scenario: Scenario, component: Component, noise: float = 0.0) -> Any:
+def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -> Any:
     """First memory of a component; of one that draws random numbers, with each number of its memory at ``noise``."""
     draws = [0.5] * 2 * min(component.uniforms, MOST_UNIFORMS)  # more are refused before the flight
     memory = component.start(1.0 / scenario.rates.control, draws)
     return rebuild(memory, iter([noise] * len(leaves(memory)))) if draws else memory
 
 
-def _effect(scenario: Scenario, component: Component, blind: set[str]) -> tuple[set[str], bool]:
+def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> tuple[set[str], bool]:
     """Axes along which a component moves the air, and whether it acts otherwise, at instants of the reference.
 
     Turbulence moves the air along every axis: it counts only where the vehicle feels none. Of a component that looks

@@ -9,6 +9,7 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -91,7 +92,7 @@ class Sensor:
 
     def take(
         self, memory: Any, t: Scalar, state: State, specific_force: Vec3, push: Push, draws: Sequence[Scalar], dt: float
-    ) -> tuple[Scalar, Scalar]:
+    ) -> tuple[Tree, Tree]:
         """Take one reading by ``measure``, or by ``feel`` for a sensor of force."""
         if self.feels is None:
             return self.measure(memory, t, state, specific_force, draws, dt)

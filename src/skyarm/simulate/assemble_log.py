@@ -17,6 +17,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.files import versions
 from skyarm.records.identity import log_digest, own_files
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.records.plain import plain
 from skyarm.records.registry.plugins import identities
 from skyarm.reference import Reference
@@ -31,7 +32,7 @@ from skyarm.world import Component, WindSample
 from skyarm.world.component import Column
 
 
-def by_array(components: Sequence[Component], numbers: Sequence[Any]) -> dict[str, list[Any]]:
+def by_array(components: Sequence[Component[Tree]], numbers: Sequence[Any]) -> dict[str, list[Any]]:
     """Group the logged values of winds, forces and contacts by the name of the log array that each belongs to."""
     found: dict[str, list[Any]] = {}
     for column, number in zip((column for each in components for column in each.columns), numbers, strict=True):

@@ -163,7 +163,7 @@ class Batch:
             # k / rate, not k * period, as the clock of a single run
             end_time=ticks / self.scenario.rates.control,
             status=status,
-            state=ended[0].state,
+            state=ended[0].agent.state,
             log=batch_log(log, self._times[:: self._log_every]) if self._log_every else None,
         )
 

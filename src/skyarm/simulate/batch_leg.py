@@ -29,7 +29,7 @@ from skyarm.simulate.first_state import component_places
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs, table_of
 from skyarm.simulate.lane_loop import LaneLoop, held_reference, lane_statuses
 from skyarm.simulate.lane_numbers import require_short_steps
-from skyarm.simulate.loop_state import LoopState, Row, Sample, carry_over, structure_of
+from skyarm.simulate.loop_state import GivenRow, LoopState, Row, Sample, carry_over, structure_of
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
 from skyarm.simulate.reference_clock import clock_of_change, is_other_reference
@@ -54,7 +54,8 @@ class Feed:
         self._scenario, self._windows = scenario, tuple(masks)
         # windows that hold every instant are structure
         self._flags = tuple(name for name in masks if not masks[name].all())
-        row, table, goals = Row(time=0.0, reference=()), inputs.times[:, None], list[Goal]()
+        table, goals = inputs.times[:, None], list[Goal]()
+        row: GivenRow = Row(time=0.0, reference=())
         if not (scenario.reference.guards or any(path.startswith("reference.") for path in paths)):
             row, table = inputs.row_example, inputs.rows
             goals = [self._goal_table(record) for record in (inputs.held_reference, inputs.reference)]
@@ -70,7 +71,7 @@ class Feed:
         goal: Goal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
         return goal
 
-    def read(self, varied: Scenario, fed: Any, ticks: Scalar) -> tuple[Row, tuple[Goal, ...], dict[str, Any]]:
+    def read(self, varied: Scenario, fed: Any, ticks: Scalar) -> tuple[GivenRow, tuple[Goal, ...], dict[str, Any]]:
         """Decode a row of inputs: reference, desired positions for the metrics, flags of the metrics' time windows.
 
         Without goals where phases wait for guards: the loop itself evaluates its reference.
@@ -92,14 +93,14 @@ class Feed:
         return any(node.op == "input" for node in live(nodes))
 
 
-def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: tuple[Goal, ...]) -> Instant:
+def _instant(stages: Stages, loop: LoopState, row: Row[Reference], sample: Sample, goals: tuple[Goal, ...]) -> Instant:
     """Collect the quantities of one control instant from which the metrics are computed."""
     vehicle, waits, command = stages.scenario.plant.vehicle, stages.waits, sample.command
     if not goals:
-        free = waits.reference(*waits.instants(waits.log_values(loop.clock, loop.ticks))[1])
+        free = waits.reference(*waits.instants(waits.log_values(loop.agent.clock, loop.ticks))[1])
         goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
     first = loop.ticks < 0.5
-    pairs = zip(command.rotor_speeds, loop.queue[-1].rotor_speeds, strict=True)
+    pairs = zip(command.rotor_speeds, loop.agent.queue[-1].rotor_speeds, strict=True)
     return Instant(
         state=sample.state,
         tool=tool_of(vehicle, sample.state),
@@ -115,12 +116,12 @@ def _instant(stages: Stages, loop: LoopState, row: Row, sample: Sample, goals: t
     )
 
 
-def _path_time(row: Row) -> Scalar:
+def _path_time(row: Row[Reference]) -> Scalar:
     """Time along the reference, s; equals the flight time unless the reference is time-scaled."""
     return row.time if isinstance(row.path_time, tuple) else row.path_time
 
 
-def _contact_inputs(scenario: Scenario, row: Row, sample: Sample) -> dict[str, Any]:
+def _contact_inputs(scenario: Scenario, row: Row[Reference], sample: Sample) -> dict[str, Any]:
     """Inputs of the contact metrics: logged values of winds, forces and contacts, and the desired contact force."""
     numbers = by_array(scenario.components, sample.wind.numbers)
     constants = [each for component in scenario.components for each in component.constants.items()]
@@ -225,7 +226,7 @@ class Leg:
             varied = self._lane_scenario(values)
             stages, (loop, totals) = Stages(varied), both
             row, goals, inside = self._feed.read(varied, fed, loop.ticks)
-            row = stages.waits.lead(loop.clock, loop.ticks, row)
+            row = stages.waits.lead(loop.agent.clock, loop.ticks, row)
             period = make_period(stages, RigidBodySteps(stages, substeps))
             following, sample = period(loop, row, uniforms)
             alive, instant = sample.alive > 0.5, _instant(stages, loop, row, sample, goals)
@@ -294,7 +295,9 @@ class Leg:
 
     def statuses(self, columns: Sequence[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
         """Termination status of each flight of the batch at the end of this interval, from its loop state."""
-        return lane_statuses(self.scenario, self.numbers_by_path(columns), now.state, now.clock, ticks, ended)
+        return lane_statuses(
+            self.scenario, self.numbers_by_path(columns), now.agent.state, now.agent.clock, ticks, ended
+        )
 
     def require(self, columns: Sequence[Array]) -> None:
         """Refuse parameter values for which the compiled integration steps are too long.

@@ -15,7 +15,7 @@ from skyarm.records.leaves import blend
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 
-def command_delay(scenario: Scenario) -> tuple[Any, Any]:
+def command_delay(scenario: Scenario) -> tuple[Scalar | None, Scalar]:
     """Delay of commands as whole control periods (None where the queue's length sets them) and a rest in s."""
     rates, delay = scenario.rates, scenario.delays.command
     if scenario.delays.longest_command is None:
@@ -23,9 +23,9 @@ def command_delay(scenario: Scenario) -> tuple[Any, Any]:
     return _split(delay, rates.control)
 
 
-def rotor_and_joint_delays(scenario: Scenario) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+def rotor_and_joint_delays(scenario: Scenario) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
     """Delays of rotor and joint commands, each as whole control periods and the remainder in s."""
-    rates, delays, found = scenario.rates, scenario.delays, []
+    rates, delays, found = scenario.rates, scenario.delays, list[tuple[Scalar, Scalar]]()
     ratio = rates.physics // rates.control
     for more in (delays.rotors, delays.joints):
         delay = add(delays.command, more)
@@ -37,7 +37,7 @@ def rotor_and_joint_delays(scenario: Scenario) -> tuple[tuple[Any, Any], tuple[A
     return found[0], found[1]
 
 
-def _split(delay: Any, rate: int) -> tuple[Any, Any]:
+def _split(delay: Scalar, rate: int) -> tuple[Scalar, Scalar]:
     """Split a delay (s) into whole control periods and the remainder in s."""
     # a delay that is a multiple of the period up to rounding is one
     whole = floor(delay * float(rate) + 1e-9)
@@ -62,7 +62,7 @@ def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[
     return [(first, before), (maximum(rotors, joints) - first, blend(rotors < joints, rotors_first, joints_first))]
 
 
-def command_in_force(queue: Sequence[Command], whole: Any) -> Command:
+def command_in_force(queue: Sequence[Command], whole: Scalar | None) -> Command:
     """Command of ``whole`` periods ago from a queue of past commands; the oldest if ``whole`` is None."""
     if whole is None:
         return queue[0]

@@ -38,7 +38,7 @@ class Draws:
         """List the random channels in use, as pairs of channel number and random numbers per control period."""
         return tuple(pair for pair in (*self.sensors, *self.components) if pair[1])
 
-    def shares(self, row: Sequence[Scalar]) -> tuple[list[tuple[Any, ...]], list[tuple[Any, ...]]]:
+    def shares(self, row: Sequence[Scalar]) -> tuple[list[tuple[Scalar, ...]], list[tuple[Scalar, ...]]]:
         """Split the random numbers of a control period among the sensors and the wind, force and contact models."""
         left = iter(row)
         shares = [tuple(islice(left, count)) for _, count in (*self.sensors, *self.components)]

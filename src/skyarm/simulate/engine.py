@@ -27,7 +27,7 @@ from skyarm.dynamics import State
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
 from skyarm.records.arrays import Array
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
@@ -36,8 +36,8 @@ from skyarm.simulate.check_endings import Ended, ending_of_command, failed_phase
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import component_places, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
-from skyarm.simulate.loop_state import LoopState, Row, Sample, carry_over, structure_of
-from skyarm.simulate.period import make_period, measure
+from skyarm.simulate.loop_state import GivenRow, LoopState, Sample, carry_over, structure_of
+from skyarm.simulate.period import PlantSteps, make_period, measure
 from skyarm.simulate.plant_steps import (
     CalledPlant,
     EpisodeEndedError,
@@ -98,10 +98,10 @@ class EpisodeCode:
         if machine_code:
             scenario.controller.require_traceable("machine code of the loop")
         elif not scenario.controller.compiled:
-            self.carry = replace(self.first, memory=PushAlone.of(self.first.memory))
+            self.carry = _with_memory(self.first, PushAlone.of(self.first.agent.memory))
         self._example: Any = structure_of(self.carry)
         self.draws = draws_needed(scenario)
-        self._plant: Any = None
+        self._plant: PlantSteps[State] | None = None
         if scenario.kind == "rigid_body":
             self.substeps = Substeps(rigid_body_plant(scenario, self.first))
         else:
@@ -123,17 +123,17 @@ class EpisodeCode:
     def _trace(self, step: Callable[..., Any]) -> Loop:
         fed: Any = self.inputs.row_example
         if self.commands:
-            fed = fed, 0.0, structure_of(self.first.queue[0])
+            fed = fed, 0.0, structure_of(self.first.agent.queue[0])
         return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
 
-    def _begin(self, numbers: Any, fed: Any) -> tuple[Any, Any, Row]:
+    def _begin(self, numbers: Any, fed: Any) -> tuple[Stages, PlantSteps[State], GivenRow]:
         """Make the computation stages, plant model and input record of one control period, for tracing."""
         scenario = self._vary(numbers)
         row, given, command = fed if self.commands else (fed, None, None)
         if self.calls is None:
             stages = Stages(scenario, command, given)
         else:
-            stages = StagesInPython(scenario, self.calls, self.first.queue[0], command, given)
+            stages = StagesInPython(scenario, self.calls, self.first.agent.queue[0], command, given)
         plant = RigidBodySteps(stages, self.substeps) if self._plant is None else self._plant
         return stages, plant, row
 
@@ -144,7 +144,7 @@ class EpisodeCode:
     def _measure(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Measurement]:
         """Evaluate a control period up to the measurement of the control law; return the loop state unchanged."""
         stages, plant, row = self._begin(numbers, fed)
-        row = stages.waits.lead(now.clock, now.ticks, row)
+        row = stages.waits.lead(now.agent.clock, now.ticks, row)
         return now, measure(stages, plant, now, row, uniforms).read.measurement
 
     @cached_property
@@ -165,6 +165,11 @@ class EpisodeCode:
         if changed is not None and not any(path.startswith(("plant.", *STATED)) for path in changed):
             return True
         return self.substeps.fit(rigid_body_plant(scenario, self.first))
+
+
+def _with_memory(loop: LoopState, memory: Tree) -> LoopState:
+    """Loop state with another memory of the law."""
+    return replace(loop, agent=replace(loop.agent, memory=memory))
 
 
 class _PythonSteps:
@@ -218,7 +223,7 @@ class Engine:
         self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._before = self._stepper.carry.copy()
         self._rows = self._input_rows()
-        self._width = self._rows.shape[1] - (1 + len(leaves(self.first.queue[0])))  # of a row but for the command
+        self._width = self._rows.shape[1] - (1 + len(leaves(self.first.agent.queue[0])))  # of a row but for the command
         self._write_to(np.empty((self._steps, code.loop.logged)))  # takes memory as it is written
         self.tick = self.begun = 0
         self.ended: Ended | None = None
@@ -237,7 +242,7 @@ class Engine:
         rows = self.inputs.rows
         if not self.code.commands:
             return rows
-        return np.hstack([rows, np.zeros((len(rows), 1 + len(leaves(self.first.queue[0]))))])
+        return np.hstack([rows, np.zeros((len(rows), 1 + len(leaves(self.first.agent.queue[0]))))])
 
     @property
     def inputs(self) -> EpisodeInputs:
@@ -303,8 +308,8 @@ class Engine:
         """Status, cause and time of the flight's early termination; None after its full duration."""
         scenario, now, time = self.scenario, self.now, self.tick / self.scenario.rates.control
         goal = self.inputs.row_at(self.tick, now).reference.position
-        found = find_ending(scenario, time, leaves(now.state), [float(c) for c in goal])
-        found = found or failed_phase(scenario, time, now.clock)
+        found = find_ending(scenario, time, leaves(now.agent.state), [float(c) for c in goal])
+        found = found or failed_phase(scenario, time, now.agent.clock)
         if found is not None or not lost:
             return found
         command = getattr(self._stepper, "command", ())
@@ -368,7 +373,7 @@ class Engine:
     def now(self) -> LoopState:
         """State of plant, law, sensors and estimator before the next control period."""
         found: LoopState = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
-        return found if self._memory is None else replace(found, memory=self._memory)
+        return found if self._memory is None else _with_memory(found, self._memory)
 
     @property
     def _memory(self) -> Any:
@@ -399,7 +404,7 @@ class Engine:
 
     def state(self) -> State:
         """Current true state of the vehicle."""
-        state: State = rebuild(self.first.state, iter(self._stepper.carry[2:].tolist()))
+        state: State = rebuild(self.first.agent.state, iter(self._stepper.carry[2:].tolist()))
         return state
 
     def reference(self) -> Reference:
@@ -464,8 +469,8 @@ class Engine:
         if self.code.calls is not None and not self.scenario.controller.compiled:
             same = self.scenario.controller.law is other.scenario.controller.law
             # the memory of a law that is called is its own: it may hold anything
-            self.code.calls.memory = copy.deepcopy(now.memory if same else kept.memory)
-            kept = replace(kept, memory=PushAlone.of(self.code.calls.memory))
+            self.code.calls.memory = copy.deepcopy(now.agent.memory if same else kept.agent.memory)
+            kept = _with_memory(kept, PushAlone.of(self.code.calls.memory))
         self._stepper.carry[:] = leaves(kept)
         self.begun, self.tick, self.ended = other.tick, other.tick, other.ended
         self.commanded = other.commanded

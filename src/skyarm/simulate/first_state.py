@@ -17,7 +17,7 @@ from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import blank_measurement
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import start_draws
-from skyarm.simulate.loop_state import LoopState, SensorState, structure_of
+from skyarm.simulate.loop_state import AgentLoop, LoopState, SensorState, structure_of
 from skyarm.simulate.reference_clock import Waits
 from skyarm.simulate.stages import Stages
 
@@ -42,21 +42,20 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
     still = concrete(*state.rotor_speeds) and bool(state.rotor_speeds) and not any(state.rotor_speeds)
     motion = PointMotion(vehicle, state, gravity=scenario.plant.gravity)
     begun = (c.start(period, row) for c, row in zip(scenario.components, draws, strict=True))
-    return LoopState(
-        alive=1.0,
-        ticks=0.0,
-        clock=Waits(scenario).first(),
+    agent = AgentLoop(
         state=state,
         memory=scenario.controller.memory,
         queue=(standing,) * commands_waiting(scenario),
         sensors=tuple(_first_reading(scenario, i) for i in range(len(scenario.all_sensors))),
         estimate=scenario.estimator.start(scenario.controller.par.model.vehicle),
-        components=tuple(c.settle(held, motion, still) for c, held in zip(scenario.components, begun, strict=True)),
         drives=tuple(
             drive.begin(q, u, period)
             for drive, q, u in zip(scenario.all_drives, state.joints, standing.efforts, strict=False)
         ),
+        clock=Waits(scenario).first(),
     )
+    components = tuple(c.settle(held, motion, still) for c, held in zip(scenario.components, begun, strict=True))
+    return LoopState(alive=1.0, ticks=0.0, agent=agent, components=components)
 
 
 def _first_reading(scenario: Scenario, index: int) -> SensorState:
@@ -91,7 +90,7 @@ def readings_waiting(scenario: Scenario, index: int) -> int:
 
 def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
     """Wind, contacts, faults and drives around the plant in the first control period, as a structural example."""
-    return Stages(scenario).surroundings(first.components, first.drives, 0.0)
+    return Stages(scenario).surroundings(first.components, first.agent.drives, 0.0)
 
 
 def component_places(scenario: Scenario) -> tuple[str, ...]:

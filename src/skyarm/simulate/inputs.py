@@ -20,7 +20,7 @@ from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.preview import with_preview
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.loop_state import GivenRow, LoopState, PathClock, Row, structure_of
 from skyarm.simulate.reference_clock import Waits
 
 
@@ -87,11 +87,16 @@ class EpisodeInputs:
         return () if path is None else np.asarray(path.derivatives(self.times)[0])
 
     @cached_property
-    def row_example(self) -> Row:
+    def row_example(self) -> GivenRow:
         """Closed-loop inputs of one control instant as an example of their structure, for tracing."""
         if self.waits.guards:
             return Row(time=0.0, reference=())
-        told: Any = structure_of(self.told_reference) if self.told_reference else ()
+        return self._whole_row
+
+    @property
+    def _whole_row(self) -> Row[Reference]:
+        """Example of a row that has its reference."""
+        told = structure_of(self.told_reference)
         return Row(time=0.0, reference=self.reference_example, told=told, path_time=0.0 if told else ())
 
     @cached_property
@@ -116,29 +121,28 @@ class EpisodeInputs:
     def _shifted_motion(self) -> Program:
         return trace(lambda given: self.waits.reference(given[0], given[1:]), (0.0,) * 5)
 
-    def held_now(self, now: LoopState) -> Reference:
-        """Reference sample held at a given state of the loop, of a task whose phases wait for conditions."""
-        columns = [np.array([float(value)]) for value in self.waits.times(now.clock, now.ticks)]
+    def held_now(self, clock: PathClock, ticks: Scalar) -> Reference:
+        """Reference sample held in a control period by the reference clock of a task whose phases wait."""
+        columns = [np.array([float(value)]) for value in self.waits.times(clock, ticks)]
         held, _, _ = self.waiting_references(columns)
         (since, offset), _ = self.waits.instants(columns)
-        leads, end = preview_leads(self.scenario.controller.par), float(self.waits.end(now.clock))
+        leads, end = preview_leads(self.scenario.controller.par), float(self.waits.end(clock))
         held = with_preview(held, leads, lambda lead: self._at(np.minimum(np.asarray(since) + lead, end), offset))
         dense: Reference = held.dense()
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
 
-    def row_at(self, tick: int, now: LoopState) -> Row:
+    def row_at(self, tick: int, now: LoopState) -> Row[Reference]:
         """Closed-loop inputs of the control period that begins with a given loop state."""
-        fed: Row = rebuild(self.row_example, iter(self.rows[min(tick, self.scenario.steps - 1)].tolist()))
-        if self.waits.guards:
-            path_time = float(self.waits.path_time(now.clock))
-            return dataclasses.replace(fed, reference=self.held_now(now), path_time=path_time)
-        return fed
+        numbers, clock = iter(self.rows[min(tick, self.scenario.steps - 1)].tolist()), now.agent.clock
+        if clock:
+            path_time = float(self.waits.path_time(clock))
+            return Row(time=next(numbers), reference=self.held_now(clock, now.ticks), path_time=path_time)
+        return rebuild(self._whole_row, numbers)
 
     @cached_property
     def reference_example(self) -> Reference:
         """Reference of one instant with zeros as numbers, as a structural example for tracing."""
-        example: Reference = structure_of(self.held_reference)
-        return example
+        return structure_of(self.held_reference)
 
 
 def episode_inputs(scenario: Scenario) -> EpisodeInputs:

@@ -24,7 +24,7 @@ from skyarm.simulate.check_endings import statuses
 from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import table_of
-from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.loop_state import GivenRow, LoopState, Row, structure_of
 from skyarm.simulate.plant_steps import Substeps, rigid_body_plant
 from skyarm.simulate.reference_clock import Waits
 
@@ -75,11 +75,16 @@ class LaneLoop:
         return trace_loop(step, structure_of(carry), parameters, fed, draws, loops=True)
 
 
-def own_row(scenario: Scenario, ticks: Scalar) -> Row:
-    """Closed-loop inputs of a flight that counts its own control periods: time and held reference."""
-    time = ticks / float(scenario.rates.control)
+def own_row(scenario: Scenario, ticks: Scalar) -> GivenRow:
+    """Closed-loop inputs of a flight that counts its own control periods: time, and reference where no phase waits."""
     if scenario.reference.guards:
-        return Row(time=time, reference=())
+        return Row(time=ticks / float(scenario.rates.control), reference=())
+    return held_row(scenario, ticks)
+
+
+def held_row(scenario: Scenario, ticks: Scalar) -> Row[Reference]:
+    """Time and held reference of a flight without phases that wait, which counts its own control periods."""
+    time = ticks / float(scenario.rates.control)
     return Row(time=time, reference=held_reference(scenario, ticks).dense())
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Generic, TypeVar
 
+from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
+from skyarm.plant.surroundings import Memories
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import is_record, leaves, mismatch, parts, rebuild
+from skyarm.records.leaves import Record, Tree, is_record, leaves, mismatch, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.world import WindSample
@@ -25,9 +27,59 @@ class SensorState:
         waiting: readings on their way, oldest first.
     """
 
-    memory: Any
-    held: Any
-    waiting: tuple[Any, ...]
+    memory: Tree
+    held: Tree
+    waiting: tuple[Tree, ...]
+
+
+@immutable
+class PathClock:
+    """State of the clock of a waiting reference between two control periods; times in control periods.
+
+    Attributes:
+        place: current path time. held: path time of the held sample.
+        guard: number of the next guard. waited: time spent waiting for it. reached: time for which it has been met.
+        origin: tip position at the start of the phase, m, world axes. failed: 1 once a mandatory phase has failed.
+        offset: of the reference after a phase that ended early, m. since: path time at which the offset began.
+        held_offset, held_since: offset and its beginning for the held sample.
+    """
+
+    place: Scalar
+    held: Scalar
+    guard: Scalar
+    waited: Scalar
+    reached: Scalar
+    origin: Vec3 | tuple[()]
+    failed: Scalar
+    offset: Vec3 | tuple[()]
+    since: Scalar | tuple[()]
+    held_offset: Vec3 | tuple[()]
+    held_since: Scalar | tuple[()]
+
+
+Clock = PathClock | tuple[()]
+"""Of the reference: () where no phase waits."""
+
+
+@immutable
+class AgentLoop:
+    """State of one vehicle, its plant and its control, from one control period to the next.
+
+    Attributes:
+        state: of the plant. memory: of the law.
+        queue: commands on their way, oldest first; the first acts now.
+        sensors: the full state's first, then the named ones. estimate: memory of the estimator.
+        drives: memories of the joint drives.
+        clock: of a reference whose phases wait (:mod:`skyarm.simulate.reference_clock`); () where none does.
+    """
+
+    state: State
+    memory: Tree
+    queue: tuple[Command, ...]
+    sensors: tuple[SensorState, ...]
+    estimate: Tree
+    drives: Memories
+    clock: Clock = ()
 
 
 @immutable
@@ -36,38 +88,37 @@ class LoopState:
 
     Attributes:
         alive: 1 while the episode runs, 0 once it has ended. ticks: control periods flown.
-        state: of the plant. memory: of the law.
-        queue: commands on their way, oldest first; the first acts now.
-        sensors: the full state's first, then the named ones. estimate: memory of the estimator.
-        components: memories of air and forces. drives: memories of the joint drives.
-        clock: of a reference whose phases wait (:mod:`skyarm.simulate.reference_clock`); () where none does.
+        agent: the vehicle and its control. components: memories of air and forces.
     """
 
     alive: Scalar
     ticks: Scalar
-    state: State
-    memory: Any
-    queue: tuple[Command, ...]
-    sensors: tuple[SensorState, ...]
-    estimate: Any
-    components: tuple[Any, ...]
-    drives: tuple[Any, ...]
-    clock: Any = ()
+    agent: AgentLoop
+    components: Memories
+
+
+Wanted_co = TypeVar("Wanted_co", bound=Reference | tuple[()], covariant=True)
+"""Reference of a row, or () until the loop has put it there."""
 
 
 @immutable
-class Row:
+class Row(Generic[Wanted_co]):
     """Inputs of the closed loop at a control instant: time and reference.
 
-    Of a scenario whose phases wait it is the time alone; the loop puts the reference there, and ``path_time``.
+    Of a scenario whose phases wait it is the time alone, a ``GivenRow``; the loop puts the reference there, and
+    ``path_time``.
     ``told`` is the time-scaled sample that the law receives in its place and ``path_time`` the reference's time, s
     (:mod:`skyarm.reference.path_time`); both are empty where none is planned: structure.
     """
 
     time: Scalar
-    reference: Any
+    reference: Wanted_co
     told: Reference | tuple[()] = ()
     path_time: Scalar | tuple[()] = ()
+
+
+GivenRow = Row[Reference | tuple[()]]
+"""Inputs as the loop gets them, with or without a reference."""
 
 
 @immutable
@@ -84,14 +135,14 @@ class Sample:
     state: State
     command: Command
     measurement: Measurement
-    readings: tuple[tuple[str, Any], ...]
+    readings: tuple[tuple[str, Tree], ...]
     wind: WindSample
     found: tuple[Scalar, ...] = ()
     led: tuple[Scalar, ...] = ()
 
 
 def carry_over(
-    first: LoopState, now: LoopState, places: tuple[Sequence[str], Sequence[str]], clock: Any = ()
+    first: LoopState, now: LoopState, places: tuple[Sequence[str], Sequence[str]], clock: Clock = ()
 ) -> LoopState:
     """Transfer the loop state to a changed scenario; states whose structure differs start anew, as in ``first``.
 
@@ -101,26 +152,27 @@ def carry_over(
         places: parameter paths of the environment components in the new and the old scenario.
         clock: of a reference that is another one than before, as it begins in this period; () where it is the same.
     """
-    fields: dict[str, Any] = {}
-    for name, new in parts(first).items():
-        old = getattr(now, name)
-        if name == "components":
-            before = dict(zip(places[1], old, strict=True))
-            fields[name] = tuple(_kept(a, before.get(at)) for at, a in zip(places[0], new, strict=True))
-        elif name == "drives" and len(new) == len(old):
-            fields[name] = tuple(_kept(a, b) for a, b in zip(new, old, strict=True))
-        elif name == "clock" and clock != ():
-            fields[name] = clock
-        else:
-            fields[name] = _kept(new, old)
-    return LoopState(**fields)
+    before = dict(zip(places[1], now.components, strict=True))
+    new, old = first.agent, now.agent
+    drives = zip(new.drives, old.drives, strict=True) if len(new.drives) == len(old.drives) else ()
+    agent = AgentLoop(
+        state=_kept(new.state, old.state),
+        memory=_kept(new.memory, old.memory),
+        queue=_kept(new.queue, old.queue),
+        sensors=_kept(new.sensors, old.sensors),
+        estimate=_kept(new.estimate, old.estimate),
+        drives=tuple(_kept(*both) for both in drives) or new.drives,
+        clock=clock or _kept(new.clock, old.clock),
+    )
+    components = tuple(_kept(own, before.get(at)) for at, own in zip(places[0], first.components, strict=True))
+    return LoopState(alive=now.alive, ticks=now.ticks, agent=agent, components=components)
 
 
-def _kept(new: Any, old: Any) -> Any:
+def _kept(new: Record, old: Record) -> Record:
     return new if mismatch(new, old, "memory") else old
 
 
-def structure_of(record: Any) -> Any:
+def structure_of(record: Record) -> Record:
     """Copy of a dataclass with every scalar set to 0.0, as a structural example for tracing."""
     if is_record(record) or isinstance(record, tuple):
         return rebuild(record, iter([0.0] * len(leaves(record))))

@@ -4,23 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
+from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.law_estimates import numbers_found
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.plant.loads import wind_at
-from skyarm.records.leaves import blend
-from skyarm.simulate.loop_state import LoopState, Row, Sample
+from skyarm.plant.surroundings import Memories, Surroundings
+from skyarm.records.leaves import Tree, blend
+from skyarm.reference import Reference
+from skyarm.simulate.loop_state import AgentLoop, Clock, GivenRow, LoopState, Row, Sample
+from skyarm.simulate.stages import Readings, Stages
+from skyarm.world import WindSample
+
+Body = TypeVar("Body")
+"""State of what a plant moves."""
 
 
-class PlantSteps(Protocol):
+class PlantSteps(Protocol[Body]):
     """Protocol of a plant model within one control period, over any scalar type."""
 
-    def specific_force(self, state: Any, command: Any, around: Any) -> Any:
+    def specific_force(self, state: Body, command: Command, around: Surroundings) -> Vec3:
         """Accelerometer reading at the base origin, base axes, m/s^2."""
         ...
 
-    def advance(self, state: Any, before: Any, after: Any, around: Any) -> Any:
+    def advance(self, state: Body, before: Command, after: Command, around: Surroundings) -> tuple[Body, Memories]:
         """State of vehicle and contacts after a control period in which a new command arrives."""
         ...
 
@@ -34,77 +44,80 @@ class Measured(NamedTuple):
         read: sensors, estimator, readings for the log and the law's measurement.
     """
 
-    components: Any
-    around: Any
-    acting: Any
-    wind: Any
-    read: Any
+    components: Memories
+    around: Surroundings
+    acting: Command
+    wind: WindSample
+    read: Readings
 
 
-Period = Callable[[LoopState, Row, Any], tuple[LoopState, Sample]]
+Uniforms = tuple[Scalar, ...]
+"""Random numbers of a period, uniform in (0, 1)."""
+
+Period = Callable[[LoopState, GivenRow, Uniforms], tuple[LoopState, Sample]]
 
 
-def measure(stages: Any, plant: PlantSteps, now: LoopState, row: Row, uniforms: tuple[Scalar, ...]) -> Measured:
+def measure(
+    stages: Stages, plant: PlantSteps[State], now: LoopState, row: Row[Reference], uniforms: Uniforms
+) -> Measured:
     """Evaluate winds, contacts, sensors and estimator at the start of a control period."""
-    components, around = stages.surround(now.components, now.drives, now.state, row.time, uniforms, row.path_time)
-    acting = stages.acting(now.queue)
-    wind, pushes = wind_at(around, stages.scenario.plant, now.state), stages.pushes(around, now.state)
-    force = plant.specific_force(now.state, acting, around)
-    read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, acting, row.time, uniforms, pushes)
+    own, time = now.agent, row.time
+    components, around = stages.surround(now.components, own.drives, own.state, time, uniforms, row.path_time)
+    acting = stages.acting(own.queue)
+    wind, pushes = wind_at(around, stages.scenario.plant, own.state), stages.pushes(around, own.state)
+    force = plant.specific_force(own.state, acting, around)
+    read = stages.sense(own.sensors, own.estimate, now.ticks, own.state, force, acting, time, uniforms, pushes)
     return Measured(components, around, acting, wind, stages.with_grasp(read, components))
 
 
 def act(
-    stages: Any, plant: PlantSteps, now: LoopState, measured: Measured, memory: Any, command: Any, clock: Any = ()
-) -> LoopState:
+    stages: Stages, plant: PlantSteps[State], now: LoopState, measured: Measured, memory: Tree, command: Command,
+    clock: Clock = (),
+) -> LoopState:  # fmt: skip
     """Apply a command through delay, joint drives and plant; return the loop state after the control period."""
-    alive, queue, acting = stages.send(now.alive, now.queue, command)
-    drives = stages.drive(now.drives, measured.acting, acting, now.state)
+    own, read = now.agent, measured.read
+    alive, queue, acting = stages.send(now.alive, own.queue, command)
+    drives = stages.drive(own.drives, measured.acting, acting, own.state)
     around = stages.with_drives(measured.around, drives)
-    state, coupled = plant.advance(now.state, measured.acting, acting, around)
-    return LoopState(
-        alive=alive,
-        ticks=now.ticks + alive,
-        state=state,
-        memory=memory,
-        queue=queue,
-        sensors=measured.read.sensors,
-        estimate=measured.read.estimate,
-        components=stages.advance_coupled(measured.components, coupled),
-        drives=drives,
+    state, coupled = plant.advance(own.state, measured.acting, acting, around)
+    agent = AgentLoop(
+        state=state, memory=memory, queue=queue, sensors=read.sensors, estimate=read.estimate, drives=drives,
         clock=clock,
-    )
+    )  # fmt: skip
+    components = stages.advance_coupled(measured.components, coupled)
+    return LoopState(alive=alive, ticks=now.ticks + alive, agent=agent, components=components)
 
 
-def make_period(stages: Any, plant: PlantSteps) -> Period:
+def make_period(stages: Stages, plant: PlantSteps[State]) -> Period:
     """Make the function that advances the closed loop by one control period.
 
     An episode that has ended keeps the state it ended in; only the law's memory, which nobody reads then, goes on.
 
     Args:
-        stages: :class:`skyarm.simulate.stages.Stages`.
+        stages: of the scenario.
         plant: over the same scalars.
     """
 
-    def period(before: LoopState, row: Row, uniforms: tuple[Scalar, ...]) -> tuple[LoopState, Sample]:
-        row = stages.waits.lead(before.clock, before.ticks, row)
+    def period(before: LoopState, given: GivenRow, uniforms: Uniforms) -> tuple[LoopState, Sample]:
+        own = before.agent
+        row = stages.waits.lead(own.clock, before.ticks, given)
         now = replace(before, alive=stages.alive(before, row.reference))
         measured = measure(stages, plant, now, row, uniforms)
         read = measured.read
-        memory, command = stages.decide(now.memory, read.measurement, stages.law_reference(row), row.path_time)
-        clock = stages.waits.advance(now.clock, now.ticks, read.measurement, row, memory)
+        memory, command = stages.decide(own.memory, read.measurement, stages.law_reference(row), row.path_time)
+        clock = stages.waits.advance(own.clock, now.ticks, read.measurement, row, memory)
         following = act(stages, plant, now, measured, memory, command, clock)
         sample = Sample(
             alive=following.alive,
-            state=now.state,
+            state=own.state,
             command=command,
             measurement=read.measurement,
             readings=read.readings,
             wind=measured.wind,
             found=numbers_found(memory),
-            led=stages.waits.log_values(now.clock, now.ticks),
+            led=stages.waits.log_values(own.clock, now.ticks),
         )
-        ended = replace(before, alive=0.0, memory=memory)
+        ended = replace(before, alive=0.0, agent=replace(own, memory=memory))
         return blend(following.alive > 0.5, following, ended), sample
 
     return period

@@ -16,7 +16,7 @@ from skyarm.plant.compiled import RigidBodyPlant, Steps, hold
 from skyarm.plant.interface import Plant
 from skyarm.plant.rigid_body import Moved, accelerate, after_impact
 from skyarm.plant.surroundings import Surroundings, places_in
-from skyarm.records.leaves import blend, leaves, rebuild
+from skyarm.records.leaves import Tree, blend, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.measurement import Measurement
@@ -76,7 +76,7 @@ class RigidBodySteps:
         now = after_impact(self._scenario.plant.vehicle, state, around), around.coupled_memories()
         late = self._late
         parts = [(late, before)] if self._apart is None else switches(before, after, *(rest for _, rest in self._apart))
-        left: Any = self._period
+        left: Scalar = self._period
         for seconds, command in parts:
             if type(seconds) is not float:
                 now = blend(seconds > 0.0, self._hold(now, command, around, seconds), now)
@@ -112,26 +112,31 @@ class StagesInPython(Stages):
     """
 
     def __init__(
-        self, scenario: Scenario, calls: LawCalls, example: Command, command: Command | None = None, given: Any = None
+        self,
+        scenario: Scenario,
+        calls: LawCalls,
+        example: Command,
+        command: Command | None = None,
+        given: Scalar | None = None,
     ) -> None:
         super().__init__(scenario, command, given)
         self._calls, self._example = calls, example
 
-    def alive(self, now: LoopState, reference: Reference) -> Any:
+    def alive(self, now: LoopState, reference: Reference) -> Scalar:
         """Evaluate the termination conditions; raise EpisodeEndedError if one is met."""
-        going: Any = super().alive(now, reference)
-        return going.graph.external(_require_alive, [(going,)], 1)[0]
+        going = super().alive(now, reference)
+        return _graph_of(going).external(_require_alive, [(going,)], 1)[0]
 
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
-    ) -> tuple[Any, tuple[Command, ...], Command]:
+    ) -> tuple[Scalar, tuple[Command, ...], Command]:
         """Put a command into the delay queue; raise EpisodeEndedError if it is not finite."""
         going, moved, acting = super().send(alive, queue, command)
-        return going.graph.external(_require_alive, [(going,), leaves(command)], 1)[0], moved, acting
+        return _graph_of(going).external(_require_alive, [(going,), leaves(command)], 1)[0], moved, acting
 
     def apply_law(
-        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
-    ) -> tuple[Any, Command]:
+        self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()]
+    ) -> tuple[Tree, Command]:
         """Evaluate the control law; a law that cannot be traced is called with floats."""
         if self.scenario.controller.compiled:
             return super().apply_law(memory, measurement, reference, path_time)
@@ -146,7 +151,7 @@ class StagesInPython(Stages):
 
         given = () if self._given is None else (self._given,)
         results = iter(_graph_of(inputs).external(call, [given, leaves(inputs)], count))
-        command: Command = rebuild(self._example, results)
+        command = rebuild(self._example, results)
         return rebuild(memory, results), command
 
 
@@ -180,7 +185,7 @@ class CalledPlant:
     """
 
     def __init__(self, plant: Plant, stages: Stages, around: Surroundings) -> None:
-        self._plant, self._period, self._late = plant, stages.period, stages.late
+        self._plant, self._period, self._late = plant, stages.period, float(stages.late)
         scenario, vehicle = stages.scenario, stages.scenario.plant.vehicle
         for name in ("command", "rotors", "joints"):
             delay = getattr(scenario.delays, name)
@@ -191,7 +196,7 @@ class CalledPlant:
                 )
         self._kind, self._rotors, self._joints = scenario.kind, len(vehicle.rotors), vehicle.n
         self._end = 13 + 2 * vehicle.n + len(vehicle.rotors) + len(vehicle.tilts)
-        self._apart = None if stages.apart is None else tuple(rest for _, rest in stages.apart)
+        self._apart = None if stages.apart is None else tuple(float(rest) for _, rest in stages.apart)
         self._impact, self._coupled = _impact_of(plant, scenario), places_in(around)
         self._read: tuple[Flat, Flat] = ((), ())
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import (
@@ -30,7 +30,7 @@ from skyarm.control.controller import preview_leads
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import blend, leaves, mismatch
+from skyarm.records.leaves import Tree, blend, leaves, mismatch
 from skyarm.reference.path_time import offset_reference
 from skyarm.reference.preview import with_preview
 from skyarm.reference.task_records import Guard
@@ -39,36 +39,9 @@ from skyarm.reference.trajectory import PASSED, Reference
 from skyarm.scenario.in_flight import Overrides
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.loop_state import LoopState, Row
+from skyarm.simulate.loop_state import Clock, GivenRow, LoopState, PathClock, Row
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 
-
-@immutable
-class PathClock:
-    """State of the clock of a waiting reference between two control periods; times in control periods.
-
-    Attributes:
-        place: current path time. held: path time of the held sample.
-        guard: number of the next guard. waited: time spent waiting for it. reached: time for which it has been met.
-        origin: tip position at the start of the phase, m, world axes. failed: 1 once a mandatory phase has failed.
-        offset: of the reference after a phase that ended early, m. since: path time at which the offset began.
-        held_offset, held_since: offset and its beginning for the held sample.
-    """
-
-    place: Scalar
-    held: Scalar
-    guard: Scalar
-    waited: Scalar
-    reached: Scalar
-    origin: Vec3 | tuple[()]
-    failed: Scalar
-    offset: Vec3 | tuple[()]
-    since: Scalar | tuple[()]
-    held_offset: Vec3 | tuple[()]
-    held_since: Scalar | tuple[()]
-
-
-Clock = PathClock | tuple[()]
 Instant = tuple[Scalar, Sequence[Scalar]]
 T = TypeVar("T")
 
@@ -190,14 +163,14 @@ class Waits:
             guard = guard + where(ticks > terms.end + WHOLE, 1.0, 0.0)
         return dataclasses.replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
 
-    def lead(self, clock: Clock, ticks: Scalar, row: Row) -> Row:
+    def lead(self, clock: Clock, ticks: Scalar, row: GivenRow) -> Row[Reference]:
         """Closed-loop inputs of a control period, with the reference evaluated at the reference clock's time."""
         if not clock or row.reference != ():
-            return row
+            return cast("Row[Reference]", row)  # without a clock the reference is in the row
         path_time, reference = self.path_time(clock), self.previewed_reference(clock, ticks)
         if self._trajectory.load is not None:  # the hand's command is of this period, not of a sample
             reference = dataclasses.replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
-        return dataclasses.replace(row, reference=reference, path_time=path_time)
+        return Row(time=row.time, reference=reference, told=row.told, path_time=path_time)
 
     def is_sound(self, clock: Clock) -> Scalar:
         """True while no mandatory task phase has timed out."""
@@ -207,7 +180,9 @@ class Waits:
         """Logged values of the reference clock; () for a task without guards."""
         return self.times(clock, ticks) if clock else ()
 
-    def advance(self, clock: Clock, ticks: Scalar, measurement: Measurement, row: Row, memory: object) -> Clock:
+    def advance(
+        self, clock: Clock, ticks: Scalar, measurement: Measurement, row: Row[Reference], memory: Tree
+    ) -> Clock:
         """State of the reference clock after a control period, from the law's measurement and observed force."""
         if not clock:
             return ()
@@ -373,9 +348,9 @@ def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, ane
         now: the loop where the change came; it may be that of many lanes, of which some have ended.
         anew: the reference is another one.
     """
-    other = mismatch(first.clock, now.clock, "clock")
-    if first.clock == () or not (anew or other):
+    other = mismatch(first.agent.clock, now.agent.clock, "clock")
+    if first.agent.clock == () or not (anew or other):
         return ()
     begun = Waits(scenario).begun_at(now.ticks)
-    clock: Clock = begun if other else blend(now.alive > 0.5, begun, now.clock)
+    clock: Clock = begun if other else blend(now.alive > 0.5, begun, now.agent.clock)
     return clock

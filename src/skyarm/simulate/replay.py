@@ -24,6 +24,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State, example_state
 from skyarm.plant.compiled import RigidBodyPlant, Steps, example_command, hold
 from skyarm.plant.interface import Truth
+from skyarm.plant.rigid_body import Moved
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
@@ -36,10 +37,12 @@ Numbers: TypeAlias = Mapping[str, Scalar]
 
 
 @immutable
-class Unexplained(Component):
+class Unexplained(Component[tuple[Vec3, Vec3]]):
     """Force (N) and torque (N m) on the base about its origin, base axes, which are its memory."""
 
-    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: tuple[Vec3, Vec3], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+    ) -> Sequence[Wrench]:
         """Unexplained force and torque on the base in world axes."""
         force, torque = (motion.rotation.apply(each) for each in memory)
         return [Wrench(force_W=force, torque_W=torque)]
@@ -128,7 +131,8 @@ class Replay:
             rows = zip(drives_of(vehicle), memories, setpoints, before.joints, before.joint_rates, strict=False)
             memories = tuple(each.advance(held, mean, q, qd, step) for each, held, mean, q, qd in rows)
             world, beside = Truth(vehicle=vehicle, gravity=gravity), around(vehicle, given, memories)
-            now, left = (before, ()), step
+            now: Moved = before, ()
+            left = step
             for seconds, command in switches(given.before, given.after, *given.late):
                 now = hold(world, "rk4", count, now, command, beside, seconds)
                 left = left - seconds

@@ -225,7 +225,7 @@ class Session:
         """Air velocity (m/s) and outside force (N) at the base at the start of the next period, world axes."""
         scenario, now = self.scenario, self.now
         around = Surroundings(components=scenario.components, memories=now.components, time=self.time)
-        return wind_at(around, scenario.plant, now.state)
+        return wind_at(around, scenario.plant, now.agent.state)
 
     @property
     def reference(self) -> Reference:
@@ -397,7 +397,7 @@ class Session:
         numbers = dict(self._read(course).numbers)
         if not (steady and self._engine.give(course.now, numbers, changed, self._key(course))):
             engine = self._make_engine(course)
-            different = mismatch(self._engine.first.sensors, engine.first.sensors, "sensors")
+            different = mismatch(self._engine.first.agent.sensors, engine.first.agent.sensors, "sensors")
             if different:
                 raise ScenarioError(f"{different}: must be as the session began, since readings are on their way")
             engine.take_over(self._engine, anew=is_other_reference(course.overrides, self._course.overrides))

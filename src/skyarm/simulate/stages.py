@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import Any
+from typing import cast
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, data, logical_and, maximum, mul, same, where
@@ -22,7 +22,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import rigid_loads
 from skyarm.plant.surroundings import Memories, Surroundings
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import blend, field_names, leaves
+from skyarm.records.leaves import Tree, blend, is_leaf, leaves, parts, rebuild
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples
 from skyarm.scenario.scenario_checks import tip_sensor
@@ -30,6 +30,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import NO_PUSH, Push
+from skyarm.sensing.sensor_kinds import ForceReading, SwitchReading
 from skyarm.simulate.check_endings import healthy
 from skyarm.simulate.command_line import (
     command_delay,
@@ -51,8 +52,8 @@ class Readings:
     """Sensor and estimator results of a control period: internal states, logged readings, law's measurement."""
 
     sensors: tuple[SensorState, ...]
-    estimate: Any
-    readings: tuple[tuple[str, Any], ...]
+    estimate: Tree
+    readings: tuple[tuple[str, Tree], ...]
     measurement: Measurement
 
 
@@ -66,7 +67,7 @@ class Stages:
             alone take the place of the law's; None for always 1.
     """
 
-    def __init__(self, scenario: Scenario, command: Command | None = None, given: Any = None) -> None:
+    def __init__(self, scenario: Scenario, command: Command | None = None, given: Scalar | None = None) -> None:
         self.scenario, self._command, self._given = scenario, command, given
         self.period = 1.0 / scenario.rates.control
         self.components = scenario.components
@@ -90,19 +91,19 @@ class Stages:
 
     def alive(self, now: LoopState, reference: Reference) -> Scalar:
         """1.0 while the flight meets no termination condition, else 0.0."""
-        fine = logical_and(now.alive > 0.5, healthy(self.scenario, now.state, reference.position))
-        sound = self.waits.is_sound(now.clock)
+        fine = logical_and(now.alive > 0.5, healthy(self.scenario, now.agent.state, reference.position))
+        sound = self.waits.is_sound(now.agent.clock)
         return where(fine if sound is True else logical_and(fine, sound), 1.0, 0.0)
 
     def surround(
         self,
-        memories: Sequence[Any],
-        drives: Sequence[tuple[Scalar, ...]],
+        memories: Memories,
+        drives: Memories,
         state: State,
         time: Scalar,
         uniforms: tuple[Scalar, ...],
-        path_time: Any = (),
-    ) -> Any:
+        path_time: Scalar | tuple[()] = (),
+    ) -> tuple[Memories, Surroundings]:
         """Advance wind, force, payload and contact models; return their states and the plant's inputs."""
         going = [
             component.advance(memory, time, self.period, state, draws)
@@ -110,7 +111,8 @@ class Stages:
         ]
         if self.eventful:
             motion = PointMotion(self.scenario.plant.vehicle, state, gravity=self.scenario.plant.gravity)
-            waiting = path_time if self.waits.guards else time  # of a reference that waits, its own time
+            # of a reference that waits, its own time
+            waiting = time if isinstance(path_time, tuple) or not self.waits.guards else path_time
             for i in self.eventful:
                 component = self.components[i]
                 loads = getattr(component, "name", None) in self.waits.loads
@@ -126,9 +128,7 @@ class Stages:
         vehicle, gravity = self.scenario.plant.vehicle, self.scenario.plant.gravity
         return tuple(push_at(vehicle.frame(frame or None), around, vehicle, state, gravity) for frame in frames)
 
-    def surroundings(
-        self, memories: tuple[Any, ...], drives: Sequence[tuple[Scalar, ...]], time: Scalar
-    ) -> Surroundings:
+    def surroundings(self, memories: Memories, drives: Memories, time: Scalar) -> Surroundings:
         """Inputs of the plant in one control period: wind, force and contact models, actuator faults, joint drives."""
         scenario = self.scenario
         return Surroundings(
@@ -137,7 +137,7 @@ class Stages:
             time=time,
             effectiveness=effectiveness_at(scenario.faults, scenario.plant.vehicle, time),
             drives=scenario.all_drives,
-            drive_memories=tuple(drives),
+            drive_memories=drives,
         )
 
     def acting(self, queue: Sequence[Command]) -> Command:
@@ -147,26 +147,26 @@ class Stages:
         (rotors, _), (joints, _) = self.apart
         return joined_parts(command_in_force(queue, rotors), command_in_force(queue, joints))
 
-    def law_reference(self, row: Row) -> Reference:
+    def law_reference(self, row: Row[Reference]) -> Reference:
         """Reference that the law receives: time-scaled where planned; the initial pose until tracking starts."""
         return joined_reference(self.scenario, row.told or row.reference, row.time)
 
     def sense(
-        self, sensors: Sequence[SensorState], estimate: Any, ticks: Scalar, state: State, force: Vec3, acting: Command,
+        self, sensors: Sequence[SensorState], estimate: Tree, ticks: Scalar, state: State, force: Vec3, acting: Command,
         time: Scalar, uniforms: tuple[Scalar, ...], pushes: Sequence[Push] = (),
     ) -> Readings:  # fmt: skip
         """Evaluate sensors and estimator; return their states, the delayed readings and the law's measurement.
 
         The reading of a force sensor on the tip's link is added to the law's measurement.
         """
-        going, arrived, (draws, _) = [], dict[str, Any](), self.draws.shares(uniforms)
+        going, arrived, (draws, _) = [], dict[str, Tree](), self.draws.shares(uniforms)
         feeling = [i for i, (_, sensor) in enumerate(self.sensors) if sensor.feels is not None]
         felt = dict(zip(feeling, pushes, strict=True))
         for i, ((name, sensor), now) in enumerate(zip(self.sensors, sensors, strict=True)):
             every = self._every[i]
             push = felt.get(i, NO_PUSH)
             memory, reading = sensor.take(now.memory, time, state, force, push, draws[i], every * self.period)
-            held: Any = ()
+            held: Tree = ()
             if every > 1:
                 now_due = due(ticks, every)
                 memory, reading = blend(now_due, memory, now.memory), blend(now_due, reading, now.held)
@@ -178,14 +178,16 @@ class Stages:
         memory, measurement = self._estimator.step(estimate, arrived, acting, self.period)
         if self.tip_sensor is not None:
             name, turned = self.tip_sensor
-            measurement = dataclasses.replace(measurement, tip_force=tuple(turned.apply(arrived[name].force)))
+            pushed = cast("ForceReading", arrived[name])  # as says what the sensor senses
+            measurement = dataclasses.replace(measurement, tip_force=tuple(turned.apply(pushed.force)))
         if self.waits.switches:
-            told = tuple(arrived[name].closed for name in self.waits.switches)
+            # as says what these sensors sense
+            told = tuple(cast("SwitchReading", arrived[name]).closed for name in self.waits.switches)
             measurement = dataclasses.replace(measurement, switches=told)
         kept = tuple((name, reading) for name, reading in arrived.items() if name in self.logged)
         return Readings(sensors=tuple(going), estimate=memory, readings=kept, measurement=measurement)
 
-    def with_grasp(self, read: Readings, memories: Sequence[Any]) -> Readings:
+    def with_grasp(self, read: Readings, memories: Memories) -> Readings:
         """Sensor readings with the grasp signal of the grippers at the tip, for a law that estimates its load."""
         if not self._awaits_load:
             return read
@@ -195,13 +197,13 @@ class Stages:
         return dataclasses.replace(read, measurement=dataclasses.replace(read.measurement, holds=holds))
 
     def decide(
-        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
-    ) -> tuple[Any, Command]:
+        self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()] = ()
+    ) -> tuple[Tree, Command]:
         """Evaluate the law, or take the user's command in its place, which leaves the law's state unchanged."""
         if self._command is not None and self._given is None:
             return memory, with_rest(self.scenario.plant.vehicle, self._command)
         following, command = self.apply_law(memory, measurement, reference, path_time)
-        if self._command is None:
+        if self._command is None or self._given is None:
             return following, command
         own, joints_own = self._given < 0.5, absolute(self._given - 1.0) > 0.5
         speeds = blend(own, command.rotor_speeds, self._command.rotor_speeds)
@@ -209,8 +211,8 @@ class Stages:
         return blend(joints_own, following, memory), dataclasses.replace(rest, rotor_speeds=speeds)
 
     def apply_law(
-        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any
-    ) -> tuple[Any, Command]:
+        self, memory: Tree, measurement: Measurement, reference: Reference, path_time: Scalar | tuple[()]
+    ) -> tuple[Tree, Command]:
         """Evaluate the control law; return its next internal state and the command."""
         par = self.waits.with_task_loads(self.scenario.controller.par, path_time)
         following, command = self._law(memory, measurement, reference, self.period, par=par)
@@ -218,7 +220,7 @@ class Stages:
 
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
-    ) -> tuple[Any, tuple[Command, ...], Command]:
+    ) -> tuple[Scalar, tuple[Command, ...], Command]:
         """Put a command into the delay queue; return 1.0 if finite, the queue, and the command that now acts."""
         going = alive > 0.5
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
@@ -226,9 +228,7 @@ class Stages:
         moved = (*queue[1:], command)
         return where(going, 1.0, 0.0), moved, self.acting(moved)
 
-    def drive(
-        self, drives: Sequence[tuple[Scalar, ...]], before: Command, acting: Command, state: State
-    ) -> tuple[tuple[Scalar, ...], ...]:
+    def drive(self, drives: Memories, before: Command, acting: Command, state: State) -> Memories:
         """Advance the joint drives by a control period, under the mean of the setpoints that act in it."""
         if not drives:
             return ()
@@ -236,11 +236,11 @@ class Stages:
         rows = zip(self.scenario.all_drives, drives, heard, state.joints, state.joint_rates, strict=True)
         return tuple(drive.advance(memory, u, q, qd, self.period) for drive, memory, u, q, qd in rows)
 
-    def with_drives(self, around: Surroundings, drives: tuple[tuple[Scalar, ...], ...]) -> Surroundings:
+    def with_drives(self, around: Surroundings, drives: Memories) -> Surroundings:
         """Plant inputs of a control period with new states of the joint drives."""
         return dataclasses.replace(around, drive_memories=drives) if drives else around
 
-    def advance_coupled(self, memories: tuple[Any, ...], coupled: Memories) -> tuple[Any, ...]:
+    def advance_coupled(self, memories: Memories, coupled: Memories) -> Memories:
         """States of all wind, force and contact models, with those of contacts as the plant integrated them."""
         results = iter(coupled)
         return tuple(
@@ -264,24 +264,20 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
         return going
     still, resting = scenario.reference.at(0.0), time < scenario.tracking_start
     resting_samples = tuple(n for value, _, _ in samples(still) for n in (value, 0.0, 0.0))
-    fields: dict[str, Any] = {}
-    for name in field_names(Reference) or ():
-        moving, rest = getattr(going, name), getattr(still, name)
-        if isinstance(moving, (Vec3, tuple)):
-            pose = tuple(rest) if name in POSES else (0.0,) * len(tuple(moving))
-            if name == "ahead":
-                pose = resting_samples * (len(moving) // len(resting_samples))
-            if name == "push" and moving:  # nothing is touched yet, and what is believed of it
-                pose = tuple(0.0 if i in ASKED else value for i, value in enumerate(rest))
-            kept = [_resting(resting, a, b) for a, b in zip(pose, moving, strict=True)]
-            fields[name] = Vec3(*kept) if isinstance(moving, Vec3) else tuple(kept)
+    values: list[Scalar] = []
+    for name, moving in parts(going).items():
+        rest, several = getattr(still, name), isinstance(moving, (Vec3, tuple))
+        numbers = tuple(moving) if several else (moving,)
+        if name in POSES:
+            pose = tuple(rest) if several else (rest,)
+        elif name == "ahead":
+            pose = resting_samples * (len(numbers) // len(resting_samples))
+        elif name == "push" and numbers:  # nothing is touched yet, and what is believed of it
+            pose = tuple(0.0 if i in ASKED else value for i, value in enumerate(rest))
         else:
-            fields[name] = _resting(resting, rest if name in POSES else 0.0, moving)
-    return Reference(**fields)
-
-
-def _resting(resting: Any, still: Any, going: Any) -> Scalar:
-    return going if type(going) is int else where(resting, still, going)
+            pose = (0.0,) * len(numbers)
+        values += [where(resting, a, b) for a, b in zip(pose, numbers, strict=True) if is_leaf(b)]
+    return rebuild(going, iter(values))
 
 
 def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, gravity: Scalar) -> Push:

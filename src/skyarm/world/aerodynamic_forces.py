@@ -6,7 +6,7 @@ None of them is in a vehicle's own records; ``[[environment.forces]]`` of a scen
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, maximum, sqrt
@@ -23,7 +23,7 @@ _STILL = 1e-24
 
 @immutable
 @checked("ground_effect")
-class GroundEffect(Force):
+class GroundEffect(Force[tuple[()]]):
     """Ground effect by image rotors: the thrust of each rotor increases near the ground plane z = 0.
 
     The thrust of rotor i grows by 1 / (1 - s), s = sum_j (R^2 / 2) z / (d_ij^2 + 4 z^2)^(3/2), with d_ij the distance
@@ -40,12 +40,14 @@ class GroundEffect(Force):
     others: bool = True
     lowest: Annotated[Scalar, Unit("", "radii above the ground", low=0.5)] = 0.5
 
-    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+    ) -> Sequence[Wrench]:
         """Additional upward force at each rotor due to the ground effect, as wrenches on the base."""
         found, rotors = [], motion.vehicle.rotors
         for i, (rotor, speed) in enumerate(zip(rotors, rotor_speeds, strict=True)):
             z = maximum(motion.position(rotor.position).z, self.lowest * self.radius)
-            ratio: Any = self.radius * self.radius / (16.0 * z * z)
+            ratio: Scalar = self.radius * self.radius / (16.0 * z * z)
             for j, other in enumerate(rotors):
                 if self.others and j != i:
                     away = other.position - rotor.position
@@ -59,7 +61,7 @@ class GroundEffect(Force):
 
 @immutable
 @checked("link_drag")
-class LinkDrag(Force):
+class LinkDrag(Force[tuple[()]]):
     """Quadratic aerodynamic drag of the arm's links, acting at each link's centre of mass.
 
     v is the velocity of that point against the air there. One area for every direction, as of a sphere: a slender
@@ -78,19 +80,21 @@ class LinkDrag(Force):
         if len(self.area) != vehicle.n:
             raise ValueError(f"area: {len(self.area)} numbers, must be {vehicle.n}, one for each link")
 
-    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+    ) -> Sequence[Wrench]:
         """Aerodynamic drag force on every arm link, as a list of wrenches."""
         found = []
         for i, (link, area) in enumerate(zip(motion.vehicle.links, self.area, strict=True)):
             v: Vec3 = motion.velocity(link.body.com, i) - motion.air_velocity(link.body.com, i)
-            factor: Any = -0.5 * self.air_density * area * sqrt(v.dot(v) + _STILL)
+            factor: Scalar = -0.5 * self.air_density * area * sqrt(v.dot(v) + _STILL)
             found.append(Wrench(force_W=v * factor, point=link.body.com, body=i))
         return found
 
 
 @immutable
 @checked("rotor_drag")
-class RotorDrag(Force):
+class RotorDrag(Force[tuple[()]]):
     """Change of each rotor's thrust with the air speed: loss in climb and gain by translational lift.
 
     v is the velocity of the hub against the air, v_n its part along the axis, v_perp the rest. Drag in the rotor's
@@ -102,7 +106,9 @@ class RotorDrag(Force):
     inflow: Annotated[Scalar, Unit("N s^2/(rad m)", "thrust lost by climbing", low=0.0)] = 0
     lift: Annotated[Scalar, Unit("N s^2/m^2", "translational lift", low=0.0)] = 0
 
-    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+    ) -> Sequence[Wrench]:
         """Additional thrust force at each rotor hub, as wrenches on the base."""
         found = []
         for rotor, speed in zip(motion.vehicle.rotors, rotor_speeds, strict=True):
@@ -110,6 +116,6 @@ class RotorDrag(Force):
             axis = motion.rotation.apply(rotor.axis)
             along = v.dot(axis)
             across = v - axis * along
-            extra: Any = self.lift * across.dot(across) - self.inflow * speed * along
+            extra: Scalar = self.lift * across.dot(across) - self.inflow * speed * along
             found.append(Wrench(force_W=axis * extra, point=rotor.position))
         return found

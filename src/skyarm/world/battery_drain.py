@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm.algebra.scalars import Scalar, data, minimum
 from skyarm.dynamics.point_motion import PointMotion
@@ -15,23 +14,27 @@ from skyarm.world.component import Column, Component
 
 
 @immutable
-class BatteryDrain(Component):
+class BatteryDrain(Component[tuple[Scalar, Scalar]]):
     """Battery model: discharge by the rotors' power, updated once per control period."""
 
     battery: Battery
     rotors: tuple[Rotor, ...]
 
-    def start(self, period: float, draws: Sequence[Any]) -> tuple[Any, Any]:
+    def start(self, period: float, draws: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
         """Initial charge (share of the capacity) and open-circuit voltage (V)."""
         charge = data(self.battery.charge)
         return charge, self.battery.voltage(charge, 0.0)
 
-    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> tuple[Any, Any]:
+    def advance(
+        self, memory: tuple[Scalar, Scalar], t: Scalar, dt: float, state: State, draws: Sequence[Scalar]
+    ) -> tuple[Scalar, Scalar]:
         """Battery charge after the control period, and its voltage under the rotors' load."""
         power = self.battery.power(self.rotors, state.rotor_speeds)
         return self.battery.discharge(memory[0], power, dt), self.battery.voltage(memory[0], power)
 
-    def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
+    def rotor_commands(
+        self, memory: tuple[Scalar, Scalar], rotors: Sequence[Rotor], commands: Sequence[Scalar]
+    ) -> Sequence[Scalar]:
         """Rotor speeds (rad/s) that the battery voltage allows: limited by a speed controller, scaled in open loop."""
         supply = memory[1] / self.battery.reference_voltage
         pairs = zip(commands, rotors, strict=True)
@@ -45,6 +48,6 @@ class BatteryDrain(Component):
         charge = Column("battery_charge", "", "", "share of the capacity after the period")
         return charge, Column("battery_voltage", "", "V", "under load")
 
-    def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
+    def logged(self, memory: tuple[Scalar, Scalar], motion: PointMotion) -> tuple[Scalar, ...]:
         """Battery charge and voltage as logged values."""
-        return tuple(memory)
+        return memory

@@ -16,7 +16,7 @@ other's draws.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, TypeVar, cast
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, add, mul, where
@@ -25,7 +25,7 @@ from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import errors_as
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
@@ -59,7 +59,11 @@ class Wrench:
             accept_fields(self, "wrench")
 
 
-def moved_by(memory: tuple[Vec3, ...], slope: tuple[Vec3, ...], dt: Scalar) -> tuple[Vec3, ...]:
+Memory = TypeVar("Memory", bound=Tree)
+"""Internal state of a component, ``tuple[()]`` of one without any; its time derivative has the same type."""
+
+
+def moved_by(memory: Memory, slope: Memory, dt: Scalar) -> Memory:
     """Internal state after an explicit Euler step: each number plus ``dt`` times its time derivative."""
     pairs = zip(leaves(memory), leaves(slope), strict=True)
     return rebuild(memory, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
@@ -93,8 +97,11 @@ Event = tuple[str, float, float]
 """Words, start and stop, s."""
 
 
-class Component:
-    """Base class of environment models (wind, force, contact), whose subclasses override the methods that they need."""
+class Component(Generic[Memory]):
+    """Base class of environment models (wind, force, contact), whose subclasses override the methods that they need.
+
+    ``Component[M]`` has internal states of the type ``M``: a dataclass or tuple of scalars.
+    """
 
     __slots__ = ()
 
@@ -132,26 +139,25 @@ class Component:
     coupled: bool = False
     """Whether its memory goes on within a control period, with the plant. A property will do."""
 
-    def start(self, period: float, draws: Sequence[Any]) -> Any:
+    def start(self, period: float, draws: Sequence[Scalar]) -> Memory:
         """Initial internal state of the environment model, a dataclass or tuple of scalars; an empty tuple for none.
 
         Args:
             period: of ``advance``, s.
             draws: uniform numbers, twice ``uniforms`` of them. :func:`skyarm.algebra.scalars.philox.normals` makes
-            normal
-                ones of them.
+                normal ones of them.
         """
-        return ()
+        return cast("Memory", ())  # as it is of whoever does not define it
 
-    def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
+    def advance(self, memory: Memory, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> Memory:
         """Internal state of the environment model for the control period from ``t`` to ``t + dt`` (s)."""
         return memory
 
-    def settle(self, memory: Any, motion: PointMotion, vehicle: bool) -> Any:
+    def settle(self, memory: Memory, motion: PointMotion, vehicle: bool) -> Memory:
         """Internal state of the model at the start, where a vehicle (if it does) and objects stand at rest."""
         return memory
 
-    def act(self, memory: Any, t: Scalar, dt: float, motion: PointMotion) -> Any:
+    def act(self, memory: Memory, t: Scalar, dt: float, motion: PointMotion) -> Memory:
         """Internal state of the model after discrete events at the start of a control period, such as a grasp.
 
         Args:
@@ -162,15 +168,17 @@ class Component:
         """
         return memory
 
-    def holds(self, memory: Any, frame: str) -> tuple[Scalar, ...]:
+    def holds(self, memory: Memory, frame: str) -> tuple[Scalar, ...]:
         """Grasp signals of the grippers at a frame of the vehicle: 1 while one holds a body, else 0; () without any."""
         return ()
 
-    def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
+    def velocity(self, memory: Memory, t: Scalar, position_W: Vec3) -> Vec3:
         """Air velocity at a position, world axes, m/s."""
         return ZERO3
 
-    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: Memory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+    ) -> Sequence[Wrench]:
         """Forces and torques of the environment model on the vehicle's bodies at an instant.
 
         Args:
@@ -181,35 +189,41 @@ class Component:
         """
         return ()
 
-    def rotor_commands(self, memory: Any, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
+    def rotor_commands(self, memory: Memory, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
         """Rotor speed commands (rad/s) as limited or scaled by the environment model, such as a battery."""
         return commands
 
-    def slope(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Any:
+    def slope(self, memory: Memory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Memory:
         """Time derivative of the internal state of a model that is integrated with the plant, such as a contact."""
         raise NotImplementedError(f"{type(self).__name__} is coupled and must define slope()")
 
-    def before_euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
+    def before_euler_step(self, memory: Memory, slope: Memory, dt: Scalar) -> Memory:
         """Internal state of the model from which a semi-implicit Euler step of ``dt`` (s) evaluates the forces.
 
         What velocities bend and has no inertia goes on here, by the velocities that the last step left.
         """
         return memory
 
-    def euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
+    def euler_step(self, memory: Memory, slope: Memory, dt: Scalar) -> Memory:
         """Internal state of a model such as a contact after a semi-implicit Euler step of ``dt`` (s).
 
         Velocities go before what they move, or springs gain energy; a memory without velocities goes on straight.
         """
         return moved_by(memory, slope, dt)
 
-    def drift(self, memory: Any, dt: Any) -> Any:
+    def drift(self, memory: Memory, dt: Scalar) -> Memory:
         """Internal state of a model such as a contact after ``dt`` (s) without forces: only positions change."""
         return memory
 
     def push(
-        self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any, felt: Any = None
-    ) -> Any:
+        self,
+        memory: Memory,
+        t: Scalar,
+        motion: PointMotion,
+        rotor_speeds: Sequence[Scalar],
+        dt: Scalar,
+        felt: Memory | None = None,
+    ) -> Memory:
         """Internal state of a model such as a contact after forces acted for ``dt`` (s): only velocities change.
 
         What goes on by its rate alone, and not in ``drift`` nor ``before_euler_step``, does so here.
@@ -224,18 +238,18 @@ class Component:
         """
         return moved_by(memory, self.slope(memory if felt is None else felt, t, motion, rotor_speeds), dt)
 
-    def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
+    def far(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> Scalar:
         """True if the model, such as a distant contact, certainly exerts no force for the next ``seconds``."""
         return False
 
     most_hit_steps: int = 1
     """Most steps in the place of one that ``hurry`` may ask for. A property will do."""
 
-    def hurry(self, memory: Any, motion: PointMotion, seconds: Any) -> tuple[Any, Any]:
+    def hurry(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> tuple[Memory, Scalar]:
         """Internal state of the model, and number of substeps for the next ``seconds``: more during a hit."""
         return memory, 1.0
 
-    def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> Any:
+    def alone(self, memory: Memory, seconds: Scalar, rounds: int, gravity: Scalar) -> Memory:
         """Internal state of a model such as a contact after ``seconds`` in which it exerted no force.
 
         Args:
@@ -253,11 +267,11 @@ class Component:
     """Columns of a log, one for each number of ``logged``, or tuples of their first fields; may be a property."""
 
     @property
-    def constants(self) -> Mapping[str, tuple[Any, ...]]:
+    def constants(self) -> Mapping[str, tuple[Scalar, ...]]:
         """Constants of the environment model that flight metrics need in addition to the logged values, by name."""
         return {}
 
-    def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
+    def logged(self, memory: Memory, motion: PointMotion) -> tuple[Scalar, ...]:
         """Numbers of the environment model that the flight log records in every control period."""
         return ()
 
@@ -281,7 +295,7 @@ class Component:
         return ()
 
 
-class Air(Component):
+class Air(Component[Memory]):
     """Base class of wind models, which give the air velocity at a position; they exert no force themselves."""
 
     __slots__ = ()
@@ -289,7 +303,7 @@ class Air(Component):
     registered_as = "air"
 
 
-class Force(Component):
+class Force(Component[Memory]):
     """Base class of environment models that exert forces and torques on bodies of the vehicle."""
 
     __slots__ = ()

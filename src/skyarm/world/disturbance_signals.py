@@ -24,7 +24,7 @@ of what its record has: force and torque, or velocity. A wrench moves base and j
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar
@@ -40,8 +40,11 @@ from skyarm.world.signal_vector import NO_SIGNALS, ColouredNoise, SignalVector, 
 
 AXES = ("world", "frame")
 
+Numbers = tuple[Scalar, ...]
+"""Unit-variance noise; () without any."""
 
-class NoisyComponent(Component):
+
+class NoisyComponent(Component[Numbers]):
     """Base of environment models with optional coloured noise of ``noise_count`` components."""
 
     __slots__ = ()
@@ -54,17 +57,17 @@ class NoisyComponent(Component):
         """Number of uniform random numbers that the noise draws per control period, an even one."""
         return 0 if self.noise is None else self.noise_count + self.noise_count % 2
 
-    def start(self, period: float, draws: Sequence[Any]) -> Any:
+    def start(self, period: float, draws: Sequence[Scalar]) -> Numbers:
         """Initial noise state, drawn from its stationary distribution."""
         return () if self.noise is None else self.noise.first(draws, self.noise_count)
 
-    def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
+    def advance(self, memory: Numbers, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> Numbers:
         """Noise state in the next control period."""
         return memory if self.noise is None else self.noise.next(memory, dt, draws)
 
 
 @immutable
-class Disturbance(NoisyComponent, Force):
+class Disturbance(NoisyComponent, Force[Numbers]):
     """Force and torque on one body of the vehicle as functions of time, with optional coloured noise.
 
     Attributes:
@@ -92,7 +95,9 @@ class Disturbance(NoisyComponent, Force):
         if self.frame:
             require_frame(vehicle, self.frame)
 
-    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: Numbers, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+    ) -> Sequence[Wrench]:
         """Force and torque of the disturbance on the vehicle at time ``t`` (s)."""
         force, torque = self.force.at(t), self.torque.at(t)
         if self.noise is not None:
@@ -109,7 +114,7 @@ class Disturbance(NoisyComponent, Force):
 
 
 @immutable
-class AirSignals(NoisyComponent, Air):
+class AirSignals(NoisyComponent, Air[Numbers]):
     """Uniform air velocity as a function of time, with optional coloured noise."""
 
     velocity_W: Annotated[SignalVector, Word("velocity")] = NO_SIGNALS
@@ -122,7 +127,7 @@ class AirSignals(NoisyComponent, Air):
         if self.noise is not None:
             self.noise.require_only("velocity")
 
-    def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
+    def velocity(self, memory: Numbers, t: Scalar, position_W: Vec3) -> Vec3:
         """Air velocity (m/s, world axes): time signals plus noise."""
         found = self.velocity_W.at(t)
         return found if self.noise is None else found + scale_noise(self.noise.velocity, memory)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, cos, maximum, minimum, sin, where
@@ -16,7 +16,7 @@ from skyarm.world.component import Force, Wrench
 
 @immutable
 @checked("launch_stand")
-class LaunchStand(Force):
+class LaunchStand(Force[tuple[()]]):
     """Stand under the base origin: a spring that pushes up only, and holds place and attitude while it is loaded.
 
     The upward force is N = m max(0, w^2 (z_0 - z) - 2 w v_z) below its top z_0, where the spring is critically damped
@@ -48,7 +48,9 @@ class LaunchStand(Force):
         sag = self.gravity / (self.frequency * self.frequency)
         return Vec3(self.place.x, self.place.y, self.place.z - sag)
 
-    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+    ) -> Sequence[Wrench]:
         """Push of the stand on the base at its origin, and its torque."""
         state, w = motion.state, self.frequency
         gap, v = state.position - self.place, state.velocity

@@ -86,17 +86,17 @@ class ColouredNoise:
                 has = " and ".join(f"noise.{each}" for each in own)
                 raise ValueError(f"noise.{name} = {shown([*value])}: must be left out; here there is {has}")
 
-    def first(self, draws: Sequence[Any], count: int) -> tuple[Any, ...]:
+    def first(self, draws: Sequence[Scalar], count: int) -> tuple[Scalar, ...]:
         """Initial unit-variance noise with ``count`` components, drawn from the stationary distribution."""
         return tuple(normals(draws)[:count])
 
-    def next(self, memory: Sequence[Any], dt: Scalar, draws: Sequence[Scalar]) -> tuple[Any, ...]:
+    def next(self, memory: Sequence[Scalar], dt: Scalar, draws: Sequence[Scalar]) -> tuple[Scalar, ...]:
         """Unit-variance noise of the next control period."""
         left = exp(-2.0 * math.pi * self.bandwidth_hz * dt)
         fresh = sqrt(1.0 - left * left)
         return tuple(left * old + fresh * new for old, new in zip(memory, normals(draws), strict=False))
 
 
-def scale_noise(sigma: Vec3, numbers: Sequence[Any]) -> Vec3:
+def scale_noise(sigma: Vec3, numbers: Sequence[Scalar]) -> Vec3:
     """Unit-variance noise multiplied by standard deviations, as a vector."""
     return Vec3(*(mul(each, number) for each, number in zip(sigma, numbers, strict=True)))

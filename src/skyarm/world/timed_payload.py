@@ -13,6 +13,7 @@ What happens to it afterwards is not simulated.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import field
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -42,10 +43,11 @@ class Reach:
     within: Annotated[Scalar, Unit("m", "largest distance", low=0.0, strict=True)]
     of: Annotated[Vec3, Unit("m", "world axes")]
 
-    def holds(self, position_W: Vec3) -> Any:
+    def holds(self, position_W: Vec3) -> Scalar:
         """True if a position (m, world axes) lies within the sphere."""
         away = position_W - self.of
-        return away.dot(away) <= mul(self.within, self.within)
+        inside: Scalar = away.dot(away) <= mul(self.within, self.within)
+        return inside
 
 
 @immutable
@@ -64,7 +66,7 @@ class PayloadMemory:
 
 
 @immutable
-class TimedPayload(Component):
+class TimedPayload(Component[PayloadMemory]):
     """Rigid load that the vehicle carries between a pick-up and a set-down, by time or place.
 
     With a place, the instant beside it is the earliest (0 if left out). What happens, happens in the first control
@@ -139,7 +141,7 @@ class TimedPayload(Component):
         """Refuse a vehicle that lacks the frame that holds the payload."""
         require_frame(vehicle, self.frame)
 
-    def start(self, period: float, draws: Any) -> Any:
+    def start(self, period: float, draws: Sequence[Scalar]) -> Any:
         """Initial internal state of the payload, which is not held yet."""
         place = (0.0, 0.0, 0.0) if self.pick_place is None else tuple(1.0 * c for c in self.pick_place.of)
         return PayloadMemory(held=0.0, caught=0.0, gone=0.0, place=Vec3(*place))
@@ -154,7 +156,7 @@ class TimedPayload(Component):
         """Log column of the payload mass that the vehicle holds."""
         return (Column("payload_mass", self.name, "kg", "held"),)
 
-    def logged(self, memory: PayloadMemory, motion: PointMotion) -> tuple[Any, ...]:
+    def logged(self, memory: PayloadMemory, motion: PointMotion) -> tuple[Scalar, ...]:
         """Payload mass (kg) that the vehicle holds, for the log."""
         return (mul(self.mass, memory.held),)
 
@@ -164,7 +166,7 @@ class TimedPayload(Component):
 
         return payload_scene(self, seen)
 
-    def next_status(self, memory: PayloadMemory, t: Scalar, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
+    def next_status(self, memory: PayloadMemory, t: Scalar, position_W: Vec3) -> tuple[Scalar, Scalar, Scalar, Vec3]:
         """Next internal state of the payload: held, just grasped, set down (1 or 0 each), and resting position."""
         held, gone = memory.held > 0.5, memory.gone > 0.5
         pick, drop = self.events_reached(t, position_W)

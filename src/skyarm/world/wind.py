@@ -42,13 +42,13 @@ from skyarm.records.registry import names
 from skyarm.records.units import Unit
 from skyarm.records.words import Word
 from skyarm.world import dryden
-from skyarm.world.component import Air, Component, Event, Force, Wrench
-from skyarm.world.dryden import HIGHEST, LOWEST, Dryden
+from skyarm.world.component import Air, Component, Event, Force, Memory, Wrench
+from skyarm.world.dryden import HIGHEST, LOWEST, Dryden, DrydenMemory
 from skyarm.world.gust import SHAPES, Gust
 
 
 @immutable(kw_only=False)
-class WindSample(Component):
+class WindSample(Component[tuple[()]]):
     """Force, air velocity and logged numbers of all environment models at one instant of a flight.
 
     Attributes:
@@ -63,16 +63,18 @@ class WindSample(Component):
     air_velocity_W: Vec3 = ZERO3
     numbers: tuple[Scalar, ...] = ()
 
-    def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
+    def velocity(self, memory: tuple[()], t: Scalar, position_W: Vec3) -> Vec3:
         """Constant air velocity, m/s, world axes."""
         return self.air_velocity_W
 
-    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+    ) -> Sequence[Wrench]:
         """Wrench of the constant force on the base."""
         return (Wrench(force_W=self.force_W, point=self.point_B),)
 
 
-class GustyWind(Component):
+class GustyWind(Component[Memory]):
     """Base of winds with gusts."""
 
     __slots__ = ()
@@ -138,7 +140,7 @@ class GustyWind(Component):
 
 
 @immutable
-class ForceWind(GustyWind, Force):
+class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
     """Wind as a force on the base and an independent air velocity, like the wind plugin of RotorS.
 
     A gust is an additional force, a step; it never changes the velocity of the air. Several add up.
@@ -164,11 +166,13 @@ class ForceWind(GustyWind, Force):
             if gust.shape != "step":
                 raise ValueError(f"gust.shape = {gust.shape!r}: a gust of force is a 'step' as in RotorS")
 
-    def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
+    def velocity(self, memory: tuple[()], t: Scalar, position_W: Vec3) -> Vec3:
         """Constant air velocity at the rotors, world axes, m/s."""
         return self.air_velocity_W
 
-    def wrenches(self, memory: Any, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Sequence[Wrench]:
+    def wrenches(
+        self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+    ) -> Sequence[Wrench]:
         """Wind force of mean and gusts on the base."""
         force = self.force_W
         for gust in self.all_gusts:
@@ -176,9 +180,13 @@ class ForceWind(GustyWind, Force):
         return (Wrench(force_W=force, point=self.point_B),)
 
 
+Turbulence = DrydenMemory | tuple[()]
+"""Of smooth air ()."""
+
+
 @immutable
 @checked("wind")
-class MovingAir(GustyWind, Air):
+class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
     """Wind as an air velocity, which acts on the vehicle only through rotor drag and body drag.
 
     Attributes:
@@ -211,25 +219,29 @@ class MovingAir(GustyWind, Air):
         """Number of uniform random numbers that the turbulence draws per control period."""
         return 0 if self.turbulence is None else 4
 
-    def start(self, period: float, draws: Sequence[Scalar]) -> Any:
+    def start(self, period: float, draws: Sequence[Scalar]) -> Turbulence:
         """Initial turbulence state, drawn from its stationary distribution; an empty tuple in smooth air."""
         if self.turbulence is None:
             return ()
         numbers = normals(draws)
         return dryden.start(Vec3(*numbers[0:3]), Vec3(*numbers[4:7]), period, par=self.turbulence)
 
-    def advance(self, memory: Any, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> Any:
+    def advance(self, memory: Turbulence, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> Turbulence:
         """Turbulence state in the next control period."""
-        if self.turbulence is None:
+        if self.turbulence is None or not memory:
             return memory
         return dryden.step(memory, Vec3(*normals(draws)[:3]), dt, par=self.turbulence)[0]
 
-    def velocity(self, memory: Any, t: Scalar, position_W: Vec3) -> Vec3:
+    def velocity(self, memory: Turbulence, t: Scalar, position_W: Vec3) -> Vec3:
         """Air velocity (m/s, world axes): mean wind, gusts and turbulence."""
         velocity = self.velocity_W
         for gust in self.all_gusts:
             velocity = velocity + gust.at(t)
-        return velocity if self.turbulence is None else velocity + dryden.velocity(memory, par=self.turbulence)
+        return (
+            velocity
+            if self.turbulence is None or not memory
+            else velocity + dryden.velocity(memory, par=self.turbulence)
+        )
 
 
 def low_turbulence(fields: Fields, velocity: Sequence[float]) -> Dryden:
@@ -246,7 +258,7 @@ def low_turbulence(fields: Fields, velocity: Sequence[float]) -> Dryden:
     return dryden.low_altitude(altitude, wind_20ft, math.hypot(x, y, z), direction, minimum)
 
 
-def wind_from(table: object, where: str) -> Component:
+def wind_from(table: object, where: str) -> Component[Any]:
     """Wind from the table ``[environment.wind]`` of a scenario file: any air or force, its kind called its mode.
 
     Exact zeros of its vectors are structure and fold away.
@@ -262,7 +274,7 @@ def wind_from(table: object, where: str) -> Component:
     if fields.choice("mode", ("none", *names("force"), *names("air"))) == "none":
         fields.done()
         return NO_WIND
-    found: Component = registered_from("air force", Component, table, where, word="mode", folds=True)
+    found: Component[Any] = registered_from("air force", Component, table, where, word="mode", folds=True)
     return found
 
 

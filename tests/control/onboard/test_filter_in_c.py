@@ -83,8 +83,8 @@ def recorded(scenario, periods):
     arm = {f"joint{w}": (0.0, 0.0) for w in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
     for _ in range(periods):
         session.step()
-        held = session.now.estimate
-        encoders = session.now.sensors[3].memory.own
+        held = session.now.agent.estimate
+        encoders = session.now.agent.sensors[3].memory.own
         reading = EncoderReading(time=held.joints.read, joints=encoders, joint_rates=(0.0, 0.0))
         yield FilterReadings(imu=held.inertial[-1], pose=held.aiding[0][-1], encoders=reading), Reference(**arm).dense()
 

@@ -96,14 +96,14 @@ def rotation(q) -> Rotation:
 def test_it_is_the_textbook_filter_on_readings_in_the_order_of_their_instants():
     """The delay is made good exactly: belief, biases and covariance of a filter that never had one."""
     held = recorded()
-    inertial = [now.estimate.inertial[-1] for now in held]
-    poses = [now.estimate.aiding[0][-1] for now in held]
+    inertial = [now.agent.estimate.inertial[-1] for now in held]
+    poses = [now.agent.estimate.aiding[0][-1] for now in held]
     late = {pose.time: pose for pose in poses if pose.time > 0.0}
     assert len(late) == 29  # 50 Hz over 0.59 s
     delay = 2
     wanted = {round(t / PERIOD): rest for t, *rest in dense_filter(inertial, [*late.values()], poses[0], delay)}
     for k in (3, 6, 50, 119):
-        memory = held[k].estimate
+        memory = held[k].agent.estimate
         (p, v, R, bg, ba), P, ahead = wanted[round(memory.time / PERIOD)]
         belief = memory.belief
         np.testing.assert_allclose(np.array(belief.position), p, atol=1e-10)
@@ -120,10 +120,10 @@ def test_it_is_the_textbook_filter_on_readings_in_the_order_of_their_instants():
 def test_readings_arrive_as_many_periods_late_as_stated_and_none_is_used_twice():
     held = recorded()
     for k, now in enumerate(held):
-        newest = now.estimate.aiding[0][-1].time
+        newest = now.agent.estimate.aiding[0][-1].time
         # read at 50 Hz, 10 ms on its way; until the first has come that one is seen
         assert newest == pytest.approx(max(0.0, (k - 2) // 4 * 4 * PERIOD), abs=1e-12)
-    memory = held[-1].estimate
+    memory = held[-1].agent.estimate
     assert memory.taken + memory.refused == 29
     assert memory.time == pytest.approx(117 * PERIOD)
 
@@ -139,7 +139,7 @@ def test_the_law_is_told_the_belief_carried_to_the_present():
     session = skyarm.Session(estimated(), machine_code=False)
     for _ in range(60):
         session.step()
-    told, truth, memory = session.measurement, session.state, session.now.estimate
+    told, truth, memory = session.measurement, session.state, session.now.agent.estimate
     assert told.time == pytest.approx(60 * PERIOD)
     off = np.abs(np.array(told.position) - np.array(truth.position))
     assert np.all(off < 5 * np.array(memory.deviations[:3]))
@@ -202,7 +202,7 @@ def flown(scenario: skyarm.Scenario, seconds: float) -> FilterMemory:
     session = skyarm.Session(scenario, machine_code=False)
     for _ in range(round(seconds / PERIOD)):
         session.step()
-    return session.now.estimate
+    return session.now.agent.estimate
 
 
 def test_readings_that_do_not_come_are_not_used():
@@ -221,17 +221,17 @@ def test_a_reading_that_cannot_be_is_refused_and_one_that_stays_is_believed_in_t
     session = skyarm.Session(scenario, machine_code=False)
     for _ in range(60):
         session.step()
-    before = session.now.estimate
+    before = session.now.agent.estimate
     session.change({"sensors.mocap.position.bias.0": jumped["sensors.mocap.position.bias"][0]})
     for _ in range(20):
         session.step()
-    soon = session.now.estimate
+    soon = session.now.agent.estimate
     assert before.refused == 0
     assert soon.refused >= 3
     assert abs(soon.belief.position.x - before.belief.position.x) < 0.05
     for _ in range(100):
         session.step()
-    late = session.now.estimate
+    late = session.now.agent.estimate
     assert abs(late.aiding[0][-1].position.x - late.belief.position.x) < 0.1
     assert late.taken > soon.taken
 
@@ -320,7 +320,7 @@ def test_what_is_told_of_the_present_is_less_its_biases_and_carried_by_each_mode
     # the measurement of the period to come is that of its own memory: flown one period further
     told = session.measurement
     session.step()
-    memory = session.now.estimate
+    memory = session.now.agent.estimate
     imu, belief = memory.inertial[-1], memory.belief
     np.testing.assert_allclose(tuple(told.rate), tuple(imu.rate - belief.gyro_bias), atol=1e-12)
     np.testing.assert_allclose(

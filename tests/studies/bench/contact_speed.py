@@ -88,7 +88,7 @@ def bare_mujoco(scenario: Scenario, step: float, threads: int, steps: int = 400)
     around = Surroundings(components=(contact,), memories=(contact.start(0.005, ()),))
     model = MujocoContactPlant(scenario.plant, around).model
     model.opt.timestep = step
-    at, words = first.state, f"plant only, its contacts, Euler {1e3 * step:g} ms"
+    at, words = first.agent.state, f"plant only, its contacts, Euler {1e3 * step:g} ms"
     start = [*at.position, *at.quaternion, *at.joints]
     return [
         rollout_of(model, start, threads, steps, words, "mujoco.rollout"),

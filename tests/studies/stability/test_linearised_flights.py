@@ -97,7 +97,7 @@ def coordinates(log, k, still):
 
 @pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.9)], ids=["level", "tilted"])
 def test_eigenvalues_are_those_of_finite_differences_of_episodes(rotors_hover, turn):
-    start = first_loop_state(rotors_hover).state
+    start = first_loop_state(rotors_hover).agent.state
     start = dataclasses.replace(start, quaternion=turned(start.quaternion, turn), rate=Vec3(0.2, -0.1, 0.3 * turn[0]))
     flight = dataclasses.replace(rotors_hover, initial=start)
     carry, still = first_loop_state(flight), run(flight)
@@ -122,7 +122,7 @@ def arm_hover():
 
 def growth(scenario, delay, **parts):
     """How much a small tilt grows in a real flight with a further command delay: late over early motion."""
-    state = first_loop_state(scenario).state
+    state = first_loop_state(scenario).agent.state
     begun = dataclasses.replace(
         scenario, initial=moved(state, 4, 1e-4), duration=8.0, delays=Delays(command=delay, **parts)
     )
@@ -164,7 +164,7 @@ def test_the_jacobians_are_those_that_scipy_finds(arm_hover):
     )
     point = dataclasses.replace(point, state=state, seen=seen)
     values_row = [0.0, *held.held_leaves[0]]
-    moving = dataclasses.replace(carry, state=state)
+    moving = dataclasses.replace(carry, agent=dataclasses.replace(carry.agent, state=state))
     begun = open_point(moving)
     sizes = [len(leaves(part)) for part in (begun.state, begun.old, begun.new, begun.memory, begun.seen)]
     # where ours is taken: at the measurement and the command that the period itself makes
@@ -203,7 +203,7 @@ def test_evidence_along_a_flight_is_stable_and_says_where():
 def test_a_flight_that_ends_early_is_said_to():
     scenario = skyarm.load_scenario("case1", duration=6.0)
     state = dataclasses.replace(
-        first_loop_state(scenario).state, position=Vec3(0.0, 0.0, 0.2), velocity=Vec3(0.0, 0.0, -9.0)
+        first_loop_state(scenario).agent.state, position=Vec3(0.0, 0.0, 0.2), velocity=Vec3(0.0, 0.0, -9.0)
     )
     found = evidence(dataclasses.replace(scenario, initial=state), 2)
     assert not found.completed

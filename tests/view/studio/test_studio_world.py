@@ -50,7 +50,7 @@ def test_what_is_seen_of_a_contact_is_what_a_log_keeps() -> None:
 def scene_at(time: float, flown: Session) -> Scene:
     """The scene of a session as it is, at another instant."""
     scenario, now = flown.scenario, flown.now
-    motion = PointMotion(scenario.plant.vehicle, now.state, gravity=scenario.plant.gravity)
+    motion = PointMotion(scenario.plant.vehicle, now.agent.state, gravity=scenario.plant.gravity)
     memories = [replaced_clock(memory, time) for memory in now.components]
     return scene_now(scenario.components, memories, instant_of(motion, time, np.zeros(3)), motion)
 

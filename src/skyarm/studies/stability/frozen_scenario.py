@@ -11,7 +11,7 @@ from skyarm.control.vectored_layer import turns_rotors
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import concrete
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import Tree, leaves
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
@@ -85,7 +85,7 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
     return tuple(kept), left_out
 
 
-def _follows_state(part: Component, memory: Any, scenario: Scenario) -> bool:
+def _follows_state(part: Component[Tree], memory: Any, scenario: Scenario) -> bool:
     """True if the update of a disturbance model's internal state depends on the vehicle's state."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     state = example_state(*vehicle.sizes)
@@ -173,8 +173,8 @@ def require_no_memory(scenario: Scenario, first: LoopState) -> None:
         _require_none(leaves(memory), f"payloads[{i}]", payload)
     for named in scenario.sensors:
         _require_none(True, f"sensors.{named.name}", named.sensor)
-    _require_none(leaves(first.estimate), "estimator", scenario.estimator)
-    _require_none(leaves(first.sensors[0].memory), "sensors", scenario.noise)
+    _require_none(leaves(first.agent.estimate), "estimator", scenario.estimator)
+    _require_none(leaves(first.agent.sensors[0].memory), "sensors", scenario.noise)
 
 
 def _require_none(held: Any, field: str, part: Any) -> None:

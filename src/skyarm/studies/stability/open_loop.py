@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
+from skyarm.reference import Reference
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement, measure, measurement_of, noise_count
@@ -131,14 +132,15 @@ def open_point(carry: LoopState, batteries: int = 0) -> OpenPoint:
         batteries: how many of the last components are batteries.
     """
     # an open period asks for no time and no specific force
-    waiting = carry.sensors[0].waiting
-    seen = waiting[0] if waiting else measurement_of(carry.state, carry.state.velocity * 0.0)
+    own, waiting = carry.agent, carry.agent.sensors[0].waiting
+    # the first sensor is of the full state
+    seen = cast("Measurement", waiting[0]) if waiting else measurement_of(own.state, own.state.velocity * 0.0)
     return OpenPoint(
-        state=carry.state,
-        drives=carry.drives,
-        old=carry.queue[0],
-        new=carry.queue[min(1, len(carry.queue) - 1)],
-        memory=carry.memory,
+        state=own.state,
+        drives=own.drives,
+        old=own.queue[0],
+        new=own.queue[min(1, len(own.queue) - 1)],
+        memory=own.memory,
         seen=seen,
         power=carry.components[len(carry.components) - batteries :] if batteries else (),
     )
@@ -172,7 +174,9 @@ class Differentiator:
         self._point = open_point(first, len(scenario.power))
         row = inputs.row_at(0, first)
 
-        def step(point: OpenPoint, given: tuple[Any, ...], fed: Row, _uniforms: Any) -> tuple[OpenPoint, Any]:
+        def step(
+            point: OpenPoint, given: tuple[Any, ...], fed: Row[Reference], _uniforms: Any
+        ) -> tuple[OpenPoint, Any]:
             return point, self._outputs(point, given, fed)
 
         given = ((0.0, 0.0), self._numbers)
@@ -181,7 +185,7 @@ class Differentiator:
         self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=0)
         self._row = len(leaves(row))
 
-    def _outputs(self, point: OpenPoint, given: tuple[Any, ...], row: Row) -> tuple[Any, ...]:
+    def _outputs(self, point: OpenPoint, given: tuple[Any, ...], row: Row[Reference]) -> tuple[Any, ...]:
         """Next state, measurement, controller state and command, for given arrival times, rotor lag and parameters."""
         (late, lag), numbers = given
         own = self.scenario
@@ -273,10 +277,10 @@ class Differentiator:
         """Scalars of the operating point, with measurement and command computed where they have no delay."""
         base = np.array([float(leaf) for leaf in leaves(point)])
         ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
-        if not carry.sensors[0].waiting:
+        if not carry.agent.sensors[0].waiting:
             made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
             base[sum(sizes[:4]) : sum(sizes[:5])] = made[ends[0] : ends[1]]
-        if len(carry.queue) == 1:
+        if len(carry.agent.queue) == 1:
             made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
             base[sizes[0] + sizes[1] : sum(sizes[:3])] = made[ends[2] : ends[3]]
         return base

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch_leg import Leg, LegOptions
 from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.loop_state import LoopState
 from skyarm.studies.stability.along import Instant, hovering, instant_at
 from skyarm.studies.stability.closed_loop import OpenLoop
 from skyarm.studies.stability.frozen_scenario import nominal, without_adaptation
@@ -65,7 +65,7 @@ class SettledHover:
             found.append(instant_at(loops, hover=True, time=self._time, measured=False))
         return found
 
-    def settle(self, values: Mapping[str, Array], threads: int = 1) -> list[Any]:
+    def settle(self, values: Mapping[str, Array], threads: int = 1) -> list[LoopState | None]:
         """Simulate hover for each parameter set; returns final simulation states, None where hover was not reached."""
         columns = [np.asarray(values[path], dtype=float) for path in self.paths]
         count = len(columns[0])
@@ -74,19 +74,18 @@ class SettledHover:
         carry = self._leg.begin(parameters, 0, np.zeros(count, dtype=int), None)
         with np.errstate(all="ignore"):
             carry, _ = self._leg.fly(carry, parameters, keys, threads)
-        first: Any = self._leg.first
-        settled = [rebuild(first, iter(column.tolist()))[0] for column in carry.T]
+        settled = [rebuild(self._leg.first, iter(column.tolist()))[0] for column in carry.T]
         return [each if _is_hover(each) else None for each in settled]
 
-    def open_loop(self, settled: Any, numbers: Sequence[float], lag: str) -> OpenLoop:
+    def open_loop(self, settled: LoopState, numbers: Sequence[float], lag: str) -> OpenLoop:
         """Linearised open loop in the settled hover of one set of parameters."""
         return self._differentiator.at(settled, self._row, lag, numbers)
 
 
-def _is_hover(settled: Any) -> bool:
+def _is_hover(settled: LoopState) -> bool:
     """True if a final simulation state is at rest and the flight did not end early."""
     if not settled.alive > 0.5:
         return False
-    state = settled.state
+    state = settled.agent.state
     moving = np.array([*state.velocity, *state.rate, *state.joint_rates], dtype=float)
     return bool(np.isfinite(moving).all() and np.abs(moving).max() < SPEED)

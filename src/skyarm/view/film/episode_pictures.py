@@ -139,9 +139,9 @@ class EpisodePictures:
         settings, scenario = self._settings, self._scenario
         ticks: Any = now.ticks
         time, row = float(ticks) / scenario.rates.control, min(int(ticks), scenario.steps - 1)
-        if all(abs(number) < FARTHEST for number in leaves(now.state)):
-            self._last = now.state
-        state, around = self._last, self._stages.surroundings(now.components, now.drives, time)
+        if all(abs(number) < FARTHEST for number in leaves(now.agent.state)):
+            self._last = now.agent.state
+        state, around = self._last, self._stages.surroundings(now.components, now.agent.drives, time)
         wind, numbers = wind_at(around, scenario.plant, state), np.array([leaves(state)], dtype=float)
         whole = self._whole = self._whole or self._reference(numbers.size, wind)
         log = instant_log(self._inputs, row, numbers, wind)

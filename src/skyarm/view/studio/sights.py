@@ -12,6 +12,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.reference import Reference
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -55,7 +56,7 @@ class Sight:
 def sight(session: Session) -> Sight:
     """Compute the plotted quantities of a simulation session at its current time."""
     scenario, now, time = session.scenario, session.now, session.time
-    vehicle, state = scenario.plant.vehicle, now.state
+    vehicle, state = scenario.plant.vehicle, now.agent.state
     placed = poses_of(vehicle, state)
     outside = session.wind
     upward, away = float(placed.rotations[0, 2, 2]), placed.tip - goal_of(vehicle, scenario.reference.at(time)).tip
@@ -68,7 +69,7 @@ def sight(session: Session) -> Sight:
         tip=placed.tip,
         error=float(np.linalg.norm(away)),
         tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
-        efforts=_efforts(vehicle, now.queue[-1].efforts),
+        efforts=_efforts(vehicle, now.agent.queue[-1].efforts),
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
         air=np.array(floats(outside.air_velocity_W)),
         pushed=np.array(floats(outside.force_W)),
@@ -76,7 +77,9 @@ def sight(session: Session) -> Sight:
     )
 
 
-def contact_forces(components: Sequence[Component], memories: Sequence[Any], motion: PointMotion) -> dict[str, float]:
+def contact_forces(
+    components: Sequence[Component[Tree]], memories: Sequence[Any], motion: PointMotion
+) -> dict[str, float]:
     """Current sum of the normal forces on the vehicle, N, by the name of each surface.
 
     Args:

@@ -85,7 +85,7 @@ class ContactMemory:
 
 
 @immutable
-class Contact(Force):
+class Contact(Force[ContactMemory]):
     """Contact model: surfaces, movable bodies, grippers and the points of the vehicle that may touch them.
 
     Attributes:

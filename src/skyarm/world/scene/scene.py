@@ -18,6 +18,7 @@ from skyarm.records.arrays import Array, Mask
 from skyarm.records.files.names import distinct
 from skyarm.records.files.user_code import require_result
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Component
@@ -115,7 +116,7 @@ class Instants:
         return np.asarray(p + R @ np.array([float(c) for c in point]))
 
 
-def scene_in_log(components: Sequence[Component], seen: Instants, logged: Callable[[str], Array]) -> Scene:
+def scene_in_log(components: Sequence[Component[Tree]], seen: Instants, logged: Callable[[str], Array]) -> Scene:
     """Drawn solids, lines and arrows of a flight, from its log.
 
     Args:
@@ -126,7 +127,9 @@ def scene_in_log(components: Sequence[Component], seen: Instants, logged: Callab
     return _scene((part, replace(seen, numbers=own)) for part, own in _own_columns(components, logged))
 
 
-def scene_now(components: Sequence[Component], memories: Sequence[Any], seen: Instants, motion: PointMotion) -> Scene:
+def scene_now(
+    components: Sequence[Component[Tree]], memories: Sequence[Tree], seen: Instants, motion: PointMotion
+) -> Scene:
     """Drawn solids, lines and arrows of a running flight at the current instant.
 
     Args:
@@ -157,19 +160,19 @@ def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
     )  # fmt: skip
 
 
-def first_memories(components: Sequence[Component], period: float) -> list[Any]:
+def first_memories(components: Sequence[Component[Tree]], period: float) -> list[Tree]:
     """Initial internal states of all environment models, with every random number set to 0.5."""
     return [part.start(period, [0.5] * (2 * part.uniforms)) for part in components]
 
 
-def has_shapes(part: Component) -> bool:
+def has_shapes(part: Component[Tree]) -> bool:
     """True if the environment model draws anything in pictures."""
     return type(part).shapes is not Component.shapes
 
 
 def _own_columns(
-    components: Sequence[Component], logged: Callable[[str], Array]
-) -> Iterator[tuple[Component, Mapping[str, Array]]]:
+    components: Sequence[Component[Tree]], logged: Callable[[str], Array]
+) -> Iterator[tuple[Component[Tree], Mapping[str, Array]]]:
     """Environment models that draw something, each with its columns of the flight log."""
     begins: dict[str, int] = {}
     for part in components:
@@ -184,7 +187,7 @@ def _own_columns(
             begins[name] = begins.get(name, 0) + count
 
 
-def _scene(parts: Iterable[tuple[Component, Instants]]) -> Scene:
+def _scene(parts: Iterable[tuple[Component[Tree], Instants]]) -> Scene:
     """Merge the drawn solids, lines and arrows of all environment models."""
     scenes = [_drawn(part, seen) for part, seen in parts]
     solids = [solid for each in scenes for solid in each.solids]
@@ -199,7 +202,7 @@ def _scene(parts: Iterable[tuple[Component, Instants]]) -> Scene:
     )
 
 
-def _drawn(part: Component, seen: Instants) -> Scene:
+def _drawn(part: Component[Tree], seen: Instants) -> Scene:
     """Scene of one environment model.
 
     Raises:
