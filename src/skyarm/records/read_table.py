@@ -54,7 +54,7 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         if not field.init or (word not in fields.table and not required):
             fields.take(word, None)
         elif name in known:
-            values[name] = _value(*known[name], fields, word, folds)
+            values[name] = value_from(*known[name], fields, word, folds)
         else:
             raise ValueError(f"{fields.at(word)}: the annotation of this field names a type that cannot be found")
     fields.done()
@@ -153,13 +153,13 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
     fields.expect(parameters)
     for name, parameter in parameters.items():
         if name in fields.table or parameter.default is inspect.Parameter.empty:
-            values[name] = _value(*known.get(name, (float, NUMBER)), fields, name)
+            values[name] = value_from(*known.get(name, (float, NUMBER)), fields, name)
         else:
             fields.take(name, None)
     return values
 
 
-def _value(wanted: object, unit: Unit, fields: Fields, name: str, folds: bool = False) -> Any:
+def value_from(wanted: object, unit: Unit, fields: Fields, name: str, folds: bool = False) -> Any:
     """Read a field of a table as the type that the dataclass declares for it."""
     if typing.get_origin(wanted) in (typing.Union, types.UnionType):
         wanted = next(each for each in typing.get_args(wanted) if each is not type(None))

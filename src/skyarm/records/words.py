@@ -11,8 +11,10 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any, Literal, NamedTuple
 
+from skyarm.records.field_rules import defaults
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, field_names
+from skyarm.records.units import Unit, declared_fields
 
 EACH = "*"
 """Step of a path or place that stands for the name, or the number, of every item of a list."""
@@ -57,13 +59,16 @@ class Slot(NamedTuple):
 
     Attributes:
         path: dotted, from the top of the file. place: from the record; in both ``*`` stands for every item.
-        word: as declared. type: of the field.
+        word: as declared.
+        type, unit, default: of the field; ``dataclasses.MISSING`` if it has no default.
     """
 
     path: str
     place: Place
     word: Word
     type: Any
+    unit: Unit
+    default: object
 
     @property
     def table(self) -> str:
@@ -95,15 +100,15 @@ def groups(kind: type) -> dict[str, type]:
 
 
 def _slots(kind: type, table: str, place: Place) -> Iterator[Slot]:
-    types, full = typing.get_type_hints(kind), typing.get_type_hints(kind, include_extras=True)
+    known, usual, full = declared_fields(kind), defaults(kind), typing.get_type_hints(kind, include_extras=True)
     for name in field_names(kind) or ():
         for word in declared_words(full[name]):
             path = name if word.at is None else word.at
             path = path[1:] if path.startswith("/") else ".".join(filter(None, (table, path)))
             if word.group:
-                yield from _slots(types[name], path, (*place, name))
+                yield from _slots(known[name][0], path, (*place, name))
             else:
-                yield Slot(path, (*place, name, *word.inside), word, types[name])
+                yield Slot(path, (*place, name, *word.inside), word, *known[name], usual[name])
 
 
 def declared_words(annotation: object) -> tuple[Word, ...]:

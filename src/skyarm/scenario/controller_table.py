@@ -73,7 +73,7 @@ def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
 
 
 def controller_from(
-    fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any], folder: Path = Path()
+    fields: Fields, model: Model, replaced: Any, known: Mapping[str, Any], folder: Path = Path()
 ) -> Controller:
     """Build the controller that a [controller] table describes, with its safety and actuator layers.
 

@@ -10,8 +10,8 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find, names
-from skyarm.records.units import NUMBER, Unit, declared_fields, declared_units
-from skyarm.records.words import Slot, groups, lifted_fields, slots, words_of_fields
+from skyarm.records.units import Unit, declared_fields, declared_units
+from skyarm.records.words import Slot, lifted_fields, slots, words_of_fields
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.linkage import JOINT_NUMBERS, Joint
 from skyarm.world.payload import Payload
@@ -57,8 +57,7 @@ def grammar() -> tuple[Row, ...]:
 def _rows(slot: Slot) -> Iterator[Row]:
     at = f"{slot.path}[]" if _is_list(slot) else slot.path
     varies = WHEN[slot.word.varies]
-    name = slot.place[1] if len(slot.place) > 1 else slot.place[0]
-    unit = declared_fields(_owner(slot)).get(name, (None, NUMBER))[1]
+    unit = slot.unit
     yield Row(at, "", _type(slot.type, slot), unit.unit, _bounds(unit), varies, slot.word.whole, unit.meaning)
     if slot.word.kind:
         for each in slot.word.kind.split():
@@ -96,11 +95,6 @@ def _of_truth(path: str, truth: Any) -> Iterator[Row]:
         unit = known[name][1]
         words = "number, or one for each joint"
         yield Row(f"{path}.joints.{name}", "", words, unit.unit, _bounds(unit), always, False, unit.meaning)
-
-
-def _owner(slot: Slot) -> type:
-    """Class of the record that holds the field of a word."""
-    return groups(Scenario).get(slot.place[0], Scenario)
 
 
 def _is_list(slot: Slot) -> bool:

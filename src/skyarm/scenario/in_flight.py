@@ -21,12 +21,12 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.files import did_you_mean, errors_as, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, part, replace_at
+from skyarm.records.leaves import Place, replace_at
 from skyarm.records.words import Slot, slots
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import readers
-from skyarm.scenario.document import OfScenario, read_part
+from skyarm.scenario.document import Part
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
 from skyarm.scenario.paths import delay_words, is_below, place_of_delay, roots, variable_words
 from skyarm.scenario.readers import LAW
@@ -66,7 +66,8 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
 
 def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place, Any]:
     """Scenario fields by place that result from a table of a scenario file in place of a section, such as the wind."""
-    slot, reading = whole_parts()[path], OfScenario(scenario)
+    slot = whole_parts()[path]
+    document = Part(slot.path, value, scenario)
     if path == LAW:
         return {slot.field: readers.law(scenario, value)}
     if path != slot.path:
@@ -75,14 +76,9 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place,
         if fixed:
             raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
         entry = path.removeprefix(f"{slot.path}.")
-        found = trajectory_from({entry: value}, scenario.plant.vehicle.n, "reference", reading.setting)
-        fields: dict[Place, Any] = {(name,): getattr(found, name) for name in dict(slot.word.entries)[entry]}
-        return {slot.field: replace_at(scenario.reference, fields)}
-    if path != "reference":
-        return {slot.field: read_part(slot, value, reading)}
-    agent, governor = readers.with_reference(scenario.agent, value, reading)
-    planned = governor(dataclasses.replace(scenario, agent=agent))
-    return {each.field: part(planned, each.field) for each in slots(Scenario) if is_below(each.path, path)}
+        found = trajectory_from({entry: value}, scenario.plant.vehicle.n, "reference", document.setting)
+        return {(*slot.field, name): getattr(found, name) for name in dict(slot.word.entries)[entry]}
+    return document.planned_fields()
 
 
 def _prefix_of_part(path: str) -> str:

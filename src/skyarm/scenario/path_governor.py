@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
@@ -31,7 +31,7 @@ from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.signals import Derivatives
-from skyarm.reference.task_records import Setting, TaskEvent
+from skyarm.reference.task_records import TaskEvent
 from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scenario.path_plan import Ceilings, Judge, Plan, plan
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -75,12 +75,13 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
         return governed_scenario(scenario, GovernorOptions(**options))
 
 
-def planner_from(table: object, setting: Setting) -> Callable[[Scenario], Scenario]:
-    """Read [reference.governor]; return a function that adds the governor's time law to a scenario.
+def governed_by_table(scenario: Scenario, table: object, events: Sequence[TaskEvent]) -> Scenario:
+    """Scenario with the path governor that [reference.governor] describes.
 
     Args:
-        table: [reference.governor]: true, or limits.
-        setting: with the phases' events once the reference is read.
+        scenario: whose reference is slowed.
+        table: true, or limits.
+        events: of the reference's phases.
 
     Raises:
         ValueError: one line.
@@ -88,7 +89,7 @@ def planner_from(table: object, setting: Setting) -> Callable[[Scenario], Scenar
     if table is not True and not isinstance(table, Mapping):
         raise ValueError(f"reference.governor = {shown(table)}: must be true, false or a table of limits")
     options = record_from(GovernorOptions, Fields({} if table is True else dict(table), "reference.governor"))
-    return lambda scenario: governed_scenario(scenario, options, setting.events)
+    return governed_scenario(scenario, options, events)
 
 
 def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequence[TaskEvent] = ()) -> Scenario:

@@ -1,18 +1,17 @@
 """Readers of those words of a scenario file whose records have other fields than their tables.
 
-Each takes the entry of its word, the word's path and a :class:`skyarm.scenario.document.Reading` of all others.
+Each takes the entry of its word, the word's path and a :class:`Reading` of all others.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -20,41 +19,61 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import rules
 from skyarm.records.files import Fields, errors_as, number, shown
+from skyarm.records.files.fields import list_of_tables
 from skyarm.records.leaves import parts
 from skyarm.records.read_table import record_from, registered_from
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.reference import Trajectory
 from skyarm.reference.reference_tables import reference_from
-from skyarm.reference.task_records import Setting
+from skyarm.reference.task_records import Setting, TaskEvent
 from skyarm.scenario.controller_table import controller_by_name, controller_from, loop_facts
 from skyarm.scenario.numbers import INITIAL
+from skyarm.scenario.payload_tables import with_commands, with_instants
 from skyarm.scenario.scenario_checks import check_quaternion, check_scenario, require_start_outside
-from skyarm.scenario.scenario_record import Agent, JointDrive, NamedSensor, Scenario, trimmed_state
+from skyarm.scenario.scenario_record import Scenario, trimmed_state
 from skyarm.sensing.measurement import SensorNoise
-from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import mounted_drives
-from skyarm.world import Component, Payload, wind_from
+from skyarm.world import Component, Payload, TimedPayload, wind_from
 
 if TYPE_CHECKING:
     from skyarm.reference.feasibility import Feasibility
-    from skyarm.scenario.document import Reading
-
+    from skyarm.world.contact.contact import Contact
 
 LAW = "controller.law"
+
+
+class Reading(Protocol):
+    """Source of the other words of a scenario, for the reader of one.
+
+    Attributes:
+        folder: where paths of files begin.
+        law: name of a law, or file of gains, in place of what [controller] says; None for none.
+    """
+
+    folder: Path
+    law: object
+
+    @property
+    def setting(self) -> Setting:
+        """Setting of the flight."""
+        ...
+
+    def word(self, path: str) -> Any:
+        """Value of a word, as its field holds it."""
+        ...
+
+    def vehicle(self, path: str) -> Vehicle:
+        """Vehicle that the table at a path names, without that table's other words."""
+        ...
 
 
 def wind(entry: object, path: str, reading: Reading) -> Component:
     """Read [environment.wind]."""
     return wind_from(entry, path)
-
-
-def duration(entry: object, path: str, reading: Reading) -> float:
-    """Read the duration, s."""
-    return number(entry, path, low=0.0, strict=True)
 
 
 def plant(entry: object, path: str, reading: Reading) -> Truth:
@@ -106,7 +125,7 @@ def controller(entry: object, path: str, reading: Reading) -> Controller:
     """Read [controller]: a law for the model, with layers around it."""
     fields, believed = Fields(entry, path), reading.word("model")
     facts = loop_facts(reading.word("rates"), reading.word("delays"))
-    return controller_from(fields, believed, reading.replaced.get(path), facts, reading.folder)
+    return controller_from(fields, believed, reading.law, facts, reading.folder)
 
 
 def law(scenario: Scenario, name: object) -> Controller:
@@ -148,10 +167,29 @@ def gravity(fields: Fields) -> float:
     return fields.number("gravity", 9.81, low=0.0)
 
 
-def world(entry: object, path: str, reading: Reading) -> Component:
+def world(entry: object, path: str, reading: Reading) -> Component | None:
     """Read [world]: surfaces, objects, grippers and contact points, with the commands of a task's phases."""
-    found: Component = registered_from("world", Component, with_files(entry, path, reading.folder), path, "contact")
-    return found
+    found: Contact | None = None
+    if entry is not None:
+        found = registered_from("world", Component, with_files(entry, path, reading.folder), path, "contact")
+    events = [event for event in _events(reading) if event.gripper]
+    return with_commands(found, events, reading.word("rates").control) if events else found
+
+
+def payloads(entry: object, path: str, reading: Reading) -> tuple[TimedPayload, ...]:
+    """Read [[payloads]], with the instants at which the phases of a task take and leave them."""
+    events = [event for event in _events(reading) if not event.gripper]
+    tables = with_instants(entry, events, reading.word("rates").control) if events else entry
+    return tuple(
+        registered_from("payload", TimedPayload, each.table, each.where, "rigid")
+        for each in list_of_tables(tables, path)
+    )
+
+
+def _events(reading: Reading) -> Sequence[TaskEvent]:
+    """Events of the task that the reference flies."""
+    reading.word("reference")
+    return reading.setting.events
 
 
 def with_files(table: object, where: str, folder: Path) -> Any:
@@ -189,20 +227,6 @@ def noise(entry: object, path: str, reading: Reading) -> SensorNoise:
     return SensorNoise(**{name: sigma or 0 for name, sigma in parts(found).items()})
 
 
-def sensors(entry: dict[str, Any], path: str, reading: Reading) -> tuple[NamedSensor, ...]:
-    """Read named sensors from the tables inside [sensors]."""
-    return tuple(
-        NamedSensor(name=name, sensor=registered_from("sensor", Sensor, table, f"{path}.{name}"))
-        for name, table in entry.items()
-    )
-
-
-def drives(entry: object, path: str, reading: Reading) -> tuple[JointDrive, ...]:
-    """Read [plant.drives.JOINT]: the drives of joints."""
-    found = mounted_drives(Fields(entry, path).table, path)
-    return tuple(JointDrive(joint=each.name, drive=each.drive) for each in found)
-
-
 def setting_of(world: Truth, duration: float) -> Setting:
     """Setting of a flight for readers of a reference: vehicle, gravity, duration and thrust-to-weight ratio."""
     weight = float(world.vehicle.mass) * float(world.gravity)
@@ -221,33 +245,6 @@ def reference(entry: object, path: str, reading: Reading) -> Trajectory:
     """Read [reference], whose task leaves its events in the setting."""
     joints = reading.word("plant").vehicle.n
     return reference_from(with_files(entry, path, reading.folder), joints, path, reading.setting)
-
-
-def tracking_start(entry: object, path: str, reading: Reading) -> Scalar:
-    """Read when the law begins to follow, s; left out, a structural 0: at once."""
-    return number(entry, path, low=0.0)
-
-
-def with_reference(agent: Agent, table: object, reading: Reading) -> tuple[Agent, Callable[[Scenario], Scenario]]:
-    """Agent with the reference that [reference] gives, and the function that slows a scenario's reference."""
-    words = dict(table) if isinstance(table, Mapping) else {}
-    slowed, start = words.pop("governor", False), words.pop("tracking_start", None)
-    found = dataclasses.replace(
-        agent,
-        reference=reference(words if isinstance(table, Mapping) else table, "reference", reading),
-        tracking_start=0 if start is None else tracking_start(start, "reference.tracking_start", reading),
-        path_time=None,
-    )
-    return found, governor(slowed, reading.setting)
-
-
-def governor(entry: object, setting: Setting) -> Callable[[Scenario], Scenario]:
-    """Read [reference.governor]: the function that slows a scenario's reference."""
-    if entry is False:
-        return lambda scenario: scenario
-    from skyarm.scenario.path_governor import planner_from
-
-    return planner_from(entry, setting)
 
 
 def at_start(scenario: Scenario, initial: object) -> Scenario:

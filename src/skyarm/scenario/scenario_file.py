@@ -44,29 +44,25 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators import AllocationError
-from skyarm.records.files import (
-    PathLike,
-    errors_as,
-    file_name,
-    one_line,
-    read_toml,
-    shown,
-    unreadable,
-)
+from skyarm.records.files import Fields, PathLike, errors_as, file_name, one_line, read_toml, shown, unreadable
 from skyarm.records.files.names import kind_of, names_in, read_named
 from skyarm.records.registry import names
-from skyarm.scenario.controller_table import under_law
-from skyarm.scenario.document import Document
-from skyarm.scenario.scenario_record import (
-    Scenario,
-    ScenarioError,
-)
+from skyarm.scenario import readers
+from skyarm.scenario.controller_table import require_servos_said, under_law
+from skyarm.scenario.document import Document, slot_of
+from skyarm.scenario.in_flight import require_changes
+from skyarm.scenario.numbers import require_apart, with_numbers
+from skyarm.scenario.paths import is_below
+from skyarm.scenario.payload_tables import with_model_changes
+from skyarm.scenario.scenario_checks import check_scenario, require_start_outside
+from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError
 from skyarm.vehicle.vehicle_files import list_vehicles
 
 LIBRARY = resources.files("skyarm.scenario") / "library"
@@ -194,6 +190,62 @@ def scenario_from(
     if not isinstance(document, Mapping):
         raise ScenarioError(f"document = {shown(document)}: must be a table")
     try:
-        return Document(document, Path(folder), _by_path(replaced or {})).scenario()
+        return _scenario_of(Document(document, Path(folder), _by_path(replaced or {})))
     except ValueError as error:
         raise ScenarioError(one_line(str(error))) from None
+
+
+def _scenario_of(document: Document) -> Scenario:
+    """Scenario of all words of a file; unknown ones are refused."""
+    top = document.table("")
+    top.require_schema()
+    vehicle, _ = document.word("plant").vehicle, document.word("duration")
+    readers.require_plugins(top)
+    require_servos_said(Fields(top.take("controller"), "controller"), vehicle, document.word("model"))
+    flown = _payloads_and_changes(document)
+    scenario = Scenario(**{place[-1]: value for place, value in document.fields().items()} | flown)
+    check_scenario(scenario)
+    document.table("environment").done()
+    if "duration" not in document.replaced:  # what takes its place shortens the flight, not the file
+        scenario.windows.require_within(scenario.duration)
+        require_within(scenario.changes, scenario.steps, scenario.rates.control)
+    numbers, initial = document.table("numbers").table, document.entry(slot_of("initial"))
+    if document.law is not None:  # gains of a law that does not fly, as changes of it are
+        numbers = {path: value for path, value in numbers.items() if not is_below(path, "controller")}
+    top.done()
+    if scenario.changes:
+        require_changes(scenario)
+    made = document.planned(readers.at_start(scenario, initial))
+    with errors_as(ScenarioError, "numbers: "):
+        return _with_stated_numbers(made, numbers) if numbers else made
+
+
+def _payloads_and_changes(document: Document) -> dict[str, Any]:
+    """Payloads and changes by field; the law's model follows payloads that are known in advance, by changes."""
+    changes = tuple(each for each in document.word("changes") if not (each.of_law and document.law is not None))
+    if not (payloads := document.word("payloads")):
+        return {"changes": changes}
+    flight = document.word("reference"), document.word("duration"), document.word("rates").control
+    payloads, more = with_model_changes(payloads, *flight)
+    return {"payloads": payloads, "changes": (*changes, *more)}
+
+
+def require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
+    """Raise an error if a scheduled change lies outside of the flight's control periods.
+
+    Raises:
+        ScenarioError: one line.
+    """
+    for i, change in enumerate(changes):
+        if change.tick(rate) >= steps:
+            last = (steps - 1) / rate
+            raise ScenarioError(f"changes[{i}].at = {change.at!r}: must be at most {last:g} s, the last control period")
+
+
+def _with_stated_numbers(scenario: Scenario, numbers: Mapping[str, Scalar]) -> Scenario:
+    """Scenario with the numbers that a file states by path, checked as if they were stated in words."""
+    require_apart(scenario, tuple(numbers))
+    changed = with_numbers(scenario, numbers)
+    require_changes(changed)
+    require_start_outside(changed)
+    return changed

@@ -310,26 +310,27 @@ class Agent:
             reader="reference",
         ),
     ]
-    tracking_start: Annotated[Scalar, Word("reference.tracking_start", reader="tracking_start")] = 0
+    tracking_start: Annotated[Scalar, Unit("s", low=0.0), Word("reference.tracking_start")] = 0
     path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = dataclasses.field(
         default=None, metadata=WRITTEN_IF_ANY
     )
     noise: Annotated[SensorNoise, Word("sensors", reader="noise")] = PERFECT_SENSORS
     sensors: Annotated[
         tuple[NamedSensor, ...],
-        Word("sensors.*", kind="sensor", inside=("*", "sensor"), reader="sensors"),
+        Word("sensors.*", kind="sensor", inside=("*", "sensor")),
     ] = ()
     estimator: Annotated[Estimator, Word(whole=True, kind="estimator")] = PASS_THROUGH
     drives: Annotated[
         tuple[JointDrive, ...],
-        Word("plant.drives.*", kind="drive", inside=("*", "drive"), reader="drives"),
+        Word("plant.drives.*", kind="drive", inside=("*", "drive")),
     ] = ()
     delays: Annotated[Delays, STRUCTURAL] = Delays()
     initial: Annotated[State | None, Word(varies="between")] = None
     faults: Annotated[tuple[Fault, ...], Word("/environment.faults", whole=True, kind="fault", usual="loss")] = ()
-    payloads: Annotated[tuple[TimedPayload, ...], Word(kind="payload", usual="rigid")] = dataclasses.field(
-        default=(), metadata=WRITTEN_IF_ANY
-    )
+    payloads: Annotated[
+        tuple[TimedPayload, ...],
+        Word(kind="payload", usual="rigid", reader="payloads"),
+    ] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "", ScenarioError)
@@ -399,7 +400,7 @@ class Scenario:
 
     name: Annotated[str, STRUCTURAL]
     title: Annotated[str, STRUCTURAL] = ""
-    duration: Annotated[float, Unit("s", low=0.0, strict=True), Word(varies="never", reader="duration")]
+    duration: Annotated[float, Unit("s", low=0.0, strict=True), STRUCTURAL]
     rates: Annotated[Rates, STRUCTURAL] = Rates()
     solver: Annotated[Solver, Word("plant", group=True)] = Solver()
     agent: Annotated[Agent, Word("", group=True)]
