@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
-from skyarm.records.coerce import whole
+from skyarm.records import coerce
 from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.leaves import field_names
@@ -42,15 +42,20 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
     if field_names(kind) is None:
         raise ValueError(f"{fields.where}: {kind.__name__} must be a dataclass to be read from a file")
     known, words = declared_units(kind), words_of_fields(kind)
+    called = {name: word for word, name in words.items()}
     fields.expect((*(field_names(kind) or ()), *words))
-    read_short: Callable[[Fields], dict[str, Any]] = getattr(kind, "short_spellings", lambda _: {})
-    values = read_short(fields)
+    values: dict[str, Any] = {}
+    if hasattr(kind, "short_spellings"):
+        for name in field_names(kind) or ():
+            fields.take(called.get(name, name), None)
+        values = kind.short_spellings(fields)
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         name, required = field.name, field.default is field.default_factory is dataclasses.MISSING
         if name in values:
             continue
-        said = [*(word for word, of in words.items() if of == name), name]
-        word = next((word for word in said if word in fields.table), said[0])
+        word = called.get(name, name)
+        if word not in fields.table and name in fields.table and word not in known:
+            word = name  # as files of 0.3 call it
         if not field.init or (word not in fields.table and not required):
             fields.take(word, None)
         elif name in known:
@@ -167,11 +172,11 @@ def value_from(wanted: object, unit: Unit, fields: Fields, name: str, folds: boo
         infinite = unit.infinite and unit is not NUMBER
         return fields.number(name, low=unit.low, strict=unit.strict, infinite=infinite)
     if wanted is int:
-        return whole(fields.at(name), fields.take(name))
+        return coerce.whole(fields.at(name), fields.take(name))
     if wanted is Vec3:
         return fields.vector(name) if folds and unit.folds else Vec3(*fields.vector(name))
     if wanted is str:
-        return fields.text(name, "")
+        return coerce.text(fields.at(name), fields.take(name))
     if typing.get_origin(wanted) is typing.Literal:
         return fields.choice(name, typing.get_args(wanted))
     if wanted is bool:

@@ -129,7 +129,7 @@ class Document:
 
     def vehicle(self, path: str) -> Vehicle:
         """Vehicle that [plant] or [model] names, without the table's payload and joint values; each is loaded once."""
-        named = self.table(path).table.get("vehicle")
+        named = self.table(path).take("vehicle")
         if not isinstance(named, str) or named not in self._vehicles:
             self._vehicles[str(named)] = readers.vehicle(named, f"{path}.vehicle", self.folder)
         return self._vehicles[str(named)]

@@ -74,8 +74,10 @@ def _rows(slot: Slot) -> Iterator[Row]:
 def _of_record(kind: type, at: str, varies: str, named: str) -> Iterator[Row]:
     """Words of a record's fields below a table."""
     words = {name: word for word, name in words_of_fields(kind).items()}
-    lifted = lifted_fields(kind)
-    for name, (wanted, unit) in declared_fields(kind).items():
+    lifted, known = lifted_fields(kind), declared_fields(kind)
+    for name, (wanted, unit) in known.items():
+        if words.get(name) in known:
+            continue  # another spelling of that field's word
         when = f"where {lifted[name]} is stated" if name in lifted else "never" if unit.fixed else varies
         when = when if wanted not in SHAPING else "never"
         yield Row(

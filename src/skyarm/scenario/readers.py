@@ -107,8 +107,8 @@ def vehicle(named: object, at: str, folder: Path) -> Vehicle:
 
 def _vehicle_of_table(fields: Fields, reading: Reading) -> Vehicle:
     """Vehicle of [plant] or [model] with the payload, drives and joint values that the table states."""
-    fields.take("vehicle")
     found = reading.vehicle(fields.where)
+    fields.take("vehicle")
     if "payload" in fields.table:
         try:
             found = record_from(Payload, fields.inner("payload")).held_by(found)

@@ -369,7 +369,9 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
     found: dict[str, Any] = {name: words.pop(name) for name in defaults(kind) if name in words}
     for group, held in groups(kind).items() if words else ():
         if inner := {word: words.pop(word) for word in field_names(held) or () if word in words}:
-            found[group] = dataclasses.replace(found[group], **inner) if group in found else held(**inner)
+            given = found.get(group)
+            if given is None or isinstance(given, held):  # anything else is refused as the group
+                found[group] = held(**inner) if given is None else dataclasses.replace(given, **inner)
     for name, usual in defaults(kind).items():
         if usual is dataclasses.MISSING and name not in found:
             raise TypeError(f"{kind.__name__}: {name} is missing")

@@ -94,13 +94,12 @@ class GustyWind(Component):
         entry, at = fields.take("gust", None), fields.at("gust")
         if isinstance(entry, list):
             return {"gusts": tuple(cls._gust(each, f"{at}[{i}]") for i, each in enumerate(entry)), "gust": None}
-        return {} if entry is None else {"gust": cls._gust(entry, at)}
+        return {} if entry is None else {"gust": cls._gust(entry, at), "gusts": ()}
 
     def to_entry(self) -> dict[str, Any]:
         """Table of a file: gusts as a list, their peaks called by what blows."""
         found = record_entry(self)
-        for name in ("gust", "gusts"):
-            found.pop(name, None)
+        found.pop("gust", None)
         gusts = [
             {self.blows: list(each.peak), "start": each.start, "duration": each.duration, "shape": each.shape}
             for each in self.all_gusts
@@ -154,7 +153,7 @@ class ForceWind(GustyWind, Force):
         Vec3, Unit("m/s", "constant wind that the rotors feel", folds=True, usual=60.0), Word("air_velocity")
     ] = ZERO3
     gust: Gust | None = None
-    gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    gusts: Annotated[tuple[Gust, ...], Word("gust")] = field(default=(), metadata=WRITTEN_IF_ANY)
 
     blows: ClassVar[str] = "force"
 
@@ -191,7 +190,7 @@ class MovingAir(GustyWind, Air):
     ] = ZERO3
     gust: Gust | None = None
     turbulence: Dryden | None = None
-    gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    gusts: Annotated[tuple[Gust, ...], Word("gust")] = field(default=(), metadata=WRITTEN_IF_ANY)
 
     blows: ClassVar[str] = "velocity"
 
