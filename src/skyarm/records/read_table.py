@@ -45,10 +45,11 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
     called = {name: word for word, name in words.items()}
     fields.expect((*(field_names(kind) or ()), *words))
     values: dict[str, Any] = {}
-    if hasattr(kind, "short_spellings"):
-        for name in field_names(kind) or ():
+    read_short: Callable[[Fields], dict[str, Any]] | None = getattr(kind, "short_spellings", None)
+    if read_short is not None:
+        for name in field_names(kind) or ():  # in the order of a message
             fields.take(called.get(name, name), None)
-        values = kind.short_spellings(fields)
+        values = read_short(fields)
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         name, required = field.name, field.default is field.default_factory is dataclasses.MISSING
         if name in values:

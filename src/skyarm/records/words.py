@@ -127,16 +127,16 @@ def lifted_fields(kind: type) -> dict[str, str]:
     return {name: other for name, other in said.items() if other}
 
 
-def _words(kind: type) -> dict[str, str]:
-    if field_names(kind) is None:
+def _words(of: type | Callable[..., object]) -> dict[str, str]:
+    if isinstance(of, type) and field_names(of) is None:
         return {}
     try:
-        full = typing.get_type_hints(kind, include_extras=True)
+        full = typing.get_type_hints(of, include_extras=True)
     except (NameError, TypeError):  # a name that only type checkers import
         return {}
-    said = ((word.at, name) for name in field_names(kind) or () if name in full for word in declared_words(full[name]))
+    said = ((word.at, name) for name, annotation in full.items() for word in declared_words(annotation))
     return {word: name for word, name in said if word and word.isidentifier()}
 
 
-words_of_fields: Callable[[type], dict[str, str]] = cache(_words)
-"""A file's words for fields of a dataclass that are called otherwise."""
+words_of_fields: Callable[[type | Callable[..., object]], dict[str, str]] = cache(_words)
+"""A file's words for fields of a dataclass, or parameters of a function, that are called otherwise."""

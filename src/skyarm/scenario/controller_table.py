@@ -15,12 +15,11 @@ A user's law, FILE.py:make, must have been loaded: ``--plugin FILE.py`` does so;
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from skyarm.control.actuator_layer import ActuatorParameters, has_tables, plain_model, with_actuators
 from skyarm.control.catalogue import (
@@ -37,7 +36,7 @@ from skyarm.control.catalogue import (
     tuned_factors,
 )
 from skyarm.control.controller import Controller, ControllerError, autopilot_of
-from skyarm.control.model import GeometricGains, JointGains, Model, Terms
+from skyarm.control.model import Model, Options
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import (
     Fields,
@@ -50,10 +49,12 @@ from skyarm.records.files import (
     unreadable,
 )
 from skyarm.records.files.names import require_kind
-from skyarm.records.leaves import Place, is_leaf, is_record, parts, replace_at, walk
-from skyarm.records.read_table import record_from
+from skyarm.records.leaves import Place, field_names, is_leaf, is_record, parts, replace_at, walk
+from skyarm.records.read_table import value_from
 from skyarm.records.registry.plugins import is_law_of_file, register_loaded_law
 from skyarm.records.registry.registrations import LOADED_BY
+from skyarm.records.units import NUMBER, Unit, declared_units
+from skyarm.records.words import words_of_fields
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -176,12 +177,6 @@ def under_law(scenario: Scenario, name: str) -> Scenario:
     return scenario.under(controller_by_name(scenario, name))
 
 
-WORDS: Mapping[str, str] = {"mixer_policy": "mixer", "terms": "without"}
-"""A file's words for options that are called otherwise."""
-
-RECORDS: Mapping[str, type] = {"gains": GeometricGains, "joint_gains": JointGains}
-"""Options that a table stands for."""
-
 PYTHON_ONLY = ("network", "program")
 """Options that no file can hold."""
 
@@ -189,10 +184,20 @@ LAYERS = ("safety", "servos")
 """Words of a controller's table that any law has."""
 
 
+def option_words(law: str) -> dict[str, str]:
+    """Words of a [controller] table for the options of a law, each with its option.
+
+    An option that its maker does not declare is called, and read, as that of many laws.
+    """
+    entry = entry_of(law)
+    words = words_of_fields(Options) | words_of_fields(entry.function())
+    called = {option: word for word, option in words.items()}
+    return {called.get(option, option): option for option in entry.options() if option not in PYTHON_ONLY}
+
+
 def law_words(law: str) -> tuple[str, ...]:
     """Keys that a [controller] table may have for a given control law."""
-    options = (WORDS.get(option, option) for option in entry_of(law).options() if option not in PYTHON_ONLY)
-    return (*options, *(("tuned",) if law in tuned_factors() else ()), *LAYERS)
+    return (*option_words(law), *(("tuned",) if law in tuned_factors() else ()), *LAYERS)
 
 
 def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: bool = False) -> Controller:
@@ -240,10 +245,10 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mappin
         if other not in (*words, word) and (other, value) != ("tuned", False):
             raise ValueError(f"{fields.at(other)} = {shown(value)}: {no_option(law, words, other)}")
     options = suitable_options(law, known)
-    for option in entry_of(law).options():
-        own = WORDS.get(option, option)
+    kinds = declared_units(Options) | declared_units(entry_of(law).function())
+    for own, option in option_words(law).items():
         if own in fields.table:
-            options[option] = _read(fields, law, option, own)
+            options[option] = _read(fields, own, *kinds.get(option, (None, NUMBER)))
     if "age" in options and "delay" in fields.table and "age" not in fields.table:
         # a delay that is stated shorter than the loop's is the measurement's alone
         options["age"] = min(options["age"], number(fields.table["delay"], fields.at("delay"), low=0.0))
@@ -279,28 +284,10 @@ def _require_only(fields: Fields, word: str, allowed: str) -> None:
             raise ValueError(f"{fields.at(other)} = {shown(value)}: must be left out: {allowed}")
 
 
-def _read(fields: Fields, law: str, option: str, word: str) -> Any:
-    """Read one option of a control law from a [controller] table; a nested table becomes a dataclass."""
-    value, at = fields.take(word), fields.at(word)
-    if option == "terms":
-        return _terms(value, at)
-    default = inspect.signature(entry_of(law).function()).parameters.get(option)
-    if default is None or not is_record(default.default):
-        if option in RECORDS:
-            return record_from(RECORDS[option], Fields(value, at))
-        return value
-    table = Fields(value, at)
-    numbers = {name: table.number(name, usual, low=0.0) for name, usual in parts(default.default).items()}
-    table.done()
-    return dataclasses.replace(default.default, **numbers)
-
-
-def _terms(value: object, at: str) -> Terms:
-    """Switches of the computed-torque terms, with those in a file's list ``without`` turned off."""
-    allowed = tuple(parts(Terms()))
-    if not isinstance(value, list) or any(name not in allowed for name in value):
-        raise ValueError(f"{at} = {shown(value)}: must be a list of {', '.join(allowed)}")
-    return Terms(**dict.fromkeys(value, False))
+def _read(fields: Fields, word: str, wanted: object, unit: Unit) -> object:
+    """Read one option of a control law; a table becomes the record that the option is, all else the law checks."""
+    kinds = [kind for kind in (wanted, *get_args(wanted)) if isinstance(kind, type) and field_names(kind) is not None]
+    return value_from(kinds[0], unit, fields, word) if kinds else fields.take(word)
 
 
 SUFFIX = ".toml"

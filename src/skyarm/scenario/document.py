@@ -34,7 +34,7 @@ OPTIONAL: Mapping[str, object] = {
 }
 """Words that are read where a file leaves them out, too, with what their readers get then."""
 
-LATER = ("initial", "reference.governor")
+OF_SCENARIO = ("initial", "reference.governor")
 """Words whose readers need the scenario of all others."""
 
 
@@ -141,9 +141,9 @@ class Document:
         return readers.setting_of(self.word("plant"), max(self.word("duration"), stated))
 
     def fields(self, within: str = "") -> dict[Place, Any]:
-        """Fields of a scenario that the words below a path fill; those of :data:`LATER` have their defaults."""
+        """Fields of a scenario that the words below a path fill; those of :data:`OF_SCENARIO` have their defaults."""
         found = (slot for slot in slots(Scenario) if not within or is_below(slot.path, within))
-        return {slot.field: slot.default if slot.path in LATER else self.word(slot.path) for slot in found}
+        return {slot.field: slot.default if slot.path in OF_SCENARIO else self.word(slot.path) for slot in found}
 
     def planned(self, scenario: Scenario) -> Scenario:
         """Scenario whose reference is slowed in time if [reference.governor] says so."""

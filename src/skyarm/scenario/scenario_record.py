@@ -369,9 +369,10 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
     found: dict[str, Any] = {name: words.pop(name) for name in defaults(kind) if name in words}
     for group, held in groups(kind).items() if words else ():
         if inner := {word: words.pop(word) for word in field_names(held) or () if word in words}:
-            given = found.get(group)
-            if given is None or isinstance(given, held):  # anything else is refused as the group
-                found[group] = held(**inner) if given is None else dataclasses.replace(given, **inner)
+            if group not in found:
+                found[group] = held(**inner)
+            elif isinstance(found[group], held):  # what is not is refused as the group
+                found[group] = dataclasses.replace(found[group], **inner)
     for name, usual in defaults(kind).items():
         if usual is dataclasses.MISSING and name not in found:
             raise TypeError(f"{kind.__name__}: {name} is missing")
