@@ -19,7 +19,7 @@ import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeGuard, get_args
 
 from skyarm.control.actuator_layer import ActuatorParameters, has_tables, plain_model, with_actuators
 from skyarm.control.catalogue import (
@@ -74,7 +74,7 @@ def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
 
 
 def controller_from(
-    fields: Fields, model: Model, replaced: Any, known: Mapping[str, Any], folder: Path = Path()
+    fields: Fields, model: Model, replaced: str | None, known: Mapping[str, float], folder: Path = Path()
 ) -> Controller:
     """Build the controller that a [controller] table describes, with its safety and actuator layers.
 
@@ -164,8 +164,7 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     if limits["trusted_joint_error"] == usual:
         # usual for the law before; one that keeps the tip loses its joints by more, and one that tracks them by less
         del limits["trusted_joint_error"]
-    stow: Any = before.recovery.stow
-    return with_safety_layer(made, limits, stow=stow)
+    return with_safety_layer(made, limits, stow=tuple(float(q) for q in before.recovery.stow))
 
 
 def under_law(scenario: Scenario, name: str) -> Scenario:
@@ -200,7 +199,7 @@ def law_words(law: str) -> tuple[str, ...]:
     return (*option_words(law), *(("tuned",) if law in tuned_factors() else ()), *LAYERS)
 
 
-def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: bool = False) -> Controller:
+def by_words(fields: Fields, model: Model, known: Mapping[str, float], *, loaded: bool = False) -> Controller:
     """Build the controller of a [controller] table from a preset's name, or from a law's name and its options.
 
     Args:
@@ -223,7 +222,7 @@ def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: 
     return _of_options("law", _require_name(fields, "law", LAWS, hint), fields, model, known)
 
 
-def _require_name(fields: Fields, word: str, names: Mapping[str, Any], hint: str = "") -> str:
+def _require_name(fields: Fields, word: str, names: Mapping[str, object], hint: str = "") -> str:
     """Name that a [controller] table gives under a key; an unknown one raises an error, which ends in a hint."""
     name = fields.take(word)
     if not isinstance(name, str) or name not in names:
@@ -231,7 +230,7 @@ def _require_name(fields: Fields, word: str, names: Mapping[str, Any], hint: str
     return name
 
 
-def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mapping[str, float]) -> Controller:
     """Build the controller of a law or an autopilot, named under the key ``word``, with the options of its table."""
     best = fields.flag("tuned", False)
     words = law_words(law)
@@ -256,7 +255,7 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mappin
     return (make_tuned if best else make_controller)(law, model, **options)
 
 
-def _require_clock(fields: Fields, known: Mapping[str, Any]) -> None:
+def _require_clock(fields: Fields, known: Mapping[str, float]) -> None:
     """Raise an error if a table states a control period other than the loop's."""
     period = fields.table.get("control_period")
     if period is None:
@@ -266,9 +265,9 @@ def _require_clock(fields: Fields, known: Mapping[str, Any]) -> None:
         raise ValueError(f"{at} = {period!r}: must be {ticking:g} s, as rates.control has it")
 
 
-def _preset_name(fields: Fields) -> Any:
+def _preset_name(fields: Fields) -> str:
     """Name of the preset that a [controller] table states, after a check that no law options are given with it."""
-    name = fields.take("preset", None)
+    name: str | None = fields.take("preset", None)
     if name is None:
         raise ValueError(f"{fields.where}: must have a preset, as 'centroidal_tip', or a law; 'skyarm show' shows all")
     if name in (*LAWS,) and name not in PRESETS:
@@ -293,12 +292,12 @@ def _read(fields: Fields, word: str, wanted: object, unit: Unit) -> object:
 SUFFIX = ".toml"
 
 
-def is_gains_file(name: object) -> bool:
+def is_gains_file(name: object) -> TypeGuard[str]:
     """True if a controller's name is the path of a gains file."""
     return isinstance(name, str) and name.endswith(SUFFIX)
 
 
-def make_named_or_tuned(name: str, model: Model, known: Mapping[str, Any]) -> Controller:
+def make_named_or_tuned(name: str, model: Model, known: Mapping[str, float]) -> Controller:
     """Controller by its name in the catalogue or by the path of a gains file.
 
     Raises:
@@ -342,7 +341,7 @@ def load_controller(
     return controller_of_file(os.fspath(file), Path(), model, known, "file")
 
 
-def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str, Any], field: str) -> Controller:
+def controller_of_file(name: object, folder: Path, model: Model, known: Mapping[str, float], field: str) -> Controller:
     """Read a controller from a gains file (TOML) that a field of a scenario file names.
 
     Args:
@@ -371,7 +370,7 @@ def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str
         raise ValueError(f"{path}: {error}") from None
 
 
-def _controller(top: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+def _controller(top: Fields, model: Model, known: Mapping[str, float]) -> Controller:
     top.require_schema()
     words, gains = Fields(top.take("law"), "law"), top.take("gains", {})
     top.take("about", None)
@@ -399,7 +398,7 @@ def with_gains(controller: Controller, gains: object, where: str) -> Controller:
 
 
 def _numbers(controller: Controller, path: str, value: object, field: str) -> dict[Place, float]:
-    record: Any = controller.par
+    record: object = controller.par
     place = tuple(path.split("."))
     for i, name in enumerate(place):
         below = parts(record) if is_record(record) or isinstance(record, tuple) else {}

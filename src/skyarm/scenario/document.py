@@ -87,12 +87,14 @@ class Document:
     Args:
         tables: plain, as read from TOML.
         folder: where its paths of files begin.
-        replaced: entries in the place of the file's, by path; of ``controller`` the name of a law.
+        replaced: entries in the place of the file's, by path.
+        law: name of a law, or file of gains, in place of what [controller] says; None for none.
     """
 
-    def __init__(self, tables: Mapping[str, object], folder: Path, replaced: Mapping[str, object]) -> None:
-        self.folder, self.law = folder, replaced.get("controller")
-        self.replaced = {path: entry for path, entry in replaced.items() if path != "controller"}
+    def __init__(
+        self, tables: Mapping[str, object], folder: Path, replaced: Mapping[str, object], law: str | None = None
+    ) -> None:
+        self.folder, self.replaced, self.law = folder, replaced, law
         self._tables = {"": Fields(dict(tables), "")}
         self._words = dict[str, Any]()
         self._vehicles = dict[str, Vehicle]()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typing
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
@@ -85,7 +85,7 @@ def _of_record(kind: type, at: str, varies: str, named: str) -> Iterator[Row]:
         )
 
 
-def _of_truth(path: str, truth: Any) -> Iterator[Row]:
+def _of_truth(path: str, truth: object) -> Iterator[Row]:
     """Words of [plant] and [model], whose vehicle is a file of its own."""
     always = WHEN["always"]
     gravity = declared_units(truth)["gravity"][1] if truth is not None else Unit("m/s^2", low=0.0)
@@ -103,7 +103,7 @@ def _is_list(slot: Slot) -> bool:
     return slot.path == slot.table and typing.get_origin(slot.type) is tuple
 
 
-def _type(wanted: Any, slot: Slot | None = None) -> str:
+def _type(wanted: object, slot: Slot | None = None) -> str:
     """Type of an entry in words."""
     options = [each for each in typing.get_args(wanted) if each is not type(None)]
     plain = {float: "number", Scalar: "number", int: "whole number", str: "text", bool: "true or false"}

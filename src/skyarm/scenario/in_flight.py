@@ -13,7 +13,6 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
-from typing import Any
 
 from skyarm.control.actuator_layer import believed_drives
 from skyarm.control.controller import autopilot_of
@@ -64,7 +63,7 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
         return changed
 
 
-def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place, Any]:
+def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place, object]:
     """Scenario fields by place that result from a table of a scenario file in place of a section, such as the wind."""
     slot = whole_parts()[path]
     document = Part(slot.path, value, scenario)
@@ -94,8 +93,8 @@ class Overrides:
         parts: whole parts, as a file has them. numbers: by path.
     """
 
-    parts: tuple[tuple[str, Any], ...] = ()
-    numbers: tuple[tuple[str, Any], ...] = ()
+    parts: tuple[tuple[str, object], ...] = ()
+    numbers: tuple[tuple[str, float], ...] = ()
 
     def with_change(self, change: Change) -> Overrides:
         """Changed parameter values after one more scheduled change; it replaces one of the same parameter."""
@@ -357,9 +356,9 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
     delays, before, after = new.delays, old.plant.vehicle, new.plant.vehicle
     if old.delays.longest_command is not None:
         # a varied delay of the commands stands within a queue of the same length
-        began = old.delays
-        delays = dataclasses.replace(delays, command=began.command, rotors=began.rotors, joints=began.joints)
-    pairs: list[tuple[str, Any, Any]] = [
+        held = old.delays
+        delays = dataclasses.replace(delays, command=held.command, rotors=held.rotors, joints=held.joints)
+    pairs: list[tuple[str, object, object]] = [
         *((name, getattr(old, name), getattr(new, name)) for name in ("rates", "duration")),
         *((f"plant.{name}", getattr(old, name), getattr(new, name)) for name in ("kind", "integrator")),
         ("delays", old.delays, delays),

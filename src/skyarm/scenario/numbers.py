@@ -23,10 +23,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 from skyarm.algebra import Quaternion
-from skyarm.algebra.scalars import data, divide
+from skyarm.algebra.scalars import Scalar, data, divide
 from skyarm.control.actuator_layer import with_consequences
 from skyarm.dynamics import State
 from skyarm.records import coerce
@@ -117,7 +116,7 @@ def _number(scenario: Scenario, path: str, target: Target) -> float:
     return float(found)
 
 
-def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
+def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
     """Scenario with the parameters at some paths replaced; values may be symbols of a traced program.
 
     The mixer follows the model's rotors, a trimmed start the vehicle, and the setpoints that are on their way to a
@@ -135,8 +134,8 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     """
     _require_numbers(values)
     started = _with_initial_state(scenario, values)
-    fields: dict[Place, Any] = {}
-    views: dict[Place, dict[str, Any]] = {}
+    fields: dict[Place, Scalar] = {}
+    views: dict[Place, dict[str, Scalar]] = {}
     for path, value in values.items():
         target = target_of(started, path)
         _number(started, path, target)
@@ -152,10 +151,10 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
 
 
 def _with_fields_and_views(
-    scenario: Scenario, fields: Mapping[Place, Any], views: Mapping[Place, Mapping[str, Any]]
+    scenario: Scenario, fields: Mapping[Place, Scalar], views: Mapping[Place, Mapping[str, Scalar]]
 ) -> Scenario:
     """Scenario with fields and views replaced, and what follows from them; the initial state stays."""
-    below: dict[Place, dict[Place, Any]] = {}
+    below: dict[Place, dict[Place, Scalar]] = {}
     for place, value in fields.items():
         if place[:2] != INITIAL:
             below.setdefault(place[:1], {})[place[1:]] = value
@@ -188,7 +187,9 @@ def _require_numbers(values: object) -> None:
                 coerce.number(f"values[{path!r}]", value)
 
 
-def _start_with(started: Scenario, changed: Scenario, fields: Mapping[Place, Any], angles: Mapping[str, Any]) -> State:
+def _start_with(
+    started: Scenario, changed: Scenario, fields: Mapping[Place, Scalar], angles: Mapping[str, Scalar]
+) -> State:
     """Initial state with some numbers replaced: the stated one, else the hover trim of the changed vehicle.
 
     Args:

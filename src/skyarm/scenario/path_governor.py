@@ -10,8 +10,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Annotated
 
 import numpy as np
 
@@ -237,7 +237,7 @@ class Limits:
             found = np.maximum(found, self._shares(demand))
         return found
 
-    def _shift(self, motion: Motion, settled: Any) -> Array:
+    def _shift(self, motion: Motion, settled: Callable[[Array], Array]) -> Array:
         """Extra acceleration of a base that tilts while its tip stays where a level base has it, (3, K), m/s^2."""
         force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
         held = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
@@ -277,7 +277,7 @@ class Limits:
             [up, least, np.abs(demand.efforts) / (most * efforts), np.abs(demand.rates) / speeds, *attitude]
         )
 
-    def _window_means(self, time: Array) -> Any:
+    def _window_means(self, time: Array) -> Callable[[Array], Array]:
         """Smoothing function for a force: two moving averages over SETTLES seconds, a model of attitude lag."""
         step = float(time[1] - time[0]) if len(time) > 1 else SETTLES
         half = max(0, round(0.5 * SETTLES / step))

@@ -24,7 +24,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 from skyarm.records.files import did_you_mean, shown
 from skyarm.reference import Trajectory
@@ -32,6 +32,10 @@ from skyarm.reference.signals import Constant, Sum, Windowed
 from skyarm.reference.task_records import TaskEvent
 from skyarm.scenario.scenario_record import Change
 from skyarm.world import TimedPayload
+
+if TYPE_CHECKING:
+    from skyarm.world.contact.contact import Contact
+    from skyarm.world.contact.gripper import Gripper
 
 FIELD = {"pick": "pick", "place": "drop"}
 """Kind of a phase -> field of the payload."""
@@ -72,7 +76,7 @@ def _whole_period(time: float, rate: float) -> float:
     return math.ceil(time * rate - 1e-9) / rate
 
 
-def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: float) -> Any:
+def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: float) -> object:
     """Payload tables with pick and drop times filled in from the phases of a task.
 
     Args:
@@ -109,7 +113,7 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
     return found
 
 
-def with_commands(contact: Any, events: Sequence[TaskEvent], control_rate: float) -> Any:
+def with_commands(contact: Contact | None, events: Sequence[TaskEvent], control_rate: float) -> Contact | None:
     """Contact model whose grippers close and open in the task phases that name them.
 
     Args:
@@ -135,7 +139,7 @@ def with_commands(contact: Any, events: Sequence[TaskEvent], control_rate: float
     return dataclasses.replace(contact, grippers=found)
 
 
-def _with_task_windows(gripper: Any, events: Sequence[TaskEvent], rate: float) -> Any:
+def _with_task_windows(gripper: Gripper, events: Sequence[TaskEvent], rate: float) -> Gripper:
     """Gripper that is commanded closed from each pick phase of a task to the next place phase."""
     windows: list[Windowed] = []
     since: float | None = None

@@ -20,7 +20,7 @@ from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import rules
 from skyarm.records.files import Fields, errors_as, number, shown
 from skyarm.records.files.fields import list_of_tables
-from skyarm.records.leaves import parts
+from skyarm.records.leaves import Place, parts, replace_at
 from skyarm.records.read_table import record_from, registered_from
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
@@ -55,7 +55,7 @@ class Reading(Protocol):
     """
 
     folder: Path
-    law: object
+    law: str | None
 
     @property
     def setting(self) -> Setting:
@@ -142,24 +142,19 @@ def law(scenario: Scenario, name: object) -> Controller:
 
 def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
     """Vehicle with joint values replaced, such as damping: one value for all joints, or a list with one for each."""
-    rows: list[dict[str, Any]] = [{} for _ in found.links]
+    numbers: dict[Place, float] = {}
     for name in JOINT_NUMBERS:
         value, at = table.take(name, None), table.at(name)
         if isinstance(value, list) and len(value) != found.n:
             raise ValueError(f"{at} = {shown(value)}: must be a number, or {found.n} numbers, one for each joint")
-        for i, row in enumerate(rows if value is not None else ()):
+        for i in range(found.n if value is not None else 0):
             given, where = (value[i], f"{at}[{i}]") if isinstance(value, list) else (value, at)
-            row[name] = number(given, where, low=0.0, strict=name == "coulomb_rate")
-            if name == "stop_stiffness" and row[name] == 0.0:
-                row[name] = 0  # a stop of exactly no stiffness is none
+            held = number(given, where, low=0.0, strict=name == "coulomb_rate")
+            # a stop of exactly no stiffness is none
+            numbers["links", str(i), "joint", name] = 0 if name == "stop_stiffness" and held == 0.0 else held
     table.done()
-    if not any(rows):
-        return found
-    links = (
-        dataclasses.replace(link, joint=dataclasses.replace(link.joint, **row))
-        for link, row in zip(found.links, rows, strict=True)
-    )
-    return dataclasses.replace(found, links=tuple(links))
+    changed: Vehicle = replace_at(found, numbers) if numbers else found
+    return changed
 
 
 def gravity(fields: Fields) -> float:
@@ -192,7 +187,7 @@ def _events(reading: Reading) -> Sequence[TaskEvent]:
     return reading.setting.events
 
 
-def with_files(table: object, where: str, folder: Path) -> Any:
+def with_files(table: object, where: str, folder: Path) -> object:
     """Tables of [reference] or [world] with paths of sample and mesh files made absolute.
 
     Args:
@@ -208,9 +203,9 @@ def with_files(table: object, where: str, folder: Path) -> Any:
     if not isinstance(table, dict):
         return table
     found = {name: with_files(each, f"{where}.{name}", folder) for name, each in table.items()}
-    if found.get("kind") == "samples" and isinstance(found.get("file"), str):
-        found["file"] = str(folder / found["file"])
-    mesh = table.get("mesh")
+    file, mesh = table.get("file"), table.get("mesh")
+    if table.get("kind") == "samples" and isinstance(file, str):
+        found["file"] = str(folder / file)
     if isinstance(mesh, str) and mesh:
         from skyarm.records.files.stl_mesh import read_corners
 

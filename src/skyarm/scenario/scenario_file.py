@@ -97,18 +97,16 @@ def load_scenario(
     """
     from skyarm.scenario.without_effect import WithoutEffectWarning, without_effect
 
-    scenario = _read_scenario(
-        name_or_path, {"plant": plant, "controller": controller, "seed": seed, "duration": duration}
-    )
+    stated = {"plant": plant, "controller": controller, "seed": seed, "duration": duration}
+    scenario = _read_scenario(name_or_path, {name: value for name, value in stated.items() if value is not None})
     for line in without_effect(scenario):
         warnings.warn(f"{scenario.name}: {line}", WithoutEffectWarning, stacklevel=2)
     return scenario
 
 
-def _read_scenario(name_or_path: PathLike, replaced: Mapping[str, Any]) -> Scenario:
+def _read_scenario(name_or_path: PathLike, given: Mapping[str, Any]) -> Scenario:
     with errors_as(ScenarioError):
         text = file_name(name_or_path, "scenario")
-    given = {field: value for field, value in replaced.items() if value is not None}
     if Path(text).suffix.removeprefix(".") in names("log_format"):
         return _scenario_of_log(text, given)
     with errors_as(ScenarioError):
@@ -158,24 +156,23 @@ def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:
     """Load the scenario stored in a log file, with some values replaced."""
     from skyarm.log.formats import load_log
 
-    replaced = _by_path({name: value for name, value in given.items() if name != "controller"})
     try:
         if reason := unreadable(Path(path)):
             raise ValueError(reason)
-        scenario: Scenario = load_log(path).scenario_with(replaced)
+        scenario: Scenario = load_log(path).scenario_with(_by_path(given))
         return under_law(scenario, given["controller"]) if "controller" in given else scenario
     except (ValueError, OSError, AllocationError) as error:
         words = str(error).removeprefix(f"log = {shown(path)}: ")
         raise ScenarioError(f"{path}: {words}") from None
 
 
-def _by_path(replaced: Mapping[str, Any]) -> dict[str, Any]:
-    """Replaced values by their path in a file, where ``plant`` is the kind of the plant."""
-    return {"plant.kind" if name == "plant" else name: value for name, value in replaced.items()}
+def _by_path(given: Mapping[str, object]) -> dict[str, object]:
+    """Replaced values but the law by their path in a file, where ``plant`` is the kind of the plant."""
+    return {"plant.kind" if name == "plant" else name: value for name, value in given.items() if name != "controller"}
 
 
 def scenario_from(
-    document: Mapping[str, Any], folder: PathLike = "", replaced: Mapping[str, Any] | None = None
+    document: Mapping[str, object], folder: PathLike = "", replaced: Mapping[str, Any] | None = None
 ) -> Scenario:
     """Make the scenario that a TOML document describes.
 
@@ -190,7 +187,8 @@ def scenario_from(
     if not isinstance(document, Mapping):
         raise ScenarioError(f"document = {shown(document)}: must be a table")
     try:
-        return _scenario_of(Document(document, Path(folder), _by_path(replaced or {})))
+        given = replaced or {}
+        return _scenario_of(Document(document, Path(folder), _by_path(given), given.get("controller")))
     except ValueError as error:
         raise ScenarioError(one_line(str(error))) from None
 

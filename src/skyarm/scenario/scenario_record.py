@@ -651,7 +651,7 @@ def noise_key(field: str, value: object) -> int:
     return held
 
 
-def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: tuple[Any, ...]) -> State:
+def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: tuple[Scalar, ...]) -> State:
     """Hover trim of the plant: at rest and level, with rotor speeds that hold its weight and its arm's torque.
 
     No rotor turns faster than it can: a truth that is too heavy to hover starts at full speed and sinks.
