@@ -208,17 +208,9 @@ def overrides_at(scenario: Scenario, tick: int) -> Overrides:
 
 def sources(scenario: Scenario, tick: int) -> dict[str, int]:
     """For each parameter changed up to a control period: index of the scheduled change that set it."""
-    rate, found = scenario.rates.control, dict[str, int]()
-    for i in sorted(range(len(scenario.changes)), key=lambda i: scenario.changes[i].tick(rate)):
-        change = scenario.changes[i]
-        if change.tick(rate) > tick:
-            break
-        if is_part(change.path, change.value):
-            hidden = _prefix_of_part(change.path)
-            found = {path: k for path, k in found.items() if not _within(path, change.path, hidden)}
-        else:
-            found[change.path] = i
-    return found
+    rate, held = scenario.rates.control, dict(overrides_at(scenario, tick).numbers)
+    made = sorted((change.tick(rate), i, change.path) for i, change in enumerate(scenario.changes))
+    return {path: i for at, i, path in made if at <= tick and path in held}
 
 
 @cache
