@@ -78,20 +78,16 @@ def wind(entry: object, path: str, reading: Reading) -> Component:
 
 def plant(entry: object, path: str, reading: Reading) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
-    fields = Fields(entry, path)
-    found = Truth(vehicle=_vehicle_of_table(fields, reading), gravity=gravity(fields))
-    fields.done(beside=("kind", "integrator", "drives"))
-    return found
+    carrier, gravity = _vehicle_and_gravity(Fields(entry, path), reading, beside=("kind", "integrator", "drives"))
+    return Truth(vehicle=carrier, gravity=gravity)
 
 
 def model(entry: object, path: str, reading: Reading) -> Model:
     """Read [model], of the controller; left out: the plant's vehicle and gravity, without payload or joint values."""
     if entry is None:
         return Model(vehicle=reading.vehicle("plant"), gravity=reading.word("plant").gravity)
-    fields = Fields(entry, path)
-    found = Model(vehicle=_vehicle_of_table(fields, reading), gravity=gravity(fields))
-    fields.done()
-    return found
+    carrier, gravity = _vehicle_and_gravity(Fields(entry, path), reading)
+    return Model(vehicle=carrier, gravity=gravity)
 
 
 def vehicle(named: object, at: str, folder: Path) -> Vehicle:
@@ -105,8 +101,8 @@ def vehicle(named: object, at: str, folder: Path) -> Vehicle:
         raise ValueError(f"{at} = {shown(named)}: {words}") from None
 
 
-def _vehicle_of_table(fields: Fields, reading: Reading) -> Vehicle:
-    """Vehicle of [plant] or [model] with the payload, drives and joint values that the table states."""
+def _vehicle_and_gravity(fields: Fields, reading: Reading, beside: Sequence[str] = ()) -> tuple[Vehicle, float]:
+    """Vehicle of [plant] or [model] with the payload, drives and joint values that the table states, and gravity."""
     found = reading.vehicle(fields.where)
     fields.take("vehicle")
     if "payload" in fields.table:
@@ -118,7 +114,10 @@ def _vehicle_of_table(fields: Fields, reading: Reading) -> Vehicle:
     if fields.where == "model" and "drives" in fields.table:
         drives = fields.inner("drives").table
         found = dataclasses.replace(found, drives=mounted_drives(drives, fields.at("drives")))
-    return _with_joint_numbers(found, fields.inner("joints"))
+    found = _with_joint_numbers(found, fields.inner("joints"))
+    gravity = fields.number("gravity", 9.81, low=0.0)
+    fields.done(beside)
+    return found, gravity
 
 
 def controller(entry: object, path: str, reading: Reading) -> Controller:
@@ -155,11 +154,6 @@ def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
     table.done()
     changed: Vehicle = replace_at(found, numbers) if numbers else found
     return changed
-
-
-def gravity(fields: Fields) -> float:
-    """Read gravity from [plant] or [model], m/s^2; by default 9.81."""
-    return fields.number("gravity", 9.81, low=0.0)
 
 
 def world(entry: object, path: str, reading: Reading) -> Component | None:
