@@ -64,13 +64,12 @@ MEASURED = ("stiffness", "damping")
 
 def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
     """Timing data for building a control law: control period, reference period and measurement delay, s."""
-    return {
-        "control_period": 1.0 / rates.control,
-        "reference_period": 1.0 / rates.reference,
-        "delay": delays.measurement,
-        "age": delays.measurement,
-        "delay_periods": round(delays.measurement * rates.control),
-    }
+    return _timing(1.0 / rates.control, 1.0 / rates.reference, delays.measurement)
+
+
+def _timing(control_period: float, reference_period: float, delay: float) -> dict[str, float]:
+    periods = {"control_period": control_period, "reference_period": reference_period}
+    return periods | {"delay": delay, "age": delay, "delay_periods": round(delay / control_period)}
 
 
 def controller_from(
@@ -332,13 +331,8 @@ def load_controller(
         raise ValueError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
     late = number(delay, "delay", low=0.0)
     ticking = number(control_period, "control_period", low=0.0, strict=True)
-    known = {
-        "control_period": ticking,
-        "reference_period": number(reference_period, "reference_period", low=0.0, strict=True),
-        "delay": late,
-        "delay_periods": round(late / ticking),
-    }
-    return controller_of_file(os.fspath(file), Path(), model, known, "file")
+    published = number(reference_period, "reference_period", low=0.0, strict=True)
+    return controller_of_file(os.fspath(file), Path(), model, _timing(ticking, published, late), "file")
 
 
 def controller_of_file(name: object, folder: Path, model: Model, known: Mapping[str, float], field: str) -> Controller:

@@ -80,11 +80,6 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place,
     return document.planned_fields()
 
 
-def _prefix_of_part(path: str) -> str:
-    """Beginning of the paths of all parameters inside a section, which a new section also replaces."""
-    return "controller." if path == LAW else f"{path}."
-
-
 @immutable(kw_only=False)
 class Overrides:
     """Replacements made by scheduled changes so far: pairs of parameter path, such as plant.gravity, and value.
@@ -102,9 +97,8 @@ class Overrides:
         if not is_part(path, value):
             kept = tuple(pair for pair in self.numbers if pair[0] != path)
             return Overrides(self.parts, (*kept, (path, value)))
-        hidden = _prefix_of_part(path)
-        parts = tuple(pair for pair in self.parts if not _within(pair[0], path, hidden))
-        numbers = tuple(pair for pair in self.numbers if not _within(pair[0], path, hidden))
+        parts = tuple(pair for pair in self.parts if not _replaces(path, pair[0]))
+        numbers = tuple(pair for pair in self.numbers if not _replaces(path, pair[0]))
         return Overrides((*parts, (path, value)), numbers)
 
     def data(self, scenario: Scenario, paths: Sequence[str] = ()) -> Overrides:
@@ -137,7 +131,7 @@ class Overrides:
 
     def hides(self, path: str) -> bool:
         """True if the overrides replace a parameter, or a whole section that contains the parameter."""
-        gone = any(_within(path, own, _prefix_of_part(own)) for own, _ in self.parts)
+        gone = any(_replaces(own, path) for own, _ in self.parts)
         return gone or any(path == own for own, _ in self.numbers)
 
     def parts_of(self, scenario: Scenario) -> Scenario:
@@ -161,8 +155,9 @@ def is_part(path: str, value: object) -> bool:
     return path in whole_parts() and (path != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
 
 
-def _within(path: str, part: str, hidden: str) -> bool:
-    return path == part or path.startswith(hidden)
+def _replaces(part: str, path: str) -> bool:
+    """True if a new section is also one in the place of what a path leads to."""
+    return is_below(path, part) or (part == LAW and path.startswith("controller."))
 
 
 @immutable(kw_only=False)
