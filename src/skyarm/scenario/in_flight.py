@@ -17,7 +17,6 @@ from functools import cache
 from skyarm.control.actuator_layer import believed_drives
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import AllocationError
-from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.files import did_you_mean, errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, replace_at
@@ -31,7 +30,6 @@ from skyarm.scenario.paths import delay_words, is_below, place_of_delay, roots, 
 from skyarm.scenario.readers import LAW
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
-from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @cache
@@ -340,36 +338,32 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
     Raises:
         ScenarioError: names it.
     """
-    delays, before, after = new.delays, old.plant.vehicle, new.plant.vehicle
-    if old.delays.longest_command is not None:
-        # a varied delay of the commands stands within a queue of the same length
-        held = old.delays
-        delays = dataclasses.replace(delays, command=held.command, rotors=held.rotors, joints=held.joints)
-    pairs: list[tuple[str, object, object]] = [
-        *((name, getattr(old, name), getattr(new, name)) for name in ("rates", "duration")),
-        *((f"plant.{name}", getattr(old, name), getattr(new, name)) for name in ("kind", "integrator")),
-        ("delays", old.delays, delays),
-        ("joints", before.n, after.n),
-        ("rotors", len(before.rotors), len(after.rotors)),
-    ]
-    for name, began, value in pairs:
-        if began != value:
-            raise ScenarioError(f"{name} = {shown(value)}: must be {shown(began)} as the session began")
-    for a, b in zip(old.sensors, new.sensors, strict=False):
-        for clock in ("frequency", "latency"):
-            began, value = getattr(a.sensor, clock), getattr(b.sensor, clock)
-            if began != value:
-                words = "must be as the session began, since readings are on their way"
-                raise ScenarioError(f"sensors.{b.name}.{clock} = {shown(value)}: {words}")
-    _require_latencies("plant", before, old.all_drives, new.all_drives)
-    beliefs = [each.controller.par.model for each in (old, new)]
-    _require_latencies("model", beliefs[0].vehicle, *(believed_drives(model) for model in beliefs))
+    after = _held_throughout(new)
+    for name, began in _held_throughout(old).items():
+        value = after.get(name, began)
+        if value != began:
+            late = "readings" if name.startswith("sensors.") else "setpoints" if ".drives." in name else ""
+            what, why = ("", f", since {late} are on their way") if late else (f"{shown(began)} ", "")
+            raise ScenarioError(f"{name} = {shown(value)}: must be {what}as the session began{why}")
 
 
-def _require_latencies(root: str, vehicle: Vehicle, old: Sequence[Drive], new: Sequence[Drive]) -> None:
-    """Raise an error if a servo's latency changes: it sets the length of the servo's setpoint queue."""
-    for link, a, b in zip(vehicle.links, old, new, strict=False):
-        before, after = (getattr(each, "latency", None) for each in (a, b))
-        if None not in (before, after) and before != after:
-            words = "must be as the session began, since setpoints are on their way"
-            raise ScenarioError(f"{root}.drives.{link.joint.name}.latency = {shown(after)}: {words}")
+def _held_throughout(scenario: Scenario) -> dict[str, object]:
+    """What is the same throughout a flight, by name: clocks, delays, counts, and latencies, which are queues."""
+    vehicle, delays, model = scenario.plant.vehicle, scenario.delays, scenario.controller.par.model
+    if delays.longest_command is not None:  # those of the commands vary within a queue of that length
+        delays = dataclasses.replace(delays, command=0.0, rotors=0, joints=0)
+    found: dict[str, object] = {
+        **{"rates": scenario.rates, "duration": scenario.duration},
+        **{"plant.kind": scenario.kind, "plant.integrator": scenario.integrator},
+        **{"delays": delays, "joints": vehicle.n, "rotors": len(vehicle.rotors)},
+    }
+    for named in scenario.sensors:
+        found |= {f"sensors.{named.name}.{each}": getattr(named.sensor, each) for each in ("frequency", "latency")}
+    for root, links, drives in (
+        ("plant", vehicle.links, scenario.all_drives),
+        ("model", model.vehicle.links, believed_drives(model)),
+    ):
+        for link, drive in zip(links, drives, strict=False):
+            if hasattr(drive, "latency"):
+                found[f"{root}.drives.{link.joint.name}.latency"] = drive.latency
+    return found
