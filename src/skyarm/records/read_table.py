@@ -15,6 +15,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
 from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields, errors_as, shown
+from skyarm.records.files.fields import list_of_tables
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find
 from skyarm.records.registry.registrations import name_of
@@ -243,3 +244,22 @@ def registered_from(
         with errors_as(ValueError, f"{where}."):
             require_stated(table.keys())
     return record
+
+
+def registered_value(kind: str, wanted: Any, entry: object, where: str, usual: str = "") -> Any:
+    """Read one registered record, whose name may stand for its table, or a tuple of several from a list of tables.
+
+    Args:
+        kind: of the registry, or several with a space between them.
+        wanted: class of the record, or ``tuple[CLASS, ...]``.
+        entry: as read.
+        where: of it, for messages.
+        usual: name of a record whose table states none.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    if typing.get_origin(wanted) is tuple:
+        base, tables = typing.get_args(wanted)[0], list_of_tables(entry, where)
+        return tuple(registered_from(kind, base, each.table, each.where, usual) for each in tables)
+    return registered_from(kind, wanted, {"kind": entry} if isinstance(entry, str) else entry, where, usual)

@@ -11,13 +11,11 @@ import dataclasses
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_type_hints
 
-from skyarm.algebra.scalars import Scalar
 from skyarm.records.files import Fields, number
-from skyarm.records.files.fields import list_of_tables
 from skyarm.records.leaves import Place, field_names, part, replace_at
-from skyarm.records.read_table import record_from, registered_from, value_from
+from skyarm.records.read_table import registered_from, registered_value, value_from
 from skyarm.records.words import EACH, Slot, slots
 from skyarm.reference.task_records import Setting
 from skyarm.scenario import readers
@@ -54,20 +52,12 @@ def read_part(slot: Slot, entry: object, reading: readers.Reading) -> Any:
         return getattr(readers, word.reader)(entry, path, reading)
     if EACH in slot.path:
         return _read_by_name(slot, Fields(entry, path))
-    if get_origin(slot.type) is tuple:
-        kind, tables = get_args(slot.type)[0], list_of_tables(entry, path)
-        if not word.kind:
-            return tuple(record_from(kind, each) for each in tables)
-        return tuple(registered_from(word.kind, kind, each.table, each.where, word.usual) for each in tables)
-    if word.kind:  # a text alone names the kind
-        named = {"kind": entry} if isinstance(entry, str) else entry
-        return registered_from(word.kind, slot.type, named, path, word.usual)
-    if field_names(slot.type) is not None:
-        return record_from(slot.type, Fields(entry, path))
-    if slot.type in (bool, float, Scalar):
-        within, _, name = path.rpartition(".")
-        return value_from(slot.type, slot.unit, Fields({name: entry}, within), name)
-    return entry
+    if word.kind:
+        return registered_value(word.kind, slot.type, entry, path, word.usual)
+    if slot.type in (str, int):
+        return entry  # the record says what it must be
+    within, _, name = path.rpartition(".")
+    return value_from(slot.type, slot.unit, Fields({name: entry}, within), name)
 
 
 def _read_by_name(slot: Slot, tables: Fields) -> tuple[object, ...]:

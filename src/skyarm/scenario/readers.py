@@ -19,9 +19,8 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import rules
 from skyarm.records.files import Fields, errors_as, number, shown
-from skyarm.records.files.fields import list_of_tables
 from skyarm.records.leaves import Place, parts, replace_at
-from skyarm.records.read_table import record_from, registered_from
+from skyarm.records.read_table import record_from, registered_from, registered_value
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.reference import Trajectory
@@ -169,10 +168,8 @@ def payloads(entry: object, path: str, reading: Reading) -> tuple[TimedPayload, 
     """Read [[payloads]], with the instants at which the phases of a task take and leave them."""
     events = [event for event in _events(reading) if not event.gripper]
     tables = with_instants(entry, events, reading.word("rates").control) if events else entry
-    return tuple(
-        registered_from("payload", TimedPayload, each.table, each.where, "rigid")
-        for each in list_of_tables(tables, path)
-    )
+    found: tuple[TimedPayload, ...] = registered_value("payload", tuple[TimedPayload, ...], tables, path, "rigid")
+    return found
 
 
 def _events(reading: Reading) -> Sequence[TaskEvent]:
