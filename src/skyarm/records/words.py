@@ -132,9 +132,9 @@ def _words_in(of: type | Callable[..., object]) -> list[tuple[str, Word]]:
     except (NameError, TypeError):  # a name that only type checkers import
         return []
     names = (field_names(of) if isinstance(of, type) else None) or full
-    return [(name, word) for name in names if name in full for word in _declared(full[name])]
+    return [(name, word) for name in names if name in full for word in _words_said(full[name])]
 
 
-def _declared(annotation: object) -> tuple[Word, ...]:
+def _words_said(annotation: object) -> tuple[Word, ...]:
     extras = typing.get_args(annotation)[1:] if typing.get_origin(annotation) is typing.Annotated else ()
     return tuple(each for each in extras if isinstance(each, Word)) or (Word(),)

@@ -137,8 +137,8 @@ class Document:
         found = (slot for slot in slots(Scenario) if not within or is_below(slot.path, within))
         return {slot.field: slot.default if slot.path in OF_SCENARIO else self.word(slot.path) for slot in found}
 
-    def planned(self, scenario: Scenario) -> Scenario:
-        """Scenario whose reference is slowed in time if [reference.governor] says so."""
+    def plan_time(self, scenario: Scenario) -> Scenario:
+        """Scenario whose reference is slowed in time as [reference.governor] requests."""
         entry = self.entry(slot_of("reference.governor"))
         if entry is False:
             return scenario
@@ -168,9 +168,9 @@ class Part(Document):
         return super().word(path) if is_below(path, self._path) else part(self._scenario, slot_of(path).record)
 
     def planned_fields(self) -> dict[Place, object]:
-        """Fields of the scenario that the part fills; a new reference is slowed as its governor says."""
+        """Fields of the scenario that the part fills; a new reference is slowed as its governor requests."""
         found = self.fields(self._path)
-        planned = self.planned(replace_at(self._scenario, found))
+        planned = self.plan_time(replace_at(self._scenario, found))
         return {field: part(planned, field) for field in found}
 
 

@@ -348,7 +348,7 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
 
 
 def _held_throughout(scenario: Scenario) -> dict[str, object]:
-    """What is the same throughout a flight, by name: clocks, delays, counts, and latencies, which are queues."""
+    """Settings that are the same throughout a flight, by name: clocks, delays, counts, and latencies of queues."""
     vehicle, delays, model = scenario.plant.vehicle, scenario.delays, scenario.controller.par.model
     if delays.longest_command is not None:  # those of the commands vary within a queue of that length
         delays = dataclasses.replace(delays, command=0.0, rotors=0, joints=0)

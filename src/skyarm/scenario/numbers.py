@@ -144,7 +144,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
         else:
             views.setdefault(target.places[0], {})[target.view.name] = accept_scalar(path, value, target.view.unit)
     replaced, angles = [*fields, *start, *views], views.pop(INITIAL, {})
-    changed = _replaced(scenario, fields, views)
+    changed = _replace_numbers(scenario, fields, views)
     law = [place[len(CONTROLLER) :] for place in fields if place[: len(CONTROLLER)] == CONTROLLER]
     after = with_consequences(changed.controller, law, 1.0 / scenario.rates.control)
     if after is not changed.controller:
@@ -155,7 +155,9 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
     return changed
 
 
-def _replaced(record: Record, fields: Mapping[Place, Scalar], views: Mapping[Place, Mapping[str, Scalar]]) -> Record:
+def _replace_numbers(
+    record: Record, fields: Mapping[Place, Scalar], views: Mapping[Place, Mapping[str, Scalar]]
+) -> Record:
     """Record with the numbers in some fields, and then some that follow from several fields, replaced."""
     found: Record = replace_at(record, fields) if fields else record
     for place, numbers in views.items():
@@ -201,7 +203,7 @@ def _start_with(
         posture = tuple(joints.get(i, data(q)) for i, q in enumerate(at.joints))
         trim = trimmed_state(changed.plant, at.position, data(at.yaw), posture)
         held = first_state(changed.with_initial(trim))  # with plain numbers, as any initial state has them
-    state = _replaced(held, inside, {(): angles} if angles else {})
+    state = _replace_numbers(held, inside, {(): angles} if angles else {})
     if angles or not any(place[0] == "quaternion" for place in inside):
         return state
     q, length = state.quaternion, state.quaternion.norm()

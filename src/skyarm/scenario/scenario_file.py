@@ -213,7 +213,7 @@ def _scenario_of(document: Document) -> Scenario:
     top.done()
     if scenario.changes:
         require_changes(scenario)
-    made = document.planned(readers.at_start(scenario, initial))
+    made = document.plan_time(readers.at_start(scenario, initial))
     with errors_as(ScenarioError, "numbers: "):
         return _with_stated_numbers(made, numbers) if numbers else made
 
