@@ -27,8 +27,12 @@ LEFT_OUT = object()
 """Entry of a word that a file does not have."""
 
 OPTIONAL: Mapping[str, object] = {
-    **{"model": None, "world": None, "initial": None},
-    **{"reference": {}, "reference.governor": False, "payloads": []},
+    "model": None,
+    "reference": {},
+    "reference.governor": False,
+    "initial": None,
+    "payloads": [],
+    "world": None,
 }
 """Words that are read where a file leaves them out, too, with what their readers get then."""
 

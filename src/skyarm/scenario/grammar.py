@@ -67,7 +67,7 @@ def _rows(slot: Slot) -> Iterator[Row]:
                     yield from _of_record(kind, at, varies, named)
     elif slot.path in ("plant", "model"):
         yield from _of_truth(slot.path, slot.type if slot.path == "plant" else None)
-    elif field_names(slot.type) is not None and slot.word.reader in ("", "noise"):
+    elif field_names(slot.type) is not None and not slot.word.reader:
         yield from _of_record(slot.type, at, varies, "")
 
 

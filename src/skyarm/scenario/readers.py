@@ -19,7 +19,7 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import rules
 from skyarm.records.files import Fields, errors_as, number, shown
-from skyarm.records.leaves import Place, parts, replace_at
+from skyarm.records.leaves import Place, replace_at
 from skyarm.records.read_table import record_from, registered_from, registered_value
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
@@ -31,7 +31,6 @@ from skyarm.scenario.numbers import INITIAL
 from skyarm.scenario.payload_tables import with_commands, with_instants
 from skyarm.scenario.scenario_checks import check_quaternion, check_scenario, require_start_outside
 from skyarm.scenario.scenario_record import Scenario, trimmed_state
-from skyarm.sensing.measurement import SensorNoise
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -205,12 +204,6 @@ def with_files(table: object, where: str, folder: Path) -> object:
             read_corners(path)
         found["mesh"] = str(path.absolute())  # a log is drawn from any folder
     return found
-
-
-def noise(entry: object, path: str, reading: Reading) -> SensorNoise:
-    """Read the noise of the full state from [sensors]."""
-    found = record_from(SensorNoise, Fields(entry, path))
-    return SensorNoise(**{name: sigma or 0 for name, sigma in parts(found).items()})
 
 
 def setting_of(world: Truth, duration: float) -> Setting:

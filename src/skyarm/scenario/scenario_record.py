@@ -314,7 +314,7 @@ class Agent:
     path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = dataclasses.field(
         default=None, metadata=WRITTEN_IF_ANY
     )
-    noise: Annotated[SensorNoise, Word("sensors", reader="noise")] = PERFECT_SENSORS
+    noise: Annotated[SensorNoise, Word("sensors")] = PERFECT_SENSORS
     sensors: Annotated[
         tuple[NamedSensor, ...],
         Word("sensors.*", kind="sensor", inside=("*", "sensor")),
