@@ -310,7 +310,9 @@ class Agent:
             reader="reference",
         ),
     ]
-    tracking_start: Annotated[Scalar, Unit("s", low=0.0), Word("reference.tracking_start")] = 0
+    tracking_start: Annotated[
+        Scalar, Unit("s", "when the law begins to follow", low=0.0), Word("reference.tracking_start")
+    ] = 0
     path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = dataclasses.field(
         default=None, metadata=WRITTEN_IF_ANY
     )
