@@ -66,7 +66,7 @@ def field_paths(record: Any) -> dict[str, Any]:
     found = {field: ((field,),) for field in fields}
     if isinstance(record, (Vec3, Quaternion)):
         found |= {str(i): ((field,),) for i, field in enumerate(fields)}
-    return found | {word: ((field,),) for word, field in words_of_fields(type(record)).items() if word not in found}
+    return found | {word: ((field,),) for field, word in words_of_fields(type(record)).items() if word not in found}
 
 
 def _name(item: object) -> str | None:

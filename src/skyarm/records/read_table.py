@@ -42,9 +42,8 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
     """
     if field_names(kind) is None:
         raise ValueError(f"{fields.where}: {kind.__name__} must be a dataclass to be read from a file")
-    known, words = declared_units(kind), words_of_fields(kind)
-    called = {name: word for word, name in words.items()}
-    fields.expect((*(field_names(kind) or ()), *words))
+    known, called = declared_units(kind), words_of_fields(kind)
+    fields.expect((*(field_names(kind) or ()), *called.values()))
     values: dict[str, Any] = {}
     read_short: Callable[[Fields], dict[str, Any]] | None = getattr(kind, "short_spellings", None)
     if read_short is not None:
@@ -95,7 +94,7 @@ def record_entry(value: object) -> dict[str, Any]:
         raise TypeError(f"{type(value).__name__} has no words in a file")
     kind = getattr(value, "registered_as", "")
     named = {"kind": name_of(kind, type(value))} if kind else {}
-    usual, words = defaults(type(value)), {name: word for word, name in words_of_fields(type(value)).items()}
+    usual, words = defaults(type(value)), words_of_fields(type(value))
     held = ((name, getattr(value, name)) for name in names)
     stated = ((name, each) for name, each in held if each is not None and not same_as(each, usual[name]))
     return named | {words.get(name, name): entry_of(each) for name, each in stated}

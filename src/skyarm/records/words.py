@@ -116,11 +116,11 @@ def lifted_fields(kind: type) -> dict[str, str]:
 
 
 def _called_otherwise(of: type | Callable[..., object]) -> dict[str, str]:
-    return {word.at: name for name, word in _words_in(of) if word.at and word.at.isidentifier()}
+    return {name: word.at for name, word in _words_in(of) if word.at and word.at.isidentifier()}
 
 
 words_of_fields: Callable[[type | Callable[..., object]], dict[str, str]] = cache(_called_otherwise)
-"""A file's words for fields of a dataclass, or parameters of a function, that are called otherwise."""
+"""Fields of a dataclass, or parameters of a function, that a file calls otherwise, each with its word there."""
 
 
 def _words_in(of: type | Callable[..., object]) -> list[tuple[str, Word]]:

@@ -49,7 +49,7 @@ from skyarm.records.files import (
     unreadable,
 )
 from skyarm.records.files.names import require_kind
-from skyarm.records.leaves import Place, field_names, is_leaf, is_record, parts, replace_at, walk
+from skyarm.records.leaves import Place, field_names, is_leaf, parts, replace_at, walk
 from skyarm.records.read_table import value_from
 from skyarm.records.registry.plugins import is_law_of_file, register_loaded_law
 from skyarm.records.registry.registrations import LOADED_BY
@@ -188,8 +188,7 @@ def option_words(law: str) -> dict[str, str]:
     An option that its maker does not declare is called, and read, as that of many laws.
     """
     entry = entry_of(law)
-    words = words_of_fields(Options) | words_of_fields(entry.function())
-    called = {option: word for word, option in words.items()}
+    called = words_of_fields(Options) | words_of_fields(entry.function())
     return {called.get(option, option): option for option in entry.options() if option not in PYTHON_ONLY}
 
 
@@ -395,13 +394,12 @@ def _numbers(controller: Controller, path: str, value: object, field: str) -> di
     record: object = controller.par
     place = tuple(path.split("."))
     for i, name in enumerate(place):
-        below = parts(record) if is_record(record) or isinstance(record, tuple) else {}
-        if name not in below or name in ("model", "mixer"):
-            there = [each for each in below if each not in ("model", "mixer")]
+        there = {each: held for each, held in parts(record).items() if each not in ("model", "mixer")}
+        if name not in there:
             at = ".".join(place[:i])
             has = f"{at or 'the constants'} of {controller.name!r} " + (f"have {', '.join(there)}" if there else "end")
             raise ValueError(f"{field}: {did_you_mean(name, there)}must be a path of the law's constants; {has}")
-        record = below[name]
+        record = there[name]
     leaves = [at for at, each in walk(record, place) if is_leaf(each)]
     given = list(value) if isinstance(value, list) else [value] * len(leaves)
     if not leaves or len(given) != len(leaves):

@@ -73,7 +73,7 @@ def _rows(slot: Slot) -> Iterator[Row]:
 
 def _of_record(kind: type, at: str, varies: str, named: str) -> Iterator[Row]:
     """Words of a record's fields below a table."""
-    words = {name: word for word, name in words_of_fields(kind).items()}
+    words = words_of_fields(kind)
     lifted, known = lifted_fields(kind), declared_fields(kind)
     for name, (wanted, unit) in known.items():
         if words.get(name) in known:
