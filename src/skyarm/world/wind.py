@@ -199,7 +199,7 @@ class MovingAir(GustyWind, Air):
         """Gusts, and turbulence by altitude and wind speed, from a table."""
         values = cls.gusts_from(fields)
         table = fields.table.get("turbulence")
-        if isinstance(table, dict) and "intensity" not in table:
+        if isinstance(table, dict) and ("intensity" not in table or "altitude" in table):
             word = "velocity_W" if "velocity_W" in fields.table else "velocity"
             inner = Fields(fields.take("turbulence"), fields.at("turbulence"))
             values["turbulence"] = low_turbulence(inner, fields.vector(word, (0.0, 0.0, 0.0)))
