@@ -77,10 +77,15 @@ def controller_from(
 ) -> Controller:
     """Build the controller that a [controller] table describes, with its safety and actuator layers.
 
-    ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law, or a file of gains
-    ; ``folder`` is where the table's own file of gains lies.
+    Args:
+        fields: the table.
+        model: of the law.
+        replaced: name of :mod:`skyarm.control.catalogue`, or a file of gains, in place of the table's law.
+        known: timing of the control loop (:func:`skyarm.control.catalogue.preset`).
+        folder: where the table's own file of gains lies.
 
-    ``known`` is the timing of the control loop (:func:`skyarm.control.catalogue.preset`).
+    Raises:
+        ValueError: one line with field, value and what is allowed.
     """
     safety, servos = fields.take("safety", False), fields.flag("servos", bool(model.vehicle.drives))
     plain = plain_model(model)

@@ -206,7 +206,7 @@ def _scenario_of(document: Document) -> Scenario:
     document.table("environment").done()
     if "duration" not in document.replaced:  # what takes its place shortens the flight, not the file
         scenario.windows.require_within(scenario.duration)
-        require_within(scenario.changes, scenario.steps, scenario.rates.control)
+        _require_within(scenario.changes, scenario.steps, scenario.rates.control)
     numbers, initial = document.table("numbers").table, document.entry(slot_of("initial"))
     if document.law is not None:  # gains of a law that does not fly, as changes of it are
         numbers = {path: value for path, value in numbers.items() if not is_below(path, "controller")}
@@ -228,7 +228,7 @@ def _payloads_and_changes(document: Document) -> dict[str, Any]:
     return {"payloads": payloads, "changes": (*changes, *more)}
 
 
-def require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
+def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
     """Raise an error if a scheduled change lies outside of the flight's control periods.
 
     Raises:
