@@ -10,7 +10,7 @@ import pytest
 from skyarm.control.catalogue import LAWS
 from skyarm.control.laws.centroidal.presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES, RETIRED
 from skyarm.records.leaves import leaves
-from skyarm.scenario.controller_table import PYTHON_ONLY, WORDS, law_words
+from skyarm.scenario.controller_table import law_words, option_words
 from skyarm.scenario.scenario_file import scenario_from
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -49,8 +49,7 @@ def made(law, **options):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_options_of_a_law_are_those_that_the_page_lists(law):
-    options = {WORDS.get(option, option) for option in LAWS[law].options()} - set(RETIRED)
-    assert set(documented(law)) == options - set(PYTHON_ONLY)
+    assert set(documented(law)) == {*option_words(law)} - set(RETIRED)
     assert set(documented(law)) == set(law_words(law)) - {"tuned", "safety", "servos", *RETIRED}
 
 

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 
 from skyarm.reference import hover
-from skyarm.scenario.document import read_part, slot_of
+from skyarm.scenario.document import Document
 from skyarm.scenario.payload_tables import with_model_changes
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.world import HangingPayload
+
+
+def payloads_of(tables):
+    """Payloads of a file without a task."""
+    plant, base = {"vehicle": "hummingbird_arm2"}, {"kind": "hover", "position": [0.0, 0.0, 1.0]}
+    rest = {"plant": plant, "reference": {"base": base}, "duration": 1.0}
+    return Document({"payloads": tables, **rest}, Path(), {}).word("payloads")
 
 
 def test_belief_is_told_the_mass_that_is_held_at_each_frame():
@@ -20,18 +28,17 @@ def test_belief_is_told_the_mass_that_is_held_at_each_frame():
         {"mass": 0.2, "pick": 1.0, "frame": "hook", "believed": True},
         {"mass": 0.7, "pick": 1.0},
     ]
-    read = read_part(slot_of("payloads"), tables, None)
-    payloads, found = with_model_changes(read, hover((0.0, 0.0, 1.0)), 10.0, 200)
+    payloads, found = with_model_changes(payloads_of(tables), hover((0.0, 0.0, 1.0)), 10.0, 200)
     assert not any(each.believed for each in payloads)
     told = [(each.at, each.path, each.value) for each in found]
     tip, hook = "model.payload.mass", "model.payload.hook.mass"
-    shorter = with_model_changes(read_part(slot_of("payloads"), tables, None), hover((0.0, 0.0, 1.0)), 2.5, 200)[1]
+    shorter = with_model_changes(payloads_of(tables), hover((0.0, 0.0, 1.0)), 2.5, 200)[1]
     assert len(shorter) == 3, "changes after the end are left out"
     assert told == [(1.0, tip, 0.3), (1.0, hook, 0.2), (2.0, tip, pytest.approx(0.4)), (3.0, tip, 0.1)]
 
 
 def test_kinds_have_their_own_numbers():
-    (payload,) = read_part(slot_of("payloads"), [{"kind": "hanging", "mass": 0.1, "pick": 1.0, "cord": 1.5}], None)
+    (payload,) = payloads_of([{"kind": "hanging", "mass": 0.1, "pick": 1.0, "cord": 1.5}])
     assert isinstance(payload, HangingPayload)
     assert (payload.cord, payload.drop) == (1.5, math.inf)
 

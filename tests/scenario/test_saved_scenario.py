@@ -18,7 +18,7 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensing.sensor_kinds import Imu
 from skyarm.world.aerodynamic_forces import RotorDrag
 
-PLACED = {"mass": 0.1, "pick": 1.0, "pick_place": {"within": 0.1, "of": [0.0, 0.0, 1.0]}, "believed": True}
+PLACED = {"mass": 0.1, "pick": 1.0, "pick_place": {"within": 0.1, "of": [0.0, 0.0, 1.0]}}
 HEALED = {"rotor": "front", "effectiveness": 0.5, "signal": 1.0}
 
 BLOWING = {
@@ -289,7 +289,12 @@ def test_numbers_of_a_file_are_checked_as_its_words_are(words, message):
         (
             "payloads",
             [PLACED],
-            r"believed = true: must be false",
+            r"payloads\[0\]\.pick_place = .*: unknown field; allowed: name, .* pick, drop, believed$",
+        ),
+        (
+            "environment",
+            {"wind": {"mode": "moving_air", "gusts": []}},
+            r"wind\.gusts = \[\]: unknown field; did you mean 'gust'\? allowed: mode, velocity, gust, turbulence$",
         ),
         (
             "environment",
@@ -323,3 +328,12 @@ def test_a_wrong_number_of_a_file_is_one_line(numbers, words):
     }
     with pytest.raises(ScenarioError, match=words):
         skyarm.scenario_from(tables | {"numbers": numbers})
+
+
+def test_a_payload_that_is_taken_at_a_place_is_written_by_that_word(tmp_path):
+    tables = tomllib.loads((LIBRARY / "case3.toml").read_text("utf-8"))
+    placed = {"within": 0.1, "of": [0.0, 0.0, 1.0], "after": 2.0}
+    payloads = [{"mass": 0.1, "pick": placed, "drop": placed | {"after": 0.0}}, {"mass": 0.2, "pick": 1.0}]
+    scenario = skyarm.scenario_from(tables | {"payloads": payloads})
+    written = tomllib.loads(skyarm.save_scenario(tmp_path / "placed.toml", scenario, tables).read_text("utf-8"))
+    assert written["payloads"] == [{"kind": "rigid"} | each for each in payloads]

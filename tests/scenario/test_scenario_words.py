@@ -106,6 +106,8 @@ def test_a_wrong_word_is_refused_by_its_name() -> None:
         dataclasses.replace(GIVEN, wind=WIND, seed=-1)
     with pytest.raises(ScenarioError, match=r"^environment = 3: must be a"):
         dataclasses.replace(GIVEN, environment=3)
+    with pytest.raises(ScenarioError, match=r"environment = 3: must be a Environment"):
+        dataclasses.replace(GIVEN, environment=3, wind=GIVEN.wind)
 
 
 def test_a_scenario_comes_back_from_bytes_and_from_plain_data() -> None:

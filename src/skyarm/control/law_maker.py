@@ -11,12 +11,13 @@ from typing import Any
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.controller import Controller, ControllerError, Law
-from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.control.model import GeometricGains, JointGains, Model, Options, Parameters
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.actuators import Mixer, make_mixer
 from skyarm.dynamics.actuators.mixer import POLICIES
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import defaults as usual
 from skyarm.records.field_rules import rules
 from skyarm.records.files import errors_as, shown
 
@@ -106,7 +107,7 @@ def law_maker(
     """
     readers = readers or {}
     inherited = {field.name for field in dataclasses.fields(Parameters)}
-    defaults: dict[str, Any] = {"gains": None, "joint_gains": None, "mixer_policy": "clip"}
+    defaults: dict[str, Any] = {name: usual(Options)[name] for name in ("gains", "joint_gains", "mixer_policy")}
     for field in dataclasses.fields(kind):
         if field.name in shared or (field.name not in inherited and field.default is not dataclasses.MISSING):
             defaults[field.name] = field.default

@@ -12,10 +12,13 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.field_rules import checked
+from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import field_names
 from skyarm.records.path_names import Names, field_paths
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
+from skyarm.records.words import Word
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -85,6 +88,14 @@ class Terms:
     full_gravity: bool = True
     feedforward: bool = True
 
+    @classmethod
+    def from_table(cls, names: object, where: str) -> Self:
+        """All terms without those in a list of names."""
+        allowed = field_names(cls) or ()
+        if not isinstance(names, list) or any(name not in allowed for name in names):
+            raise ValueError(f"{where} = {shown(names)}: must be a list of {', '.join(allowed)}")
+        return cls(**dict.fromkeys(names, False))
+
 
 @immutable
 class Parameters:
@@ -109,6 +120,22 @@ class Parameters:
     friction_compensation: Annotated[tuple[float, ...], Unit(low=0.0)] = ()
     rate_weights: Annotated[tuple[float, ...], Unit(low=0.0)] = ()
     euler: bool = field(default=False, metadata=WRITTEN_IF_ANY)
+
+
+@immutable
+class Options:
+    """Options that many laws have, with their words in a file.
+
+    Attributes:
+        gains, joint_gains: None for those that fit the model.
+        mixer_policy: of :class:`skyarm.dynamics.actuators.Mixer`.
+        terms: of the computed torque.
+    """
+
+    gains: GeometricGains | None = None
+    joint_gains: JointGains | None = None
+    mixer_policy: Annotated[str, Word("mixer")] = "clip"
+    terms: Annotated[Terms, Word("without")] = Terms()
 
 
 @immutable

@@ -71,7 +71,7 @@ def field_paths(record: object) -> dict[str, Denoted]:
     found = {field: ((field,),) for field in fields}
     if isinstance(record, (Vec3, Quaternion)):
         found |= {str(i): ((field,),) for i, field in enumerate(fields)}
-    return found | {word: ((field,),) for word, field in words_of_fields(type(record)).items()}
+    return found | {word: ((field,),) for field, word in words_of_fields(type(record)).items() if word not in found}
 
 
 def _name(item: object) -> str | None:

@@ -12,9 +12,10 @@ from typing import Any, TypeVar
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
-from skyarm.records.coerce import whole
+from skyarm.records import coerce
 from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields, errors_as, shown
+from skyarm.records.files.fields import list_of_tables
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import declarations
 from skyarm.records.leaves import field_names
@@ -43,20 +44,25 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
     """
     if field_names(kind) is None:
         raise ValueError(f"{fields.where}: {kind.__name__} must be a dataclass to be read from a file")
-    known, words = declared_units(kind), words_of_fields(kind)
-    fields.expect((*(field_names(kind) or ()), *words))
-    read_short: Callable[[Fields], dict[str, object]] = getattr(kind, "short_spellings", lambda _: {})
-    values = read_short(fields)
+    known, called = declared_units(kind), words_of_fields(kind)
+    fields.expect((*(field_names(kind) or ()), *called.values()))
+    values: dict[str, object] = {}
+    read_short: Callable[[Fields], dict[str, object]] | None = getattr(kind, "short_spellings", None)
+    if read_short is not None:
+        for name in field_names(kind) or ():  # in the order of a message
+            fields.take(called.get(name, name), None)
+        values = read_short(fields)
     for field in declarations(kind):
         name, required = field.name, field.default is field.default_factory is dataclasses.MISSING
         if name in values:
             continue
-        said = [*(word for word, of in words.items() if of == name), name]
-        word = next((word for word in said if word in fields.table), said[0])
+        word = called.get(name, name)
+        if word not in fields.table and name in fields.table and word not in known:
+            word = name  # as files of 0.3 call it
         if not field.init or (word not in fields.table and not required):
             fields.take(word, None)
         elif name in known:
-            values[name] = _value(*known[name], fields, word, folds)
+            values[name] = value_from(*known[name], fields, word, folds)
         else:
             raise ValueError(f"{fields.at(word)}: the annotation of this field names a type that cannot be found")
     fields.done()
@@ -95,7 +101,7 @@ def record_entry(value: object, always: Collection[str] = ()) -> dict[str, Entry
         raise TypeError(f"{type(value).__name__} has no words in a file")
     kind = getattr(value, "registered_as", "")
     named = {"kind": _registered_name(kind, value)} if kind else {}
-    usual, words = defaults(type(value)), {name: word for word, name in words_of_fields(type(value)).items()}
+    usual, words = defaults(type(value)), words_of_fields(type(value))
     held = ((name, getattr(value, name)) for name in names)
     stated = (
         (name, each) for name, each in held if each is not None and (name in always or not same_as(each, usual[name]))
@@ -177,13 +183,13 @@ def options_from(function: Callable[..., object], fields: Fields) -> dict[str, o
     fields.expect(parameters)
     for name, parameter in parameters.items():
         if name in fields.table or parameter.default is inspect.Parameter.empty:
-            values[name] = _value(*known.get(name, (float, NUMBER)), fields, name)
+            values[name] = value_from(*known.get(name, (float, NUMBER)), fields, name)
         else:
             fields.take(name, None)
     return values
 
 
-def _value(wanted: object, unit: Unit, fields: Fields, name: str, folds: bool = False) -> object:
+def value_from(wanted: object, unit: Unit, fields: Fields, name: str, folds: bool = False) -> object:
     """Read a field of a table as the type that the dataclass declares for it."""
     if typing.get_origin(wanted) in (typing.Union, types.UnionType):
         wanted = next(each for each in typing.get_args(wanted) if each is not type(None))
@@ -191,11 +197,11 @@ def _value(wanted: object, unit: Unit, fields: Fields, name: str, folds: bool = 
         infinite = unit.infinite and unit is not NUMBER
         return fields.number(name, low=unit.low, strict=unit.strict, infinite=infinite)
     if wanted is int:
-        return whole(fields.at(name), fields.take(name))
+        return coerce.whole(fields.at(name), fields.take(name))
     if wanted is Vec3:
         return fields.vector(name) if folds and unit.folds else Vec3(*fields.vector(name))
     if wanted is str:
-        return fields.text(name, "")
+        return coerce.text(fields.at(name), fields.take(name))
     if typing.get_origin(wanted) is typing.Literal:
         return fields.choice(name, typing.get_args(wanted))
     if wanted is bool:
@@ -268,3 +274,22 @@ def registered_from(
         with errors_as(ValueError, f"{where}."):
             require_stated(fields.table.keys())
     return record
+
+
+def registered_value(kind: str, wanted: Any, entry: object, where: str, usual: str = "") -> Any:
+    """Read one registered record, whose name may stand for its table, or a tuple of several from a list of tables.
+
+    Args:
+        kind: of the registry, or several with a space between them.
+        wanted: class of the record, or ``tuple[CLASS, ...]``.
+        entry: as read.
+        where: of it, for messages.
+        usual: name of a record whose table states none.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    if typing.get_origin(wanted) is tuple:
+        base, tables = typing.get_args(wanted)[0], list_of_tables(entry, where)
+        return tuple(registered_from(kind, base, each.table, each.where, usual) for each in tables)
+    return registered_from(kind, wanted, {"kind": entry} if isinstance(entry, str) else entry, where, usual)

@@ -11,8 +11,10 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any, Literal, NamedTuple
 
+from skyarm.records.field_rules import defaults
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, field_names
+from skyarm.records.units import Unit, declared_fields
 
 EACH = "*"
 """Step of a path or place that stands for the name, or the number, of every item of a list."""
@@ -57,13 +59,16 @@ class Slot(NamedTuple):
 
     Attributes:
         path: dotted, from the top of the file. place: from the record; in both ``*`` stands for every item.
-        word: as declared. type: of the field.
+        word: as declared.
+        type, unit, default: of the field; ``dataclasses.MISSING`` if it has no default.
     """
 
     path: str
     place: Place
     word: Word
     type: Any
+    unit: Unit
+    default: object
 
     @property
     def table(self) -> str:
@@ -90,48 +95,47 @@ def slots(kind: type) -> tuple[Slot, ...]:
 @cache
 def groups(kind: type) -> dict[str, type]:
     """Fields of a dataclass whose own fields are words of the table, each with its class."""
-    types, full = typing.get_type_hints(kind), typing.get_type_hints(kind, include_extras=True)
-    return {name: types[name] for name in field_names(kind) or () if declared_words(full[name])[0].group}
+    types = typing.get_type_hints(kind)
+    return {name: types[name] for name, word in _words_in(kind) if word.group}
 
 
 def _slots(kind: type, table: str, place: Place) -> Iterator[Slot]:
-    types, full = typing.get_type_hints(kind), typing.get_type_hints(kind, include_extras=True)
-    for name in field_names(kind) or ():
-        for word in declared_words(full[name]):
-            path = name if word.at is None else word.at
-            path = path[1:] if path.startswith("/") else ".".join(filter(None, (table, path)))
-            if word.group:
-                yield from _slots(types[name], path, (*place, name))
-            else:
-                yield Slot(path, (*place, name, *word.inside), word, types[name])
-
-
-def declared_words(annotation: object) -> tuple[Word, ...]:
-    """Words that a field's annotation declares; one of the field's own name if it declares none."""
-    extras = typing.get_args(annotation)[1:] if typing.get_origin(annotation) is typing.Annotated else ()
-    return tuple(each for each in extras if isinstance(each, Word)) or (Word(),)
+    known, usual = declared_fields(kind), defaults(kind)
+    for name, word in _words_in(kind):
+        path = name if word.at is None else word.at
+        path = path[1:] if path.startswith("/") else ".".join(filter(None, (table, path)))
+        if word.group:
+            yield from _slots(groups(kind)[name], path, (*place, name))
+        else:
+            yield Slot(path, (*place, name, *word.inside), word, *known[name], usual[name])
 
 
 @cache
 def lifted_fields(kind: type) -> dict[str, str]:
     """Fields of a dataclass that may change where another one is stated, each with the name of that one."""
-    if field_names(kind) is None:
-        return {}
-    hints = typing.get_type_hints(kind, include_extras=True)
-    said = {name: word.unless for name in field_names(kind) or () for word in declared_words(hints[name])}
-    return {name: other for name, other in said.items() if other}
+    return {name: word.unless for name, word in _words_in(kind) if word.unless}
 
 
-def _words(kind: type) -> dict[str, str]:
-    if field_names(kind) is None:
-        return {}
+def _called_otherwise(of: type | Callable[..., object]) -> dict[str, str]:
+    return {name: word.at for name, word in _words_in(of) if word.at and word.at.isidentifier()}
+
+
+words_of_fields: Callable[[type | Callable[..., object]], dict[str, str]] = cache(_called_otherwise)
+"""Fields of a dataclass, or parameters of a function, that a file calls otherwise, each with its word there."""
+
+
+def _words_in(of: type | Callable[..., object]) -> list[tuple[str, Word]]:
+    """Words of a dataclass' fields or a function's parameters; one of the field's own name if it declares none."""
+    if isinstance(of, type) and field_names(of) is None:
+        return []
     try:
-        full = typing.get_type_hints(kind, include_extras=True)
+        full = typing.get_type_hints(of, include_extras=True)
     except (NameError, TypeError):  # a name that only type checkers import
-        return {}
-    said = ((word.at, name) for name in field_names(kind) or () if name in full for word in declared_words(full[name]))
-    return {word: name for word, name in said if word and word.isidentifier()}
+        return []
+    names = (field_names(of) if isinstance(of, type) else None) or full
+    return [(name, word) for name in names if name in full for word in _words_said(full[name])]
 
 
-words_of_fields: Callable[[type], dict[str, str]] = cache(_words)
-"""A file's words for fields of a dataclass that are called otherwise."""
+def _words_said(annotation: object) -> tuple[Word, ...]:
+    extras = typing.get_args(annotation)[1:] if typing.get_origin(annotation) is typing.Annotated else ()
+    return tuple(each for each in extras if isinstance(each, Word)) or (Word(),)

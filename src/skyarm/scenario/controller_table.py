@@ -15,12 +15,11 @@ A user's law, FILE.py:make, must have been loaded: ``--plugin FILE.py`` does so;
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard, get_args
 
 from skyarm.control.actuator_layer import ActuatorParameters, has_tables, plain_model, with_actuators
 from skyarm.control.catalogue import (
@@ -37,7 +36,7 @@ from skyarm.control.catalogue import (
     tuned_factors,
 )
 from skyarm.control.controller import Controller, ControllerError, autopilot_of
-from skyarm.control.model import GeometricGains, JointGains, Model, Terms
+from skyarm.control.model import Model, Options
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import (
     Fields,
@@ -50,10 +49,12 @@ from skyarm.records.files import (
     unreadable,
 )
 from skyarm.records.files.names import require_kind
-from skyarm.records.leaves import Place, is_leaf, is_record, parts, replace_at, walk
-from skyarm.records.read_table import record_from
+from skyarm.records.leaves import Place, field_names, is_leaf, parts, replace_at, walk
+from skyarm.records.read_table import value_from
 from skyarm.records.registry.plugins import is_law_of_file, register_loaded_law
 from skyarm.records.registry.registrations import LOADED_BY
+from skyarm.records.units import NUMBER, Unit, declared_units
+from skyarm.records.words import words_of_fields
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -63,24 +64,28 @@ MEASURED = ("stiffness", "damping")
 
 def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
     """Timing data for building a control law: control period, reference period and measurement delay, s."""
-    return {
-        "control_period": 1.0 / rates.control,
-        "reference_period": 1.0 / rates.reference,
-        "delay": delays.measurement,
-        "age": delays.measurement,
-        "delay_periods": round(delays.measurement * rates.control),
-    }
+    return _timing(1.0 / rates.control, 1.0 / rates.reference, delays.measurement)
+
+
+def _timing(control_period: float, reference_period: float, delay: float) -> dict[str, float]:
+    periods = {"control_period": control_period, "reference_period": reference_period}
+    return periods | {"delay": delay, "age": delay, "delay_periods": round(delay / control_period)}
 
 
 def controller_from(
-    fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any], folder: Path = Path()
+    fields: Fields, model: Model, replaced: str | None, known: Mapping[str, float], folder: Path = Path()
 ) -> Controller:
     """Build the controller that a [controller] table describes, with its safety and actuator layers.
 
-    ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law, or a file of gains
-    ; ``folder`` is where the table's own file of gains lies.
+    Args:
+        fields: the table.
+        model: of the law.
+        replaced: name of :mod:`skyarm.control.catalogue`, or a file of gains, in place of the table's law.
+        known: timing of the control loop (:func:`skyarm.control.catalogue.preset`).
+        folder: where the table's own file of gains lies.
 
-    ``known`` is the timing of the control loop (:func:`skyarm.control.catalogue.preset`).
+    Raises:
+        ValueError: one line with field, value and what is allowed.
     """
     safety, servos = fields.take("safety", False), fields.flag("servos", bool(model.vehicle.drives))
     plain = plain_model(model)
@@ -163,8 +168,7 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     if limits["trusted_joint_error"] == usual:
         # usual for the law before; one that keeps the tip loses its joints by more, and one that tracks them by less
         del limits["trusted_joint_error"]
-    stow: Any = before.recovery.stow
-    return with_safety_layer(made, limits, stow=stow)
+    return with_safety_layer(made, limits, stow=tuple(float(q) for q in before.recovery.stow))
 
 
 def under_law(scenario: Scenario, name: str) -> Scenario:
@@ -176,12 +180,6 @@ def under_law(scenario: Scenario, name: str) -> Scenario:
     return scenario.under(controller_by_name(scenario, name))
 
 
-WORDS: Mapping[str, str] = {"mixer_policy": "mixer", "terms": "without"}
-"""A file's words for options that are called otherwise."""
-
-RECORDS: Mapping[str, type] = {"gains": GeometricGains, "joint_gains": JointGains}
-"""Options that a table stands for."""
-
 PYTHON_ONLY = ("network", "program")
 """Options that no file can hold."""
 
@@ -189,13 +187,22 @@ LAYERS = ("safety", "servos")
 """Words of a controller's table that any law has."""
 
 
+def option_words(law: str) -> dict[str, str]:
+    """Words of a [controller] table for the options of a law, each with its option.
+
+    An option that its maker does not declare is called, and read, as that of many laws.
+    """
+    entry = entry_of(law)
+    called = words_of_fields(Options) | words_of_fields(entry.function())
+    return {called.get(option, option): option for option in entry.options() if option not in PYTHON_ONLY}
+
+
 def law_words(law: str) -> tuple[str, ...]:
     """Keys that a [controller] table may have for a given control law."""
-    options = (WORDS.get(option, option) for option in entry_of(law).options() if option not in PYTHON_ONLY)
-    return (*options, *(("tuned",) if law in tuned_factors() else ()), *LAYERS)
+    return (*option_words(law), *(("tuned",) if law in tuned_factors() else ()), *LAYERS)
 
 
-def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: bool = False) -> Controller:
+def by_words(fields: Fields, model: Model, known: Mapping[str, float], *, loaded: bool = False) -> Controller:
     """Build the controller of a [controller] table from a preset's name, or from a law's name and its options.
 
     Args:
@@ -218,7 +225,7 @@ def by_words(fields: Fields, model: Model, known: Mapping[str, Any], *, loaded: 
     return _of_options("law", _require_name(fields, "law", LAWS, hint), fields, model, known)
 
 
-def _require_name(fields: Fields, word: str, names: Mapping[str, Any], hint: str = "") -> str:
+def _require_name(fields: Fields, word: str, names: Mapping[str, object], hint: str = "") -> str:
     """Name that a [controller] table gives under a key; an unknown one raises an error, which ends in a hint."""
     name = fields.take(word)
     if not isinstance(name, str) or name not in names:
@@ -226,7 +233,7 @@ def _require_name(fields: Fields, word: str, names: Mapping[str, Any], hint: str
     return name
 
 
-def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mapping[str, float]) -> Controller:
     """Build the controller of a law or an autopilot, named under the key ``word``, with the options of its table."""
     best = fields.flag("tuned", False)
     words = law_words(law)
@@ -240,10 +247,10 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mappin
         if other not in (*words, word) and (other, value) != ("tuned", False):
             raise ValueError(f"{fields.at(other)} = {shown(value)}: {no_option(law, words, other)}")
     options = suitable_options(law, known)
-    for option in entry_of(law).options():
-        own = WORDS.get(option, option)
+    kinds = declared_units(Options) | declared_units(entry_of(law).function())
+    for own, option in option_words(law).items():
         if own in fields.table:
-            options[option] = _read(fields, law, option, own)
+            options[option] = _read(fields, own, *kinds.get(option, (None, NUMBER)))
     if "age" in options and "delay" in fields.table and "age" not in fields.table:
         # a delay that is stated shorter than the loop's is the measurement's alone
         options["age"] = min(options["age"], number(fields.table["delay"], fields.at("delay"), low=0.0))
@@ -251,7 +258,7 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mappin
     return (make_tuned if best else make_controller)(law, model, **options)
 
 
-def _require_clock(fields: Fields, known: Mapping[str, Any]) -> None:
+def _require_clock(fields: Fields, known: Mapping[str, float]) -> None:
     """Raise an error if a table states a control period other than the loop's."""
     period = fields.table.get("control_period")
     if period is None:
@@ -261,9 +268,9 @@ def _require_clock(fields: Fields, known: Mapping[str, Any]) -> None:
         raise ValueError(f"{at} = {period!r}: must be {ticking:g} s, as rates.control has it")
 
 
-def _preset_name(fields: Fields) -> Any:
+def _preset_name(fields: Fields) -> str:
     """Name of the preset that a [controller] table states, after a check that no law options are given with it."""
-    name = fields.take("preset", None)
+    name: str | None = fields.take("preset", None)
     if name is None:
         raise ValueError(f"{fields.where}: must have a preset, as 'centroidal_tip', or a law; 'skyarm show' shows all")
     if name in (*LAWS,) and name not in PRESETS:
@@ -279,39 +286,21 @@ def _require_only(fields: Fields, word: str, allowed: str) -> None:
             raise ValueError(f"{fields.at(other)} = {shown(value)}: must be left out: {allowed}")
 
 
-def _read(fields: Fields, law: str, option: str, word: str) -> Any:
-    """Read one option of a control law from a [controller] table; a nested table becomes a dataclass."""
-    value, at = fields.take(word), fields.at(word)
-    if option == "terms":
-        return _terms(value, at)
-    default = inspect.signature(entry_of(law).function()).parameters.get(option)
-    if default is None or not is_record(default.default):
-        if option in RECORDS:
-            return record_from(RECORDS[option], Fields(value, at))
-        return value
-    table = Fields(value, at)
-    numbers = {name: table.number(name, usual, low=0.0) for name, usual in parts(default.default).items()}
-    table.done()
-    return dataclasses.replace(default.default, **numbers)
-
-
-def _terms(value: object, at: str) -> Terms:
-    """Switches of the computed-torque terms, with those in a file's list ``without`` turned off."""
-    allowed = tuple(parts(Terms()))
-    if not isinstance(value, list) or any(name not in allowed for name in value):
-        raise ValueError(f"{at} = {shown(value)}: must be a list of {', '.join(allowed)}")
-    return Terms(**dict.fromkeys(value, False))
+def _read(fields: Fields, word: str, wanted: object, unit: Unit) -> object:
+    """Read one option of a control law; a table becomes the record that the option is, all else the law checks."""
+    kinds = [kind for kind in (wanted, *get_args(wanted)) if isinstance(kind, type) and field_names(kind) is not None]
+    return value_from(kinds[0], unit, fields, word) if kinds else fields.take(word)
 
 
 SUFFIX = ".toml"
 
 
-def is_gains_file(name: object) -> bool:
+def is_gains_file(name: object) -> TypeGuard[str]:
     """True if a controller's name is the path of a gains file."""
     return isinstance(name, str) and name.endswith(SUFFIX)
 
 
-def make_named_or_tuned(name: str, model: Model, known: Mapping[str, Any]) -> Controller:
+def make_named_or_tuned(name: str, model: Model, known: Mapping[str, float]) -> Controller:
     """Controller by its name in the catalogue or by the path of a gains file.
 
     Raises:
@@ -346,16 +335,11 @@ def load_controller(
         raise ValueError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
     late = number(delay, "delay", low=0.0)
     ticking = number(control_period, "control_period", low=0.0, strict=True)
-    known = {
-        "control_period": ticking,
-        "reference_period": number(reference_period, "reference_period", low=0.0, strict=True),
-        "delay": late,
-        "delay_periods": round(late / ticking),
-    }
-    return controller_of_file(os.fspath(file), Path(), model, known, "file")
+    published = number(reference_period, "reference_period", low=0.0, strict=True)
+    return controller_of_file(os.fspath(file), Path(), model, _timing(ticking, published, late), "file")
 
 
-def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str, Any], field: str) -> Controller:
+def controller_of_file(name: object, folder: Path, model: Model, known: Mapping[str, float], field: str) -> Controller:
     """Read a controller from a gains file (TOML) that a field of a scenario file names.
 
     Args:
@@ -384,7 +368,7 @@ def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str
         raise ValueError(f"{path}: {error}") from None
 
 
-def _controller(top: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+def _controller(top: Fields, model: Model, known: Mapping[str, float]) -> Controller:
     top.require_schema()
     words, gains = Fields(top.take("law"), "law"), top.take("gains", {})
     top.take("about", None)
@@ -412,16 +396,15 @@ def with_gains(controller: Controller, gains: object, where: str) -> Controller:
 
 
 def _numbers(controller: Controller, path: str, value: object, field: str) -> dict[Place, float]:
-    record: Any = controller.par
+    record: object = controller.par
     place = tuple(path.split("."))
     for i, name in enumerate(place):
-        below = parts(record) if is_record(record) or isinstance(record, tuple) else {}
-        if name not in below or name in ("model", "mixer"):
-            there = [each for each in below if each not in ("model", "mixer")]
+        there = {each: held for each, held in parts(record).items() if each not in ("model", "mixer")}
+        if name not in there:
             at = ".".join(place[:i])
             has = f"{at or 'the constants'} of {controller.name!r} " + (f"have {', '.join(there)}" if there else "end")
             raise ValueError(f"{field}: {did_you_mean(name, there)}must be a path of the law's constants; {has}")
-        record = below[name]
+        record = there[name]
     leaves = [at for at, each in walk(record, place) if is_leaf(each)]
     given = list(value) if isinstance(value, list) else [value] * len(leaves)
     if not leaves or len(given) != len(leaves):

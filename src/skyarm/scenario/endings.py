@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, add, logical_and, minimum, sub
@@ -38,7 +38,7 @@ class Ending:
     status: ClassVar[str]
     """One word for the log."""
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
         """True while a state does not meet the termination condition; false if the state contains NaN.
 
         Args:
@@ -60,10 +60,10 @@ class Divergence(Ending):
 
     status: ClassVar[str] = "diverged"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
         """True if every number of the state is finite and within the divergence bounds."""
         # any comparison with NaN is false, so that a state that is not finite is not fine
-        fine = absolute(state.quaternion.w) < LONG
+        fine: Scalar = absolute(state.quaternion.w) < LONG
         for value in list(state.quaternion)[1:]:
             fine = logical_and(fine, absolute(value) < LONG)
         for value in (*state.velocity, *state.rate, *state.joints, *state.joint_rates, *state.rotor_speeds):
@@ -98,15 +98,15 @@ class JointLimits(Ending):
 
     status: ClassVar[str] = "joint_limit"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
         """True if every joint is within its limits."""
-        fine: Any = True
+        fine: Scalar = True
         for value, link in self._checked_joints(scenario, state):
             inside = logical_and(add(link.joint.lower, slack) <= value, value <= sub(link.joint.upper, slack))
             fine = logical_and(fine, inside)
         return fine
 
-    def _checked_joints(self, scenario: Scenario, state: State) -> list[tuple[Any, Link]]:
+    def _checked_joints(self, scenario: Scenario, state: State) -> list[tuple[Scalar, Link]]:
         """Value and link of each joint whose limits are checked; joints with end stops may be exempt."""
         every = zip(state.joints, scenario.plant.vehicle.links, strict=True)
         return [(value, link) for value, link in every if self.stops or not link.joint.has_stops]
@@ -127,7 +127,7 @@ class LawUndefined(Ending):
 
     status: ClassVar[str] = "controller_undefined"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
         """True if the attitude is within the law's domain of definition; always true for a law without a limit."""
         margin = scenario.controller.margin
         return True if margin is None else margin(state.quaternion) >= slack
@@ -143,7 +143,7 @@ class Ground(Ending):
 
     status: ClassVar[str] = "ground"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
         """True if every point of the vehicle is above the ground."""
         planes = any(surface.shape == "plane" for each in scenario.worlds for surface in each.surfaces)
         return lowest_point(scenario.plant.vehicle, state) >= slack if scenario.ground and not planes else True
@@ -159,9 +159,9 @@ class RotorContact(Ending):
 
     status: ClassVar[str] = "rotor_contact"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: object) -> Any:
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
         """True if every rotor disc is clear of every fixed surface."""
-        fine: Any = True
+        fine: Scalar = True
         for clearance, _, _ in rotor_clearances(scenario, state):
             fine = logical_and(fine, clearance >= slack)
         return fine
@@ -178,9 +178,9 @@ class BodyContact(Ending):
 
     status: ClassVar[str] = "body_contact"
 
-    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar) -> Scalar:
         """True if the base's origin and all joints are outside of every fixed surface."""
-        fine: Any = True
+        fine: Scalar = True
         for depth, _, _ in body_depths(scenario, state):
             fine = logical_and(fine, add(depth, slack) <= 0.0)
         return fine
@@ -207,9 +207,9 @@ PHASE_FAILED = "phase_failed"
 STATUSES = ("completed", *(ending.status for ending in BUILT_IN), PHASE_FAILED)
 
 
-def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:
+def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Scalar, str, str]]:
     """Clearance of each rotor disc from each fixed surface: (distance in m, rotor, surface)."""
-    R, found = state.quaternion.rotation(), list[tuple[Any, str, str]]()
+    R, found = state.quaternion.rotation(), list[tuple[Scalar, str, str]]()
     for contact in scenario.worlds:
         for rotor in turn_rotors(scenario.plant.vehicle, state.tilts).rotors:
             at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
@@ -218,9 +218,9 @@ def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Any, str, s
     return found
 
 
-def body_depths(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:
+def body_depths(scenario: Scenario, state: State) -> list[tuple[Scalar, str, str]]:
     """Depth of the base's origin and of each joint in each fixed surface: (depth in m, point, surface)."""
-    vehicle, found = scenario.plant.vehicle, list[tuple[Any, str, str]]()
+    vehicle, found = scenario.plant.vehicle, list[tuple[Scalar, str, str]]()
     for contact in scenario.worlds:
         R, poses = state.quaternion.rotation(), link_poses(vehicle, state.joints)
         points = [("the base", state.position)]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import typing
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find, names
-from skyarm.records.units import NUMBER, Unit, declared_fields, declared_units
-from skyarm.records.words import Slot, groups, lifted_fields, slots, words_of_fields
+from skyarm.records.units import Unit, declared_fields, declared_units
+from skyarm.records.words import Slot, lifted_fields, slots, words_of_fields
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.linkage import JOINT_NUMBERS, Joint
 from skyarm.world.payload import Payload
@@ -57,8 +57,7 @@ def grammar() -> tuple[Row, ...]:
 def _rows(slot: Slot) -> Iterator[Row]:
     at = f"{slot.path}[]" if _is_list(slot) else slot.path
     varies = WHEN[slot.word.varies]
-    name = slot.place[1] if len(slot.place) > 1 else slot.place[0]
-    unit = declared_fields(_owner(slot)).get(name, (None, NUMBER))[1]
+    unit = slot.unit
     yield Row(at, "", _type(slot.type, slot), unit.unit, _bounds(unit), varies, slot.word.whole, unit.meaning)
     if slot.word.kind:
         for each in slot.word.kind.split():
@@ -68,15 +67,17 @@ def _rows(slot: Slot) -> Iterator[Row]:
                     yield from _of_record(kind, at, varies, named)
     elif slot.path in ("plant", "model"):
         yield from _of_truth(slot.path, slot.type if slot.path == "plant" else None)
-    elif field_names(slot.type) is not None and slot.word.reader in ("", "noise"):
+    elif field_names(slot.type) is not None and not slot.word.reader:
         yield from _of_record(slot.type, at, varies, "")
 
 
 def _of_record(kind: type, at: str, varies: str, named: str) -> Iterator[Row]:
     """Words of a record's fields below a table."""
-    words = {name: word for word, name in words_of_fields(kind).items()}
-    lifted = lifted_fields(kind)
-    for name, (wanted, unit) in declared_fields(kind).items():
+    words = words_of_fields(kind)
+    lifted, known = lifted_fields(kind), declared_fields(kind)
+    for name, (wanted, unit) in known.items():
+        if words.get(name) in known:
+            continue  # another spelling of that field's word
         when = f"where {lifted[name]} is stated" if name in lifted else "never" if unit.fixed else varies
         when = when if wanted not in SHAPING else "never"
         yield Row(
@@ -84,7 +85,7 @@ def _of_record(kind: type, at: str, varies: str, named: str) -> Iterator[Row]:
         )
 
 
-def _of_truth(path: str, truth: Any) -> Iterator[Row]:
+def _of_truth(path: str, truth: object) -> Iterator[Row]:
     """Words of [plant] and [model], whose vehicle is a file of its own."""
     always = WHEN["always"]
     gravity = declared_units(truth)["gravity"][1] if truth is not None else Unit("m/s^2", low=0.0)
@@ -98,16 +99,11 @@ def _of_truth(path: str, truth: Any) -> Iterator[Row]:
         yield Row(f"{path}.joints.{name}", "", words, unit.unit, _bounds(unit), always, False, unit.meaning)
 
 
-def _owner(slot: Slot) -> type:
-    """Class of the record that holds the field of a word."""
-    return groups(Scenario).get(slot.place[0], Scenario)
-
-
 def _is_list(slot: Slot) -> bool:
     return slot.path == slot.table and typing.get_origin(slot.type) is tuple
 
 
-def _type(wanted: Any, slot: Slot | None = None) -> str:
+def _type(wanted: object, slot: Slot | None = None) -> str:
     """Type of an entry in words."""
     options = [each for each in typing.get_args(wanted) if each is not type(None)]
     plain = {float: "number", Scalar: "number", int: "whole number", str: "text", bool: "true or false"}

@@ -13,26 +13,23 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
-from typing import Any
 
 from skyarm.control.actuator_layer import believed_drives
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import AllocationError
-from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.files import did_you_mean, errors_as, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, part, replace_at
+from skyarm.records.leaves import Place, replace_at
 from skyarm.records.words import Slot, slots
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import readers
-from skyarm.scenario.document import OfScenario, read_part
+from skyarm.scenario.document import Part
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
 from skyarm.scenario.paths import delay_words, is_below, place_of_delay, roots, variable_words
 from skyarm.scenario.readers import LAW
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
-from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @cache
@@ -64,9 +61,10 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
         return changed
 
 
-def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place, Any]:
+def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place, object]:
     """Scenario fields by place that result from a table of a scenario file in place of a section, such as the wind."""
-    slot, reading = whole_parts()[path], OfScenario(scenario)
+    slot = whole_parts()[path]
+    document = Part(slot.path, value, scenario)
     if path == LAW:
         return {slot.field: readers.law(scenario, value)}
     if path != slot.path:
@@ -75,19 +73,9 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place,
         if fixed:
             raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
         entry = path.removeprefix(f"{slot.path}.")
-        found = trajectory_from({entry: value}, scenario.plant.vehicle.n, "reference", reading.setting)
-        fields: dict[Place, Any] = {(name,): getattr(found, name) for name in dict(slot.word.entries)[entry]}
-        return {slot.field: replace_at(scenario.reference, fields)}
-    if path != "reference":
-        return {slot.field: read_part(slot, value, reading)}
-    agent, governor = readers.with_reference(scenario.agent, value, reading)
-    planned = governor(dataclasses.replace(scenario, agent=agent))
-    return {each.field: part(planned, each.field) for each in slots(Scenario) if is_below(each.path, path)}
-
-
-def _prefix_of_part(path: str) -> str:
-    """Beginning of the paths of all parameters inside a section, which a new section also replaces."""
-    return "controller." if path == LAW else f"{path}."
+        found = trajectory_from({entry: value}, scenario.plant.vehicle.n, "reference", document.setting)
+        return {(*slot.field, name): getattr(found, name) for name in dict(slot.word.entries)[entry]}
+    return document.planned_fields()
 
 
 @immutable(kw_only=False)
@@ -98,8 +86,8 @@ class Overrides:
         parts: whole parts, as a file has them. numbers: by path.
     """
 
-    parts: tuple[tuple[str, Any], ...] = ()
-    numbers: tuple[tuple[str, Any], ...] = ()
+    parts: tuple[tuple[str, object], ...] = ()
+    numbers: tuple[tuple[str, float], ...] = ()
 
     def with_change(self, change: Change) -> Overrides:
         """Changed parameter values after one more scheduled change; it replaces one of the same parameter."""
@@ -107,9 +95,8 @@ class Overrides:
         if not is_part(path, value):
             kept = tuple(pair for pair in self.numbers if pair[0] != path)
             return Overrides(self.parts, (*kept, (path, value)))
-        hidden = _prefix_of_part(path)
-        parts = tuple(pair for pair in self.parts if not _within(pair[0], path, hidden))
-        numbers = tuple(pair for pair in self.numbers if not _within(pair[0], path, hidden))
+        parts = tuple(pair for pair in self.parts if not _replaces(path, pair[0]))
+        numbers = tuple(pair for pair in self.numbers if not _replaces(path, pair[0]))
         return Overrides((*parts, (path, value)), numbers)
 
     def data(self, scenario: Scenario, paths: Sequence[str] = ()) -> Overrides:
@@ -142,7 +129,7 @@ class Overrides:
 
     def hides(self, path: str) -> bool:
         """True if the overrides replace a parameter, or a whole section that contains the parameter."""
-        gone = any(_within(path, own, _prefix_of_part(own)) for own, _ in self.parts)
+        gone = any(_replaces(own, path) for own, _ in self.parts)
         return gone or any(path == own for own, _ in self.numbers)
 
     def parts_of(self, scenario: Scenario) -> Scenario:
@@ -166,8 +153,9 @@ def is_part(path: str, value: object) -> bool:
     return path in whole_parts() and (path != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))
 
 
-def _within(path: str, part: str, hidden: str) -> bool:
-    return path == part or path.startswith(hidden)
+def _replaces(part: str, path: str) -> bool:
+    """True if a new section is also one in the place of what a path leads to."""
+    return is_below(path, part) or (part == LAW and path.startswith("controller."))
 
 
 @immutable(kw_only=False)
@@ -213,17 +201,9 @@ def overrides_at(scenario: Scenario, tick: int) -> Overrides:
 
 def sources(scenario: Scenario, tick: int) -> dict[str, int]:
     """For each parameter changed up to a control period: index of the scheduled change that set it."""
-    rate, found = scenario.rates.control, dict[str, int]()
-    for i in sorted(range(len(scenario.changes)), key=lambda i: scenario.changes[i].tick(rate)):
-        change = scenario.changes[i]
-        if change.tick(rate) > tick:
-            break
-        if is_part(change.path, change.value):
-            hidden = _prefix_of_part(change.path)
-            found = {path: k for path, k in found.items() if not _within(path, change.path, hidden)}
-        else:
-            found[change.path] = i
-    return found
+    rate, held = scenario.rates.control, dict(overrides_at(scenario, tick).numbers)
+    made = sorted((change.tick(rate), i, change.path) for i, change in enumerate(scenario.changes))
+    return {path: i for at, i, path in made if at <= tick and path in held}
 
 
 @cache
@@ -358,36 +338,32 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
     Raises:
         ScenarioError: names it.
     """
-    delays, before, after = new.delays, old.plant.vehicle, new.plant.vehicle
-    if old.delays.longest_command is not None:
-        # a varied delay of the commands stands within a queue of the same length
-        began = old.delays
-        delays = dataclasses.replace(delays, command=began.command, rotors=began.rotors, joints=began.joints)
-    pairs: list[tuple[str, Any, Any]] = [
-        *((name, getattr(old, name), getattr(new, name)) for name in ("rates", "duration")),
-        *((f"plant.{name}", getattr(old, name), getattr(new, name)) for name in ("kind", "integrator")),
-        ("delays", old.delays, delays),
-        ("joints", before.n, after.n),
-        ("rotors", len(before.rotors), len(after.rotors)),
-    ]
-    for name, began, value in pairs:
-        if began != value:
-            raise ScenarioError(f"{name} = {shown(value)}: must be {shown(began)} as the session began")
-    for a, b in zip(old.sensors, new.sensors, strict=False):
-        for clock in ("frequency", "latency"):
-            began, value = getattr(a.sensor, clock), getattr(b.sensor, clock)
-            if began != value:
-                words = "must be as the session began, since readings are on their way"
-                raise ScenarioError(f"sensors.{b.name}.{clock} = {shown(value)}: {words}")
-    _require_latencies("plant", before, old.all_drives, new.all_drives)
-    beliefs = [each.controller.par.model for each in (old, new)]
-    _require_latencies("model", beliefs[0].vehicle, *(believed_drives(model) for model in beliefs))
+    after = _held_throughout(new)
+    for name, began in _held_throughout(old).items():
+        value = after.get(name, began)
+        if value != began:
+            late = "readings" if name.startswith("sensors.") else "setpoints" if ".drives." in name else ""
+            what, why = ("", f", since {late} are on their way") if late else (f"{shown(began)} ", "")
+            raise ScenarioError(f"{name} = {shown(value)}: must be {what}as the session began{why}")
 
 
-def _require_latencies(root: str, vehicle: Vehicle, old: Sequence[Drive], new: Sequence[Drive]) -> None:
-    """Raise an error if a servo's latency changes: it sets the length of the servo's setpoint queue."""
-    for link, a, b in zip(vehicle.links, old, new, strict=False):
-        before, after = (getattr(each, "latency", None) for each in (a, b))
-        if None not in (before, after) and before != after:
-            words = "must be as the session began, since setpoints are on their way"
-            raise ScenarioError(f"{root}.drives.{link.joint.name}.latency = {shown(after)}: {words}")
+def _held_throughout(scenario: Scenario) -> dict[str, object]:
+    """Settings that are the same throughout a flight, by name: clocks, delays, counts, and latencies of queues."""
+    vehicle, delays, model = scenario.plant.vehicle, scenario.delays, scenario.controller.par.model
+    if delays.longest_command is not None:  # those of the commands vary within a queue of that length
+        delays = dataclasses.replace(delays, command=0.0, rotors=0, joints=0)
+    found: dict[str, object] = {
+        **{"rates": scenario.rates, "duration": scenario.duration},
+        **{"plant.kind": scenario.kind, "plant.integrator": scenario.integrator},
+        **{"delays": delays, "joints": vehicle.n, "rotors": len(vehicle.rotors)},
+    }
+    for named in scenario.sensors:
+        found |= {f"sensors.{named.name}.{each}": getattr(named.sensor, each) for each in ("frequency", "latency")}
+    for root, links, drives in (
+        ("plant", vehicle.links, scenario.all_drives),
+        ("model", model.vehicle.links, believed_drives(model)),
+    ):
+        for link, drive in zip(links, drives, strict=False):
+            if hasattr(drive, "latency"):
+                found[f"{root}.drives.{link.joint.name}.latency"] = drive.latency
+    return found

@@ -23,16 +23,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 from skyarm.algebra import Quaternion
-from skyarm.algebra.scalars import data, divide
+from skyarm.algebra.scalars import Scalar, data, divide
 from skyarm.control.actuator_layer import with_consequences
 from skyarm.dynamics import State
 from skyarm.records import coerce
 from skyarm.records.field_rules import accept_scalar
 from skyarm.records.files import errors_as, shown
-from skyarm.records.leaves import Place, part, replace_at
+from skyarm.records.leaves import Place, Record, part, replace_at
 from skyarm.records.path_names import Viewed
 from skyarm.records.units import Unit, units
 from skyarm.scenario.paths import Target, places_of, target_of
@@ -117,7 +116,7 @@ def _number(scenario: Scenario, path: str, target: Target) -> float:
     return float(found)
 
 
-def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
+def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
     """Scenario with the parameters at some paths replaced; values may be symbols of a traced program.
 
     The mixer follows the model's rotors, a trimmed start the vehicle, and the setpoints that are on their way to a
@@ -135,41 +134,36 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     """
     _require_numbers(values)
     started = _with_initial_state(scenario, values)
-    fields: dict[Place, Any] = {}
-    views: dict[Place, dict[str, Any]] = {}
+    fields, start = dict[Place, Scalar](), dict[Place, Scalar]()
+    views: dict[Place, dict[str, Scalar]] = {}
     for path, value in values.items():
         target = target_of(started, path)
         _number(started, path, target)
         if target.view is None:
-            fields |= dict.fromkeys(target.places, value)
+            (start if target.places[0][:2] == INITIAL else fields).update(dict.fromkeys(target.places, value))
         else:
             views.setdefault(target.places[0], {})[target.view.name] = accept_scalar(path, value, target.view.unit)
-    changed = _with_fields_and_views(scenario, fields, views)
-    if any(place[:2] == INITIAL for place in (*fields, *views)):
-        changed = changed.with_initial(_start_with(started, changed, fields, views.get(INITIAL, {})))
-    check_scenario(changed, [*fields, *views], numbers=True)
+    replaced, angles = [*fields, *start, *views], views.pop(INITIAL, {})
+    changed = _replace_numbers(scenario, fields, views)
+    law = [place[len(CONTROLLER) :] for place in fields if place[: len(CONTROLLER)] == CONTROLLER]
+    after = with_consequences(changed.controller, law, 1.0 / scenario.rates.control)
+    if after is not changed.controller:
+        changed = changed.with_controller(after)
+    if start or angles:
+        changed = changed.with_initial(_start_with(started, changed, start, angles))
+    check_scenario(changed, replaced, numbers=True)
     return changed
 
 
-def _with_fields_and_views(
-    scenario: Scenario, fields: Mapping[Place, Any], views: Mapping[Place, Mapping[str, Any]]
-) -> Scenario:
-    """Scenario with fields and views replaced, and what follows from them; the initial state stays."""
-    below: dict[Place, dict[Place, Any]] = {}
-    for place, value in fields.items():
-        if place[:2] != INITIAL:
-            below.setdefault(place[:1], {})[place[1:]] = value
-    found = {field: replace_at(part(scenario, field), inner) for field, inner in below.items()}
+def _replace_numbers(
+    record: Record, fields: Mapping[Place, Scalar], views: Mapping[Place, Mapping[str, Scalar]]
+) -> Record:
+    """Record with the numbers in some fields, and then some that follow from several fields, replaced."""
+    found: Record = replace_at(record, fields) if fields else record
     for place, numbers in views.items():
-        if place != INITIAL:
-            field, inside = place[:1], place[1:]
-            held = found.get(field, part(scenario, field))
-            seen: Viewed = part(held, inside)
-            found[field] = replace_at(held, {inside: seen.with_views(numbers)})
-    changed: Scenario = replace_at(scenario, found) if found else scenario
-    law = [place[len(CONTROLLER) :] for place in fields if place[: len(CONTROLLER)] == CONTROLLER]
-    after = with_consequences(changed.controller, law, 1.0 / scenario.rates.control)
-    return changed if after is changed.controller else changed.with_controller(after)
+        viewed: Viewed = part(found, place)
+        found = replace_at(found, {place: viewed.with_views(numbers)})
+    return found
 
 
 def _require_numbers(values: object) -> None:
@@ -188,18 +182,20 @@ def _require_numbers(values: object) -> None:
                 coerce.number(f"values[{path!r}]", value)
 
 
-def _start_with(started: Scenario, changed: Scenario, fields: Mapping[Place, Any], angles: Mapping[str, Any]) -> State:
+def _start_with(
+    started: Scenario, changed: Scenario, fields: Mapping[Place, Scalar], angles: Mapping[str, Scalar]
+) -> State:
     """Initial state with some numbers replaced: the stated one, else the hover trim of the changed vehicle.
 
     Args:
         started: as it was, with an initial state.
         changed: with all other numbers replaced.
-        fields: place -> number.
+        fields: place -> number, of the initial state.
         angles: of the attitude, by name, rad.
     """
-    inside = {place[len(INITIAL) :]: value for place, value in fields.items() if place[:2] == INITIAL}
-    held = changed.initial
+    inside = {place[len(INITIAL) :]: value for place, value in fields.items()}
     joints = {int(place[1]): value for place, value in inside.items() if place[0] == "joints"}
+    held = changed.initial
     if held is None and changed.plant is started.plant and changed.reference is started.reference and not joints:
         held = started.initial
     if held is None:
@@ -207,14 +203,11 @@ def _start_with(started: Scenario, changed: Scenario, fields: Mapping[Place, Any
         posture = tuple(joints.get(i, data(q)) for i, q in enumerate(at.joints))
         trim = trimmed_state(changed.plant, at.position, data(at.yaw), posture)
         held = first_state(changed.with_initial(trim))  # with plain numbers, as any initial state has them
-    state: State = replace_at(held, inside) if inside else held
-    if angles:
-        return dataclasses.replace(state, quaternion=held.with_views(angles).quaternion)
-    if any(place[0] == "quaternion" for place in inside):
-        q = state.quaternion
-        length = q.norm()
-        return dataclasses.replace(state, quaternion=Quaternion(*(divide(c, length) for c in q)))
-    return state
+    state = _replace_numbers(held, inside, {(): angles} if angles else {})
+    if angles or not any(place[0] == "quaternion" for place in inside):
+        return state
+    q, length = state.quaternion, state.quaternion.norm()
+    return dataclasses.replace(state, quaternion=Quaternion(*(divide(c, length) for c in q)))
 
 
 LEFT_OUT = ("environment", "vehicle", "body", "value", "par")

@@ -11,7 +11,7 @@ import dataclasses
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.signals import Derivatives
-from skyarm.reference.task_records import Setting, TaskEvent
+from skyarm.reference.task_records import TaskEvent
 from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scenario.path_plan import Ceilings, Judge, Plan, plan
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -75,12 +75,13 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
         return governed_scenario(scenario, GovernorOptions(**options))
 
 
-def planner_from(table: object, setting: Setting) -> Callable[[Scenario], Scenario]:
-    """Read [reference.governor]; return a function that adds the governor's time law to a scenario.
+def governed_by_table(scenario: Scenario, table: object, events: Sequence[TaskEvent]) -> Scenario:
+    """Scenario with the path governor that [reference.governor] describes.
 
     Args:
-        table: [reference.governor]: true, or limits.
-        setting: with the phases' events once the reference is read.
+        scenario: whose reference is slowed.
+        table: true, or limits.
+        events: of the reference's phases.
 
     Raises:
         ValueError: one line.
@@ -88,7 +89,7 @@ def planner_from(table: object, setting: Setting) -> Callable[[Scenario], Scenar
     if table is not True and not isinstance(table, Mapping):
         raise ValueError(f"reference.governor = {shown(table)}: must be true, false or a table of limits")
     options = record_from(GovernorOptions, Fields({} if table is True else dict(table), "reference.governor"))
-    return lambda scenario: governed_scenario(scenario, options, setting.events)
+    return governed_scenario(scenario, options, events)
 
 
 def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequence[TaskEvent] = ()) -> Scenario:
@@ -236,7 +237,7 @@ class Limits:
             found = np.maximum(found, self._shares(demand))
         return found
 
-    def _shift(self, motion: Motion, settled: Any) -> Array:
+    def _shift(self, motion: Motion, settled: Callable[[Array], Array]) -> Array:
         """Extra acceleration of a base that tilts while its tip stays where a level base has it, (3, K), m/s^2."""
         force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
         held = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
@@ -276,7 +277,7 @@ class Limits:
             [up, least, np.abs(demand.efforts) / (most * efforts), np.abs(demand.rates) / speeds, *attitude]
         )
 
-    def _window_means(self, time: Array) -> Any:
+    def _window_means(self, time: Array) -> Callable[[Array], Array]:
         """Smoothing function for a force: two moving averages over SETTLES seconds, a model of attitude lag."""
         step = float(time[1] - time[0]) if len(time) > 1 else SETTLES
         half = max(0, round(0.5 * SETTLES / step))

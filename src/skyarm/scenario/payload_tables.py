@@ -24,14 +24,18 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 from skyarm.records.files import did_you_mean, shown
+from skyarm.records.leaves import Tree, replace_at
 from skyarm.reference import Trajectory
 from skyarm.reference.signals import Constant, Sum, Windowed
 from skyarm.reference.task_records import TaskEvent
 from skyarm.scenario.scenario_record import Change
-from skyarm.world import TimedPayload
+from skyarm.world import Component, TimedPayload
+
+if TYPE_CHECKING:
+    from skyarm.world.contact.gripper import Gripper
 
 FIELD = {"pick": "pick", "place": "drop"}
 """Kind of a phase -> field of the payload."""
@@ -72,7 +76,7 @@ def _whole_period(time: float, rate: float) -> float:
     return math.ceil(time * rate - 1e-9) / rate
 
 
-def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: float) -> Any:
+def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: float) -> object:
     """Payload tables with pick and drop times filled in from the phases of a task.
 
     Args:
@@ -109,18 +113,20 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
     return found
 
 
-def with_commands(contact: Any, events: Sequence[TaskEvent], control_rate: float) -> Any:
+def with_commands(
+    world: Component[Tree] | None, events: Sequence[TaskEvent], control_rate: float
+) -> Component[Tree] | None:
     """Contact model whose grippers close and open in the task phases that name them.
 
     Args:
-        contact: as read; None without a world.
+        world: as read; None without one.
         events: of the phases that name a gripper.
         control_rate: Hz; instants are whole control periods.
 
     Raises:
         ValueError: one line: a gripper that is not there, or one that has its command from elsewhere.
     """
-    grippers = {each.name: each for each in (contact.grippers if contact else ())}
+    grippers = {each.name: each for each in getattr(world, "grippers", ())}
     for event in events:
         at = f"{event.where}.gripper = {shown(event.gripper)}"
         gripper = grippers.get(event.gripper)
@@ -129,13 +135,13 @@ def with_commands(contact: Any, events: Sequence[TaskEvent], control_rate: float
             raise ValueError(f"{at}: {near}must be the name of one of [[world.grippers]]; there are {there}")
         if gripper.kind == "hook" or gripper.closed != type(gripper.closed)():
             raise ValueError(f"{at}: must be a gripper without a command of its own (closed)")
-    if contact is None or not events:
-        return contact
-    found = tuple(_with_task_windows(each, events, control_rate) for each in contact.grippers)
-    return dataclasses.replace(contact, grippers=found)
+    if world is None or not events:
+        return world
+    found = tuple(_with_task_windows(each, events, control_rate) for each in grippers.values())
+    return replace_at(world, {("grippers",): found})
 
 
-def _with_task_windows(gripper: Any, events: Sequence[TaskEvent], rate: float) -> Any:
+def _with_task_windows(gripper: Gripper, events: Sequence[TaskEvent], rate: float) -> Gripper:
     """Gripper that is commanded closed from each pick phase of a task to the next place phase."""
     windows: list[Windowed] = []
     since: float | None = None

@@ -1,18 +1,17 @@
 """Readers of those words of a scenario file whose records have other fields than their tables.
 
-Each takes the entry of its word, the word's path and a :class:`skyarm.scenario.document.Reading` of all others.
+Each takes the entry of its word, the word's path and a :class:`Reading` of all others.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -20,31 +19,53 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import rules
 from skyarm.records.files import Fields, errors_as, number, shown
-from skyarm.records.leaves import Tree, parts
-from skyarm.records.read_table import record_from, registered_from
+from skyarm.records.leaves import Place, Tree, replace_at
+from skyarm.records.read_table import record_from, registered_from, registered_value
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.reference import Trajectory
 from skyarm.reference.reference_tables import reference_from
-from skyarm.reference.task_records import Setting
+from skyarm.reference.task_records import Setting, TaskEvent
 from skyarm.scenario.controller_table import controller_by_name, controller_from, loop_facts
 from skyarm.scenario.numbers import INITIAL
+from skyarm.scenario.payload_tables import with_commands, with_instants
 from skyarm.scenario.scenario_checks import check_quaternion, check_scenario, require_start_outside
-from skyarm.scenario.scenario_record import Agent, JointDrive, NamedSensor, Scenario, trimmed_state
-from skyarm.sensing.measurement import SensorNoise
-from skyarm.sensing.sensor import Sensor
+from skyarm.scenario.scenario_record import Scenario, trimmed_state
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import mounted_drives
-from skyarm.world import Component, Payload, wind_from
+from skyarm.world import Component, Payload, TimedPayload, wind_from
 
 if TYPE_CHECKING:
     from skyarm.reference.feasibility import Feasibility
-    from skyarm.scenario.document import Reading
-
 
 LAW = "controller.law"
+
+
+class Reading(Protocol):
+    """Source of the other words of a scenario, for the reader of one.
+
+    Attributes:
+        folder: where paths of files begin.
+        law: name of a law, or file of gains, in place of what [controller] says; None for none.
+    """
+
+    folder: Path
+    law: str | None
+
+    @property
+    def setting(self) -> Setting:
+        """Setting of the flight."""
+        ...
+
+    def word(self, path: str) -> Any:
+        """Value of a word, as its field holds it."""
+        ...
+
+    def vehicle(self, path: str) -> Vehicle:
+        """Vehicle that the table at a path names, without that table's other words."""
+        ...
 
 
 def wind(entry: object, path: str, reading: Reading) -> Component[Tree]:
@@ -52,27 +73,18 @@ def wind(entry: object, path: str, reading: Reading) -> Component[Tree]:
     return wind_from(entry, path)
 
 
-def duration(entry: object, path: str, reading: Reading) -> float:
-    """Read the duration, s."""
-    return number(entry, path, low=0.0, strict=True)
-
-
 def plant(entry: object, path: str, reading: Reading) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
-    fields = Fields(entry, path)
-    found = Truth(vehicle=_vehicle_of_table(fields, reading), gravity=gravity(fields))
-    fields.done(beside=("kind", "integrator", "drives"))
-    return found
+    carrier, gravity = _vehicle_and_gravity(Fields(entry, path), reading, beside=("kind", "integrator", "drives"))
+    return Truth(vehicle=carrier, gravity=gravity)
 
 
 def model(entry: object, path: str, reading: Reading) -> Model:
     """Read [model], of the controller; left out: the plant's vehicle and gravity, without payload or joint values."""
     if entry is None:
         return Model(vehicle=reading.vehicle("plant"), gravity=reading.word("plant").gravity)
-    fields = Fields(entry, path)
-    found = Model(vehicle=_vehicle_of_table(fields, reading), gravity=gravity(fields))
-    fields.done()
-    return found
+    carrier, gravity = _vehicle_and_gravity(Fields(entry, path), reading)
+    return Model(vehicle=carrier, gravity=gravity)
 
 
 def vehicle(named: object, at: str, folder: Path) -> Vehicle:
@@ -86,10 +98,10 @@ def vehicle(named: object, at: str, folder: Path) -> Vehicle:
         raise ValueError(f"{at} = {shown(named)}: {words}") from None
 
 
-def _vehicle_of_table(fields: Fields, reading: Reading) -> Vehicle:
-    """Vehicle of [plant] or [model] with the payload, drives and joint values that the table states."""
-    fields.take("vehicle")
+def _vehicle_and_gravity(fields: Fields, reading: Reading, beside: Sequence[str] = ()) -> tuple[Vehicle, float]:
+    """Vehicle of [plant] or [model] with the payload, drives and joint values that the table states, and gravity."""
     found = reading.vehicle(fields.where)
+    fields.take("vehicle")
     if "payload" in fields.table:
         try:
             found = record_from(Payload, fields.inner("payload")).held_by(found)
@@ -99,14 +111,17 @@ def _vehicle_of_table(fields: Fields, reading: Reading) -> Vehicle:
     if fields.where == "model" and "drives" in fields.table:
         drives = fields.inner("drives").table
         found = dataclasses.replace(found, drives=mounted_drives(drives, fields.at("drives")))
-    return _with_joint_numbers(found, fields.inner("joints"))
+    found = _with_joint_numbers(found, fields.inner("joints"))
+    gravity = fields.number("gravity", 9.81, low=0.0)
+    fields.done(beside)
+    return found, gravity
 
 
 def controller(entry: object, path: str, reading: Reading) -> Controller:
     """Read [controller]: a law for the model, with layers around it."""
     fields, believed = Fields(entry, path), reading.word("model")
     facts = loop_facts(reading.word("rates"), reading.word("delays"))
-    return controller_from(fields, believed, reading.replaced.get(path), facts, reading.folder)
+    return controller_from(fields, believed, reading.law, facts, reading.folder)
 
 
 def law(scenario: Scenario, name: object) -> Controller:
@@ -123,40 +138,45 @@ def law(scenario: Scenario, name: object) -> Controller:
 
 def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
     """Vehicle with joint values replaced, such as damping: one value for all joints, or a list with one for each."""
-    rows: list[dict[str, Any]] = [{} for _ in found.links]
+    numbers: dict[Place, float] = {}
     for name in JOINT_NUMBERS:
         value, at = table.take(name, None), table.at(name)
         if isinstance(value, list) and len(value) != found.n:
             raise ValueError(f"{at} = {shown(value)}: must be a number, or {found.n} numbers, one for each joint")
-        for i, row in enumerate(rows if value is not None else ()):
+        for i in range(found.n if value is not None else 0):
             given, where = (value[i], f"{at}[{i}]") if isinstance(value, list) else (value, at)
-            row[name] = number(given, where, low=0.0, strict=name == "coulomb_rate")
-            if name == "stop_stiffness" and row[name] == 0.0:
-                row[name] = 0  # a stop of exactly no stiffness is none
+            held = number(given, where, low=0.0, strict=name == "coulomb_rate")
+            # a stop of exactly no stiffness is none
+            numbers["links", str(i), "joint", name] = 0 if name == "stop_stiffness" and held == 0.0 else held
     table.done()
-    if not any(rows):
-        return found
-    links = (
-        dataclasses.replace(link, joint=dataclasses.replace(link.joint, **row))
-        for link, row in zip(found.links, rows, strict=True)
-    )
-    return dataclasses.replace(found, links=tuple(links))
+    changed: Vehicle = replace_at(found, numbers) if numbers else found
+    return changed
 
 
-def gravity(fields: Fields) -> float:
-    """Read gravity from [plant] or [model], m/s^2; by default 9.81."""
-    return fields.number("gravity", 9.81, low=0.0)
-
-
-def world(entry: object, path: str, reading: Reading) -> Component[Tree]:
+def world(entry: object, path: str, reading: Reading) -> Component[Tree] | None:
     """Read [world]: surfaces, objects, grippers and contact points, with the commands of a task's phases."""
-    found: Component[Tree] = registered_from(
-        "world", Component, with_files(entry, path, reading.folder), path, "contact"
-    )
+    found: Component[Tree] | None = None
+    if entry is not None:
+        found = registered_from("world", Component, with_files(entry, path, reading.folder), path, "contact")
+    events = [event for event in _events(reading) if event.gripper]
+    return with_commands(found, events, reading.word("rates").control) if events else found
+
+
+def payloads(entry: object, path: str, reading: Reading) -> tuple[TimedPayload, ...]:
+    """Read [[payloads]], with the instants at which the phases of a task take and leave them."""
+    events = [event for event in _events(reading) if not event.gripper]
+    tables = with_instants(entry, events, reading.word("rates").control) if events else entry
+    found: tuple[TimedPayload, ...] = registered_value("payload", tuple[TimedPayload, ...], tables, path, "rigid")
     return found
 
 
-def with_files(table: object, where: str, folder: Path) -> Any:
+def _events(reading: Reading) -> Sequence[TaskEvent]:
+    """Events of the task that the reference flies."""
+    reading.word("reference")
+    return reading.setting.events
+
+
+def with_files(table: object, where: str, folder: Path) -> object:
     """Tables of [reference] or [world] with paths of sample and mesh files made absolute.
 
     Args:
@@ -172,9 +192,9 @@ def with_files(table: object, where: str, folder: Path) -> Any:
     if not isinstance(table, dict):
         return table
     found = {name: with_files(each, f"{where}.{name}", folder) for name, each in table.items()}
-    if found.get("kind") == "samples" and isinstance(found.get("file"), str):
-        found["file"] = str(folder / found["file"])
-    mesh = table.get("mesh")
+    file, mesh = table.get("file"), table.get("mesh")
+    if table.get("kind") == "samples" and isinstance(file, str):
+        found["file"] = str(folder / file)
     if isinstance(mesh, str) and mesh:
         from skyarm.records.files.stl_mesh import read_corners
 
@@ -183,26 +203,6 @@ def with_files(table: object, where: str, folder: Path) -> Any:
             read_corners(path)
         found["mesh"] = str(path.absolute())  # a log is drawn from any folder
     return found
-
-
-def noise(entry: object, path: str, reading: Reading) -> SensorNoise:
-    """Read the noise of the full state from [sensors]."""
-    found = record_from(SensorNoise, Fields(entry, path))
-    return SensorNoise(**{name: sigma or 0 for name, sigma in parts(found).items()})
-
-
-def sensors(entry: dict[str, Any], path: str, reading: Reading) -> tuple[NamedSensor, ...]:
-    """Read named sensors from the tables inside [sensors]."""
-    return tuple(
-        NamedSensor(name=name, sensor=registered_from("sensor", Sensor, table, f"{path}.{name}"))
-        for name, table in entry.items()
-    )
-
-
-def drives(entry: object, path: str, reading: Reading) -> tuple[JointDrive, ...]:
-    """Read [plant.drives.JOINT]: the drives of joints."""
-    found = mounted_drives(Fields(entry, path).table, path)
-    return tuple(JointDrive(joint=each.name, drive=each.drive) for each in found)
 
 
 def setting_of(world: Truth, duration: float) -> Setting:
@@ -223,33 +223,6 @@ def reference(entry: object, path: str, reading: Reading) -> Trajectory:
     """Read [reference], whose task leaves its events in the setting."""
     joints = reading.word("plant").vehicle.n
     return reference_from(with_files(entry, path, reading.folder), joints, path, reading.setting)
-
-
-def tracking_start(entry: object, path: str, reading: Reading) -> Scalar:
-    """Read when the law begins to follow, s; left out, a structural 0: at once."""
-    return number(entry, path, low=0.0)
-
-
-def with_reference(agent: Agent, table: object, reading: Reading) -> tuple[Agent, Callable[[Scenario], Scenario]]:
-    """Agent with the reference that [reference] gives, and the function that slows a scenario's reference."""
-    words = dict(table) if isinstance(table, Mapping) else {}
-    slowed, start = words.pop("governor", False), words.pop("tracking_start", None)
-    found = dataclasses.replace(
-        agent,
-        reference=reference(words if isinstance(table, Mapping) else table, "reference", reading),
-        tracking_start=0 if start is None else tracking_start(start, "reference.tracking_start", reading),
-        path_time=None,
-    )
-    return found, governor(slowed, reading.setting)
-
-
-def governor(entry: object, setting: Setting) -> Callable[[Scenario], Scenario]:
-    """Read [reference.governor]: the function that slows a scenario's reference."""
-    if entry is False:
-        return lambda scenario: scenario
-    from skyarm.scenario.path_governor import planner_from
-
-    return planner_from(entry, setting)
 
 
 def at_start(scenario: Scenario, initial: object) -> Scenario:

@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache, partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from skyarm.algebra import Mat3
+from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import innermost, learns_load, part_of, senses_force
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
@@ -303,7 +304,7 @@ def law_fits_plant(scenario: Scenario) -> None:
             raise ValueError(f"controller.{field}: {len(values)} values, must be {count}")
 
 
-def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str, Sequence[Any], int]]:
+def _counts_of_law(par: object, joints: int, rotors: int) -> Iterator[tuple[str, Sequence[object], int]]:
     """Lists among a law's constants whose lengths must match joints or rotors: (field, values, length)."""
     layer = par
     while getattr(layer, "recovery", None) is None and hasattr(layer, "inner"):
@@ -371,7 +372,7 @@ def _check_initial(state: State, vehicle: Vehicle) -> None:
     check_quaternion(tuple(state.quaternion))
 
 
-def check_quaternion(values: tuple[Any, ...]) -> None:
+def check_quaternion(values: tuple[Scalar, ...]) -> None:
     """Check that a quaternion is four numbers of unit length."""
     good = len(values) == 4
     if good and concrete(*values):

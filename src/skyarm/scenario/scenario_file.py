@@ -44,29 +44,25 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators import AllocationError
-from skyarm.records.files import (
-    PathLike,
-    errors_as,
-    file_name,
-    one_line,
-    read_toml,
-    shown,
-    unreadable,
-)
+from skyarm.records.files import Fields, PathLike, errors_as, file_name, one_line, read_toml, shown, unreadable
 from skyarm.records.files.names import kind_of, names_in, read_named
 from skyarm.records.registry import names
-from skyarm.scenario.controller_table import under_law
-from skyarm.scenario.document import Document
-from skyarm.scenario.scenario_record import (
-    Scenario,
-    ScenarioError,
-)
+from skyarm.scenario import readers
+from skyarm.scenario.controller_table import require_servos_said, under_law
+from skyarm.scenario.document import Document, slot_of
+from skyarm.scenario.in_flight import require_changes
+from skyarm.scenario.numbers import require_apart, with_numbers
+from skyarm.scenario.paths import is_below
+from skyarm.scenario.payload_tables import with_model_changes
+from skyarm.scenario.scenario_checks import check_scenario, require_start_outside
+from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError
 from skyarm.vehicle.vehicle_files import list_vehicles
 
 LIBRARY = resources.files("skyarm.scenario") / "library"
@@ -101,18 +97,16 @@ def load_scenario(
     """
     from skyarm.scenario.without_effect import WithoutEffectWarning, without_effect
 
-    scenario = _read_scenario(
-        name_or_path, {"plant": plant, "controller": controller, "seed": seed, "duration": duration}
-    )
+    stated = {"plant": plant, "controller": controller, "seed": seed, "duration": duration}
+    scenario = _read_scenario(name_or_path, {name: value for name, value in stated.items() if value is not None})
     for line in without_effect(scenario):
         warnings.warn(f"{scenario.name}: {line}", WithoutEffectWarning, stacklevel=2)
     return scenario
 
 
-def _read_scenario(name_or_path: PathLike, replaced: Mapping[str, Any]) -> Scenario:
+def _read_scenario(name_or_path: PathLike, given: Mapping[str, Any]) -> Scenario:
     with errors_as(ScenarioError):
         text = file_name(name_or_path, "scenario")
-    given = {field: value for field, value in replaced.items() if value is not None}
     if Path(text).suffix.removeprefix(".") in names("log_format"):
         return _scenario_of_log(text, given)
     with errors_as(ScenarioError):
@@ -162,24 +156,23 @@ def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:
     """Load the scenario stored in a log file, with some values replaced."""
     from skyarm.log.formats import load_log
 
-    replaced = _by_path({name: value for name, value in given.items() if name != "controller"})
     try:
         if reason := unreadable(Path(path)):
             raise ValueError(reason)
-        scenario: Scenario = load_log(path).scenario_with(replaced)
+        scenario: Scenario = load_log(path).scenario_with(_by_path(given))
         return under_law(scenario, given["controller"]) if "controller" in given else scenario
     except (ValueError, OSError, AllocationError) as error:
         words = str(error).removeprefix(f"log = {shown(path)}: ")
         raise ScenarioError(f"{path}: {words}") from None
 
 
-def _by_path(replaced: Mapping[str, Any]) -> dict[str, Any]:
-    """Replaced values by their path in a file, where ``plant`` is the kind of the plant."""
-    return {"plant.kind" if name == "plant" else name: value for name, value in replaced.items()}
+def _by_path(given: Mapping[str, object]) -> dict[str, object]:
+    """Replaced values but the law by their path in a file, where ``plant`` is the kind of the plant."""
+    return {"plant.kind" if name == "plant" else name: value for name, value in given.items() if name != "controller"}
 
 
 def scenario_from(
-    document: Mapping[str, Any], folder: PathLike = "", replaced: Mapping[str, Any] | None = None
+    document: Mapping[str, object], folder: PathLike = "", replaced: Mapping[str, Any] | None = None
 ) -> Scenario:
     """Make the scenario that a TOML document describes.
 
@@ -194,6 +187,63 @@ def scenario_from(
     if not isinstance(document, Mapping):
         raise ScenarioError(f"document = {shown(document)}: must be a table")
     try:
-        return Document(document, Path(folder), _by_path(replaced or {})).scenario()
+        given = replaced or {}
+        return _scenario_of(Document(document, Path(folder), _by_path(given), given.get("controller")))
     except ValueError as error:
         raise ScenarioError(one_line(str(error))) from None
+
+
+def _scenario_of(document: Document) -> Scenario:
+    """Scenario of all words of a file; unknown ones are refused."""
+    top = document.table("")
+    top.require_schema()
+    vehicle, _ = document.word("plant").vehicle, document.word("duration")
+    readers.require_plugins(top)
+    require_servos_said(Fields(top.take("controller"), "controller"), vehicle, document.word("model"))
+    flown = _payloads_and_changes(document)
+    scenario = Scenario(**{place[-1]: value for place, value in document.fields().items()} | flown)
+    check_scenario(scenario)
+    document.table("environment").done()
+    if "duration" not in document.replaced:  # what takes its place shortens the flight, not the file
+        scenario.windows.require_within(scenario.duration)
+        _require_within(scenario.changes, scenario.steps, scenario.rates.control)
+    numbers, initial = document.table("numbers").table, document.entry(slot_of("initial"))
+    if document.law is not None:  # gains of a law that does not fly, as changes of it are
+        numbers = {path: value for path, value in numbers.items() if not is_below(path, "controller")}
+    top.done()
+    if scenario.changes:
+        require_changes(scenario)
+    made = document.plan_time(readers.at_start(scenario, initial))
+    with errors_as(ScenarioError, "numbers: "):
+        return _with_stated_numbers(made, numbers) if numbers else made
+
+
+def _payloads_and_changes(document: Document) -> dict[str, Any]:
+    """Payloads and changes by field; the law's model follows payloads that are known in advance, by changes."""
+    changes = tuple(each for each in document.word("changes") if not (each.of_law and document.law is not None))
+    if not (payloads := document.word("payloads")):
+        return {"changes": changes}
+    flight = document.word("reference"), document.word("duration"), document.word("rates").control
+    payloads, more = with_model_changes(payloads, *flight)
+    return {"payloads": payloads, "changes": (*changes, *more)}
+
+
+def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
+    """Raise an error if a scheduled change lies outside of the flight's control periods.
+
+    Raises:
+        ScenarioError: one line.
+    """
+    for i, change in enumerate(changes):
+        if change.tick(rate) >= steps:
+            last = (steps - 1) / rate
+            raise ScenarioError(f"changes[{i}].at = {change.at!r}: must be at most {last:g} s, the last control period")
+
+
+def _with_stated_numbers(scenario: Scenario, numbers: Mapping[str, Scalar]) -> Scenario:
+    """Scenario with the numbers that a file states by path, checked as if they were stated in words."""
+    require_apart(scenario, tuple(numbers))
+    changed = with_numbers(scenario, numbers)
+    require_changes(changed)
+    require_start_outside(changed)
+    return changed

@@ -312,26 +312,29 @@ class Agent:
             reader="reference",
         ),
     ]
-    tracking_start: Annotated[Scalar, Word("reference.tracking_start", reader="tracking_start")] = 0
+    tracking_start: Annotated[
+        Scalar, Unit("s", "when the law begins to follow", low=0.0), Word("reference.tracking_start")
+    ] = 0
     path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = dataclasses.field(
         default=None, metadata=WRITTEN_IF_ANY
     )
-    noise: Annotated[SensorNoise, Word("sensors", reader="noise")] = PERFECT_SENSORS
+    noise: Annotated[SensorNoise, Word("sensors")] = PERFECT_SENSORS
     sensors: Annotated[
         tuple[NamedSensor, ...],
-        Word("sensors.*", kind="sensor", inside=("*", "sensor"), reader="sensors"),
+        Word("sensors.*", kind="sensor", inside=("*", "sensor")),
     ] = ()
     estimator: Annotated[Estimator, Word(whole=True, kind="estimator")] = PASS_THROUGH
     drives: Annotated[
         tuple[JointDrive, ...],
-        Word("plant.drives.*", kind="drive", inside=("*", "drive"), reader="drives"),
+        Word("plant.drives.*", kind="drive", inside=("*", "drive")),
     ] = ()
     delays: Annotated[Delays, STRUCTURAL] = Delays()
     initial: Annotated[State | None, Word(varies="between")] = None
     faults: Annotated[tuple[Fault, ...], Word("/environment.faults", whole=True, kind="fault", usual="loss")] = ()
-    payloads: Annotated[tuple[TimedPayload, ...], Word(kind="payload", usual="rigid")] = dataclasses.field(
-        default=(), metadata=WRITTEN_IF_ANY
-    )
+    payloads: Annotated[
+        tuple[TimedPayload, ...],
+        Word(kind="payload", usual="rigid", reader="payloads"),
+    ] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "", ScenarioError)
@@ -370,7 +373,10 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
     found: dict[str, Any] = {name: words.pop(name) for name in defaults(kind) if name in words}
     for group, held in groups(kind).items() if words else ():
         if inner := {word: words.pop(word) for word in field_names(held) or () if word in words}:
-            found[group] = dataclasses.replace(found[group], **inner) if group in found else held(**inner)
+            if group not in found:
+                found[group] = held(**inner)
+            elif isinstance(found[group], held):  # what is not is refused as the group
+                found[group] = dataclasses.replace(found[group], **inner)
     for name, usual in defaults(kind).items():
         if usual is dataclasses.MISSING and name not in found:
             raise TypeError(f"{kind.__name__}: {name} is missing")
@@ -401,7 +407,7 @@ class Scenario:
 
     name: Annotated[str, STRUCTURAL]
     title: Annotated[str, STRUCTURAL] = ""
-    duration: Annotated[float, Unit("s", low=0.0, strict=True), Word(varies="never", reader="duration")]
+    duration: Annotated[float, Unit("s", low=0.0, strict=True), STRUCTURAL]
     rates: Annotated[Rates, STRUCTURAL] = Rates()
     solver: Annotated[Solver, Word("plant", group=True)] = Solver()
     agent: Annotated[Agent, Word("", group=True)]
@@ -649,7 +655,7 @@ def noise_key(field: str, value: object) -> int:
     return held
 
 
-def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: tuple[Any, ...]) -> State:
+def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: tuple[Scalar, ...]) -> State:
     """Hover trim of the plant: at rest and level, with rotor speeds that hold its weight and its arm's torque.
 
     No rotor turns faster than it can: a truth that is too heavy to hover starts at full speed and sinks.

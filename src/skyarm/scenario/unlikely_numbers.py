@@ -176,8 +176,9 @@ def _model(scenario: Scenario) -> Iterator[str]:
 
 def _inertias(vehicle: Vehicle) -> Iterator[str]:
     """Warnings about inertias too large, or of a base too small, for the vehicle's dimensions."""
-    placed: tuple[Any, ...] = (*vehicle.rotors, *vehicle.frames, *(link.joint for link in vehicle.moving))
-    extent = max([SMALLEST, *(_norm(each.position) for each in placed), *(_norm(body.com) for body in vehicle.bodies)])
+    placed = [each.position for each in vehicle.rotors] + [each.position for each in vehicle.frames]
+    placed += [link.joint.position for link in vehicle.moving] + [body.com for body in vehicle.bodies]
+    extent = max(SMALLEST, *map(_norm, placed))
     extent = max(extent, sum(_norm(link.joint.position) for link in vehicle.links))
     arm, least = max((_norm(each.position) for each in vehicle.rotors), default=0.0), vehicle.base.inertia
     moment = min(float(least.xx), float(least.yy), float(least.zz))
@@ -212,7 +213,7 @@ def _rotors(vehicle: Vehicle) -> Iterator[str]:
     yield f"{speeds}: lifts {top / max(weight, 1e-300):.3g} times the weight; {hint}"
 
 
-def _norm(vector: Any) -> float:
+def _norm(vector: Iterable[float]) -> float:
     return math.hypot(*(float(c) for c in vector))
 
 

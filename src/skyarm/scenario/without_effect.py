@@ -20,6 +20,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.loads import applied_force
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.arrays import AnyArray
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.scenario.scenario_checks import tip_sensor
 from skyarm.scenario.scenario_record import PLANTS, Scenario, first_state
@@ -101,7 +102,7 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
     command, rates = Command(rotor_speeds=(), efforts=(0.0,) * vehicle.n), (1.0,) * vehicle.n
     state = replace(first_state(scenario), quaternion=attitude, velocity=ZERO3, rate=MOVING, joint_rates=rates)
 
-    def forces(part: Component[Tree], air: Vec3) -> Any:
+    def forces(part: Component[Tree], air: Vec3) -> AnyArray:
         around = (WindSample(air_velocity_W=air), part)
         surroundings = Surroundings(components=around, memories=((), _begin(scenario, part)))
         return np.array(leaves(applied_force(vehicle, state, command, surroundings)))
@@ -152,20 +153,20 @@ def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> 
     return moved, acts
 
 
-class _Readings(UserDict[str, Any]):
+class _Readings(UserDict[str, object]):
     """Readings of sensors by name, which note the names that are looked up."""
 
     read: set[str]
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> object:
         self.read.add(name)
         return self.data[name]
 
 
-def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, Any]:
+def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, object]:
     """Readings of all sensors by name, of a vehicle without acceleration and by random numbers of 0.5."""
     vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
-    found: dict[str, Any] = {FULL_STATE: measurement_of(state, WEIGHT)}
+    found: dict[str, object] = {FULL_STATE: measurement_of(state, WEIGHT)}
     for named in scenario.sensors:
         sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
         found[named.name] = sensor.take(sensor.start(vehicle), t, state, WEIGHT, NO_PUSH, middle, period)[1]

@@ -13,9 +13,11 @@ from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
 from skyarm.records.coerce import absent
 from skyarm.records.field_rules import accept_fields, checked
+from skyarm.records.files import Fields
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import leaves, parts
 from skyarm.records.plain import WRITTEN_IF_ANY
+from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -87,6 +89,12 @@ class SensorNoise(Sensor):
     joints: Annotated[Scalar, Unit("rad or m", low=0.0, usual=0.5)] = 0
     joint_rates: Annotated[Scalar, Unit("rad/s or m/s", low=0.0, usual=5.0)] = 0
     rotor_speeds: Annotated[Scalar, Unit("rad/s", low=0.0, usual=200.0)] = 0
+
+    @classmethod
+    def from_table(cls, entry: object, where: str) -> SensorNoise:
+        """Noise from a table of a file, whose zeros fold away as numbers that are left out do."""
+        found = record_from(cls, Fields(entry, where))
+        return cls(**{name: sigma or 0 for name, sigma in parts(found).items()})
 
     def uniforms(self, vehicle: Vehicle) -> int:
         """Count of uniform random numbers per reading, even; 0 for a perfect sensor."""

@@ -278,9 +278,6 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: 
     """
     for place, fields in _paths_by_record(scenario, values).items():
         record = part(scenario, place)
-        kind = type(record)
-        if kind.largest_step is None and "largest_step" not in (field_names(kind) or ()):
-            continue  # whatever its numbers are
         columns = [np.ravel(each) for each in np.broadcast_arrays(*(np.asarray(values[path]) for path in fields))]
         shortest, stiffest = math.inf, dict[str, float]()
         for numbers in np.unique(np.array(columns, dtype=float), axis=1).T.tolist():
@@ -299,15 +296,20 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: 
 
 
 def _paths_by_record(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[str, list[Place]]]:
-    """Group varied parameters by the air model, force or joint drive that they belong to."""
+    """Group varied parameters by the air model, force or joint drive that they belong to, if it limits the step."""
     found: dict[Place, dict[str, list[Place]]] = {}
     for path in values:
-        if path.startswith(STATED):
-            for place in places_of(scenario, path):
-                # air and forces stand in a tuple, a drive beside the name of its joint, in the scenario or its vehicle
-                depth = {"drives": 4, "plant": 6, "world": 2}.get(place[1], 3)
-                found.setdefault(place[:depth], {}).setdefault(path, []).append(place[depth:])
+        for place in places_of(scenario, path) if path.startswith(STATED) else ():
+            heads = (place[:k] for k in range(len(place), 0, -1))
+            head = next((each for each in heads if _limits_step(type(part(scenario, each)))), None)
+            if head is not None:
+                found.setdefault(head, {}).setdefault(path, []).append(place[len(head) :])
     return found
+
+
+def _limits_step(kind: type) -> bool:
+    """True if the numbers of a class may limit the integration step."""
+    return getattr(kind, "largest_step", None) is not None or "largest_step" in (field_names(kind) or ())
 
 
 def _stable_step(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float], euler: bool) -> float | None:

@@ -27,6 +27,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_entry
 from skyarm.records.units import Unit
+from skyarm.records.words import Word
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import LOAD, Vehicle
 from skyarm.world.component import Column, Component, Event, require_frame, select
@@ -85,31 +86,36 @@ class TimedPayload(Component[PayloadMemory]):
     com: Annotated[Vec3, Unit("m", "its centre of mass, axes of the frame that holds it")] = ZERO3
     frame: str = ""
     pick: Annotated[Scalar, Unit("s", low=0.0)] = 0.0
-    pick_place: Reach | None = None
+    pick_place: Annotated[Reach | None, Word("pick")] = None
     drop: Annotated[Scalar, Unit("s", low=0.0, infinite=True)] = math.inf
-    drop_place: Reach | None = None
+    drop_place: Annotated[Reach | None, Word("drop")] = None
     believed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
 
     registered_as = "payload"
 
     def to_entry(self) -> dict[str, Any]:
-        """Table of a file, with the instant of the pick-up in any case."""
-        return record_entry(self) | {"pick": self.pick}
+        """Table of a file, with the pick-up in any case, and instants beside the places from which they count."""
+        found: dict[str, Any] = record_entry(self, ("pick",))
+        for name in ("pick", "drop"):
+            if isinstance(found.get(name), dict):
+                found[name] |= {"after": getattr(self, name)}
+        return found
 
     @staticmethod
     def short_spellings(fields: Fields) -> dict[str, Any]:
         """Pick-up and set-down from a table: an instant (s), or ``{ within, of, after }``: arrival at a place."""
         values: dict[str, Any] = {}
         for name in ("pick", "drop"):
-            if isinstance(fields.table.get(name), dict):
+            if not isinstance(fields.table.get(name), dict):
+                values[f"{name}_place"] = None
+            else:
                 inner = fields.inner(name)
                 reach = Reach(within=inner.number("within", low=0.0, strict=True), of=Vec3(*inner.vector("of")))
                 values |= {name: inner.number("after", 0.0, low=0.0), f"{name}_place": reach}
                 inner.done()
         if "pick" not in fields.table:
             fields.take("pick")  # is missing
-        placed = values or "pick_place" in fields.table or "drop_place" in fields.table
-        if placed and fields.table.get("believed") is True:
+        if any(values.values()) and fields.table.get("believed") is True:
             words = "must be false where a place decides; its instant is unknown"
             raise ValueError(f"{fields.at('believed')} = true: {words}")
         return values

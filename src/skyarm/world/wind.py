@@ -96,13 +96,12 @@ class GustyWind(Component[Memory]):
         entry, at = fields.take("gust", None), fields.at("gust")
         if isinstance(entry, list):
             return {"gusts": tuple(cls._gust(each, f"{at}[{i}]") for i, each in enumerate(entry)), "gust": None}
-        return {} if entry is None else {"gust": cls._gust(entry, at)}
+        return {} if entry is None else {"gust": cls._gust(entry, at), "gusts": ()}
 
     def to_entry(self) -> dict[str, Any]:
         """Table of a file: gusts as a list, their peaks called by what blows."""
         found: dict[str, Any] = record_entry(self)
-        for name in ("gust", "gusts"):
-            found.pop(name, None)
+        found.pop("gust", None)
         gusts = [
             {self.blows: list(each.peak), "start": each.start, "duration": each.duration, "shape": each.shape}
             for each in self.all_gusts
@@ -156,7 +155,7 @@ class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
         Vec3, Unit("m/s", "constant wind that the rotors feel", folds=True, usual=60.0), Word("air_velocity")
     ] = ZERO3
     gust: Gust | None = None
-    gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    gusts: Annotated[tuple[Gust, ...], Word("gust")] = field(default=(), metadata=WRITTEN_IF_ANY)
 
     blows: ClassVar[str] = "force"
 
@@ -199,7 +198,7 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
     ] = ZERO3
     gust: Gust | None = None
     turbulence: Dryden | None = None
-    gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    gusts: Annotated[tuple[Gust, ...], Word("gust")] = field(default=(), metadata=WRITTEN_IF_ANY)
 
     blows: ClassVar[str] = "velocity"
 
@@ -208,7 +207,7 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
         """Gusts, and turbulence by altitude and wind speed, from a table."""
         values = cls.gusts_from(fields)
         table = fields.table.get("turbulence")
-        if isinstance(table, dict) and "intensity" not in table:
+        if isinstance(table, dict) and ("intensity" not in table or "altitude" in table):
             word = "velocity_W" if "velocity_W" in fields.table else "velocity"
             inner = Fields(fields.take("turbulence"), fields.at("turbulence"))
             values["turbulence"] = low_turbulence(inner, fields.vector(word, (0.0, 0.0, 0.0)))

@@ -137,16 +137,16 @@ class Weights:
         force: 1/N, of the surface's force while the tip presses.
     """
 
-    position: Annotated[Scalar, Unit("1/m", low=0.0)]
-    velocity: Annotated[Scalar, Unit("s/m", low=0.0)]
-    heading: Annotated[Scalar, Unit("1/rad", low=0.0)]
-    rate: Annotated[Scalar, Unit("s/rad", low=0.0)]
-    joints: Annotated[Scalar, Unit("1/rad or 1/m", low=0.0)]
-    joint_rates: Annotated[Scalar, Unit("s/rad or s/m", low=0.0)]
-    joint_accelerations: Annotated[Scalar, Unit("s^2/rad or s^2/m", low=0.0)]
-    tool: Annotated[Scalar, Unit("1/m", low=0.0)]
-    rotor_accelerations: Annotated[Scalar, Unit("s^2/rad", low=0.0)]
-    final: Annotated[Scalar, Unit("s", low=0.0)]
+    position: Annotated[Scalar, Unit("1/m", low=0.0)] = 10.0
+    velocity: Annotated[Scalar, Unit("s/m", low=0.0)] = 2.0
+    heading: Annotated[Scalar, Unit("1/rad", low=0.0)] = 2.0
+    rate: Annotated[Scalar, Unit("s/rad", low=0.0)] = 0.2
+    joints: Annotated[Scalar, Unit("1/rad or 1/m", low=0.0)] = 5.0
+    joint_rates: Annotated[Scalar, Unit("s/rad or s/m", low=0.0)] = 0.2
+    joint_accelerations: Annotated[Scalar, Unit("s^2/rad or s^2/m", low=0.0)] = 0.005
+    tool: Annotated[Scalar, Unit("1/m", low=0.0)] = 50.0
+    rotor_accelerations: Annotated[Scalar, Unit("s^2/rad", low=0.0)] = 3e-4
+    final: Annotated[Scalar, Unit("s", low=0.0)] = 0.2
     force: Annotated[Scalar, Unit("1/N", low=0.0)] = 2.5
 
 

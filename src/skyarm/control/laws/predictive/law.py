@@ -70,21 +70,6 @@ from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
-WEIGHTS = Weights(
-    position=10.0,
-    velocity=2.0,
-    heading=2.0,
-    rate=0.2,
-    joints=5.0,
-    joint_rates=0.2,
-    joint_accelerations=0.005,
-    tool=50.0,
-    rotor_accelerations=3e-4,
-    final=0.2,
-)
-
-BANDWIDTHS = Bandwidths(linear=25.0, angular=30.0, joints=40.0)
-
 
 @immutable
 class PredictiveParameters:
@@ -292,6 +277,8 @@ def _command(engine: Engine, plan: Plan, stage: int, x: Array, dt: float) -> Com
     efforts = np.minimum(np.maximum(u[rotors:], -most), most)
     return Command(rotor_speeds=tuple(speeds.tolist()), efforts=tuple(efforts.tolist()))
 
+
+WEIGHTS, BANDWIDTHS = Weights(), Bandwidths()
 
 THRESHOLDS = (0.3, 0.1)
 """N along the normal, above which a tip touches and below which it is lost, where nobody says others."""

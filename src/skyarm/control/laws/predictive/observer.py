@@ -44,9 +44,9 @@ class Estimate:
 class Bandwidths:
     """Bandwidths of the observer, rad/s: linear, angular and joint motion."""
 
-    linear: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)]
-    angular: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)]
-    joints: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)]
+    linear: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)] = 25.0
+    angular: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)] = 30.0
+    joints: Annotated[Scalar, Unit("rad/s", low=0.0, strict=True)] = 40.0
 
 
 def predict(model: Model, estimate: Estimate, command: Command, dt: Scalar) -> State:
