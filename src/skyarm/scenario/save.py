@@ -182,14 +182,14 @@ def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables
 
 def _without_instants(entry: list[Tables], stated: list[Tables]) -> list[Tables]:
     """Entry of payloads without instants that the base's table of a payload leaves to the phases of a task."""
-    known = {each.get("name"): each for each in stated}
+    known = {each.get("name", str(i)): each for i, each in enumerate(stated)}
     return [
         {
             word: value
             for word, value in each.items()
-            if word not in INSTANTS or word in known.get(each["name"], INSTANTS)
+            if word not in INSTANTS or word in known.get(each.get("name", str(i)), INSTANTS)
         }
-        for each in entry
+        for i, each in enumerate(entry)
     ]
 
 
