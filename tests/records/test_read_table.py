@@ -46,6 +46,11 @@ def test_a_table_is_read_by_the_annotations_units_or_not() -> None:
     assert record_from(Tether, Fields(TABLE, "forces[0]")).length is None
 
 
+def test_a_zero_is_data_unless_its_field_folds() -> None:
+    made, read = Tether(Spring(3.0), [0, 0.0, 2]), record_from(Tether, Fields(TABLE, ""), folds=True)  # type: ignore[arg-type]
+    assert [type(each) for tether in (made, read) for each in tether.anchor] == [float] * 6
+
+
 def test_an_entry_is_read_back_and_a_class_that_no_file_can_name_has_none() -> None:
     tether = Tether(Spring(3.0), skyarm.Vec3(0.0, 1.5, 2.0), turns=4)
     assert entry_of(tether) == {"spring": {"stiffness": 3.0}, "anchor": [0.0, 1.5, 2.0], "turns": 4}

@@ -29,6 +29,7 @@ from toml_text import toml_text
 
 BASE = document("case3_wind", duration=1.0)
 GAIN = "controller.gains.position.x"
+FRONT = {"rotor": "front", "effectiveness": 0.9, "start": 0.2}
 BREEZE = {
     "mode": "moving_air",
     "velocity": [1.0, 0.0, 0.0],
@@ -190,6 +191,13 @@ def test_of_one_number_under_two_names_the_latest_change_holds() -> None:
     scenario = changing(at(0.1, every, 0.01), at(0.2, one, 0.02), at(0.3, every, 0.03))
     found = [overrides_at(scenario, tick).of(scenario).plant.vehicle.links for tick in (20, 40, 60)]
     assert [[link.joint.damping for link in links] for links in found] == [[0.01, 0.01], [0.02, 0.01], [0.03, 0.03]]
+
+
+def test_a_number_is_held_under_every_name_that_it_has() -> None:
+    scenario = changing(at(0.1, "environment.faults.front.effectiveness", 0.5), environment={"faults": [FRONT]})
+    found = overrides_at(scenario, 20)
+    assert found.holds(scenario, "environment.faults.0.effectiveness")
+    assert not found.holds(scenario, "environment.faults.0.start")
 
 
 def test_another_law_keeps_the_safety_layer_and_its_limits() -> None:

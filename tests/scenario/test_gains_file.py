@@ -160,3 +160,11 @@ def test_a_file_of_gains_is_exported(tmp_path):
     assert re.search(r"--vehicle: is missing; controller '.*calm gains.toml'", refused)
     wrong = write(tmp_path, GAINS.replace("gains.position", "gains.positon"))
     assert "did you mean 'position'" in command("export", wrong, "--to", "c", *words).err
+
+
+def test_a_law_that_cannot_be_tuned_may_say_so():
+    document = read_toml((LIBRARY / "case3.toml").read_bytes())
+    usual = scenario_from(document | {"controller": {"law": "rotors_sim_position"}}).controller
+    assert scenario_from(document | {"controller": {"law": "rotors_sim_position", "tuned": False}}).controller == usual
+    with pytest.raises(ValueError, match=r"controller\.tuned = True: "):
+        scenario_from(document | {"controller": {"law": "rotors_sim_position", "tuned": True}})

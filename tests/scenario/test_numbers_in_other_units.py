@@ -42,6 +42,15 @@ def test_a_base_of_little_inertia_between_its_rotors_is_told(share, told):
     assert [line.startswith("base.inertia: has ") for line in lines] == [True] * told
 
 
+@pytest.mark.parametrize("axis", ["xx", "yy", "zz"])
+def test_a_base_of_little_inertia_about_one_axis_alone_is_told(axis):
+    vehicle = skyarm.load_vehicle("hexarotor_arm6")
+    inertia = dataclasses.replace(vehicle.base.inertia, **{"xx": 0.06, "yy": 0.06, "zz": 0.06, axis: 1e-5})
+    base = dataclasses.replace(vehicle.base, inertia=inertia)
+    (line,) = unlikely_in_vehicle(dataclasses.replace(vehicle, base=base))
+    assert line.startswith("base.inertia: has 1e-05 kg m^2 about an axis")
+
+
 @pytest.mark.parametrize("record", ["plant", "model"])
 @pytest.mark.parametrize(("share", "told"), [(1.5, False), (1000.0, True)])
 def test_a_plant_or_model_of_a_far_other_mass_is_told(record, share, told):

@@ -49,6 +49,7 @@ def test_an_empty_name_of_a_vehicle_is_shown_empty():
     ("changed", "words"),
     [
         ({"latency": 1e9}, "latency = 1000000000.0: must be at most 1000 control periods, 5 s"),
+        ({"latency": 5.1}, "latency = 5.1: must be at most 1000 control periods, 5 s"),
         ({"stiffness": 1e11}, "stiffness = 1e+11, "),
         ({"inertia": 1e-12}, "inertia = 1e-12 move the joint within"),
     ],
@@ -60,6 +61,13 @@ def test_a_servo_that_no_step_affords_is_named_by_its_own_numbers(changed, words
     assert found.startswith("plant.drives.joint1")
     assert words in found
     assert "largest_step" not in found
+
+
+def test_a_servo_on_a_joint_without_torque_is_told_the_joint():
+    drive = {"kind": "position_servo", "stiffness": 6.9, "damping": 0.2, "inertia": 2e-3}
+    scenario = skyarm.scenario_from(TIP | {"plant": TIP["plant"] | {"drives": {"joint1": drive}}})
+    with pytest.raises(ScenarioError, match=r"effort_limit = 0.*: it leaves plant\.drives\.joint1 no torque$"):
+        skyarm.with_numbers(scenario, {"plant.vehicle.links.0.joint.effort_limit": 0.0})
 
 
 @pytest.mark.parametrize("name", ["resistance", "torque_constant"])

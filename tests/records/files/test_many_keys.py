@@ -38,6 +38,19 @@ def test_every_way_to_write_a_key_counts(monkeypatch: pytest.MonkeyPatch, text: 
         read_toml(text.encode())
 
 
+@pytest.mark.parametrize("begin", ["[", "{a=", "a."])
+def test_tables_are_nested_at_most_64_deep(begin: str) -> None:
+    end = {"[": "]", "{a=": "}", "a.": ""}[begin]
+
+    def nested(depth: int) -> bytes:
+        inner = "b = 1" if begin == "a." else "1"
+        return (f"{'' if begin == 'a.' else 'x = '}{begin * (depth - 1)}{inner}{end * (depth - 1)}").encode()
+
+    assert read_toml(nested(module.DEEPEST))
+    with pytest.raises(ValueError, match="must be nested at most 64 deep"):
+        read_toml(nested(module.DEEPEST + 1))
+
+
 def test_rows_of_numbers_are_no_keys(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MOST_KEYS", 1)
     assert read_toml(b"a = [\n[1, 2],\n  [3, 4],\n[5, 6]\n]") == {"a": [[1, 2], [3, 4], [5, 6]]}

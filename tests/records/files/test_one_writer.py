@@ -24,6 +24,20 @@ def test_a_second_writer_is_refused_until_the_first_is_done(tmp_path: Path) -> N
         pass
 
 
+def test_a_patient_writer_waits_for_the_end_of_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, waits = one_writer(tmp_path), []
+    first.__enter__()
+
+    def sleep(seconds: float) -> None:
+        waits.append(seconds)
+        if len(waits) == 3:
+            first.__exit__(None, None, None)
+
+    monkeypatch.setattr(module.time, "sleep", sleep)
+    with one_writer(tmp_path, patience=60.0):
+        assert waits == [module.POLL] * 3
+
+
 def test_it_ends_with_an_error_too(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), one_writer(tmp_path):
         raise KeyboardInterrupt
