@@ -98,6 +98,10 @@ def _load(study: str, controllers: list[str] | None) -> Study:
         return load_study(study, controllers)
 
 
+LONGEST_NUMBER = 20
+"""Digits of an episode's number that are read: no study has so many episodes."""
+
+
 def _save_episodes(study: str, controllers: list[str] | None, out: str | None, wanted: list[str]) -> None:
     """Write episodes of a study as scenario files, those that are named by their rows with each controller's own."""
     from skyarm.studies.sweep.plan import prepare, save_episode
@@ -109,17 +113,20 @@ def _save_episodes(study: str, controllers: list[str] | None, out: str | None, w
     for which in wanted:
         if not which.isdecimal() and which not in named:
             raise StudyError(f"--save = {shown(which)}: {must_be_one_of(named, which)}, or a number")
+        if which.isdecimal() and (len(which) > LONGEST_NUMBER or int(which) >= loaded.episodes):
+            raise StudyError(f"--save = {shown(which)}: must be less than {loaded.episodes}, the episodes of {study}")
     rows = None if all(each.isdecimal() for each in wanted) else Rows(folder)
     if rows is not None and not rows.manifest.is_of(prepare(loaded).manifest):
         raise StudyError(f"{folder}: holds rows of another study than {study}; choose its --out")
-    names, files = file_names(loaded.scenarios, "", ".toml"), []
-    for which in wanted:
-        for label in loaded.scenarios:
-            with errors_as(StudyError, "--save = ", of=StudyError):
+    names, meant = file_names(loaded.scenarios, "", ".toml"), list[tuple[str, int]]()
+    with errors_as(StudyError, "--save = ", of=StudyError):
+        for which in wanted:
+            for label in loaded.scenarios:
                 episode = int(which) if rows is None or which.isdecimal() else rows.episode(label, which)
-            if episode >= loaded.episodes:
-                raise StudyError(f"--save = {which}: must be less than {loaded.episodes}, the episodes of {study}")
-            files.append(save_episode(folder / f"episode_{episode}_{names[label]}", loaded, label, episode))
+                meant.append((label, episode))
+    files = [
+        save_episode(folder / f"episode_{episode}_{names[label]}", loaded, label, episode) for label, episode in meant
+    ]
     tell(*(f"skyarm run {file}" for file in files))
     give(study=loaded.name, folder=folder, files=files)
 

@@ -15,7 +15,8 @@ from skyarm.cli.commands import program
 from skyarm.records.files.toml import toml_key, toml_value
 from skyarm.studies.sweep import load_study
 from skyarm.studies.sweep.design import values
-from skyarm.studies.sweep.plan import at_episode
+from skyarm.studies.sweep.plan import at_episode, save_episode
+from skyarm.studies.sweep.study import StudyError
 from sweeps import MASS, WIND, document, read
 
 pytest.importorskip("pyarrow")
@@ -84,7 +85,9 @@ def test_the_first_failed_and_the_worst_episode_are_found_in_the_rows(here: Path
     [
         (("--save", "fialed"), r"^--save = 'fialed': did you mean 'failed'\? must be one of .*, or a number$"),
         (("--save", "-1"), r"^--save = '-1': must be one of failed, .*, or a number$"),
-        (("--save", "50"), r"^--save = 50: must be less than 50, the episodes of "),
+        (("--save", "50"), r"^--save = '50': must be less than 50, the episodes of "),
+        (("--save", "2", "--save", "50"), r"^--save = '50': must be less than 50, the episodes of "),
+        (("--save", "9" * 5000), r"^--save = '999.*\.\.\.: must be less than 50, the episodes of "),
         (("--save", "1", "--part", "1/2"), r"--part.* with --save: nothing is flown"),
         (("--laws", "paper_ct", "--save", "failed"), r"rows_of_it: holds rows of another study than .*mine\.toml"),
     ],
@@ -122,3 +125,20 @@ def test_a_scenario_beside_the_study_is_found_from_elsewhere(tmp_path: Path, mon
     sweep("own/mine.toml", "--out", "new", "--save", "3")
     scenario = skyarm.load_scenario("new/episode_3_hybrid_computed_torque.toml")
     assert (scenario.controller.name, scenario.episode) == ("hybrid_computed_torque", 3)
+
+
+@pytest.mark.parametrize(
+    ("label", "episode", "said"),
+    [
+        ("paper_cd", 1, r"^label = 'paper_cd': did you mean 'paper_pd'\? must be one of paper_ct, paper_pd$"),
+        ("paper_ct", 50, r"^episode = 50: must be a whole number from 0 to 49$"),
+        ("paper_ct", -1, r"^episode = -1: must be a whole number from 0 to 49$"),
+        ("paper_ct", "x", r"^episode = 'x': must be a whole number from 0 to 49$"),
+    ],
+)
+def test_an_episode_that_the_study_does_not_have_is_one_line(
+    here: Path, tmp_path: Path, label: str, episode: int, said: str
+) -> None:
+    with pytest.raises(StudyError, match=said):
+        save_episode(tmp_path / "one.toml", load_study(here / "mine.toml"), label, episode)
+    assert list(tmp_path.iterdir()) == []

@@ -14,7 +14,7 @@ import numpy as np
 from skyarm.log.metrics.windows import Windows
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import STATED, stated_step
-from skyarm.records.files import Fields, PathLike, errors_as
+from skyarm.records.files import Fields, PathLike, errors_as, must_be_one_of, shown
 from skyarm.records.identity import all_files, identity
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
@@ -24,7 +24,7 @@ from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.numbers import require_apart, unit_at, with_numbers
 from skyarm.scenario.save import save_scenario
 from skyarm.scenario.scenario_file import list_scenarios
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Scenario, whole
 from skyarm.simulate.draws import draws_needed
 from skyarm.studies.flights import Work
 from skyarm.studies.sweep.design import extremes, values
@@ -229,10 +229,16 @@ def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path
         episode: its number.
 
     Raises:
+        StudyError: one line: a label or an episode that the study does not have.
         ScenarioError: one line: a scenario that no file can say, as under a law of FILE.py:make.
         OSError: one line: the file cannot be written.
     """
-    drawn = values(study, [episode])
+    if label not in study.scenarios:
+        raise StudyError(f"label = {shown(label)}: {must_be_one_of(study.scenarios, label)}")
+    known = whole(episode)
+    if known is None or not 0 <= known < study.episodes:
+        raise StudyError(f"episode = {shown(episode)}: must be a whole number from 0 to {study.episodes - 1}")
+    episode, drawn = known, values(study, [known])
     scenario = at_episode(study, label, {name: column[0] for name, column in drawn.items()}, episode)
     windows = study.windows.of_flight(scenario.duration, scenario.windows)
     found = dataclasses.replace(scenario, windows=record_from(Windows, Fields(windows.plain(), "windows")))
