@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -192,17 +192,54 @@ def with_files(table: object, where: str, folder: Path) -> object:
     if not isinstance(table, dict):
         return table
     found = {name: with_files(each, f"{where}.{name}", folder) for name, each in table.items()}
-    file, mesh = table.get("file"), table.get("mesh")
-    if table.get("kind") == "samples" and isinstance(file, str):
-        found["file"] = str(folder / file)
-    if isinstance(mesh, str) and mesh:
+    paths = _paths_in(table)
+    if "file" in paths:
+        found["file"] = str(folder / paths["file"])
+    if "mesh" in paths:
         from skyarm.records.files.stl_mesh import read_corners
 
-        path = folder / mesh
-        with errors_as(ValueError, f"{where}.mesh = {shown(mesh)}: "):
+        path = folder / paths["mesh"]
+        with errors_as(ValueError, f"{where}.mesh = {shown(paths['mesh'])}: "):
             read_corners(path)
         found["mesh"] = str(path.absolute())  # a log is drawn from any folder
     return found
+
+
+PATHS = ("plant", "vehicle"), ("model", "vehicle"), ("controller", "tuned")
+"""Tables and their words that are the path of a file, or a name of the library."""
+
+
+def with_other_paths(tables: Mapping[str, Any], other: Callable[[str], str]) -> dict[str, Any]:
+    """Tables of a scenario with all paths of files that begin in its folder replaced.
+
+    Args:
+        tables: plain, of a file.
+        other: from a path of a vehicle, of gains, samples or a mesh to what stands in its place.
+    """
+    found = dict(tables)
+    for name, word in PATHS:
+        table = tables.get(name)
+        entry = table.get(word) if isinstance(table, Mapping) else None
+        if isinstance(entry, str) and entry not in list_vehicles():
+            found[name] = {**table, word: other(entry)}
+    return found | {name: _other_paths(found[name], other) for name in ("reference", "world") if name in found}
+
+
+def _other_paths(table: object, other: Callable[[str], str]) -> object:
+    """Tables of [reference] or [world] with the paths of :func:`with_files` replaced."""
+    if isinstance(table, list):
+        return [_other_paths(each, other) for each in table]
+    if not isinstance(table, Mapping):
+        return table
+    return {name: _other_paths(each, other) for name, each in table.items()} | {
+        name: other(path) for name, path in _paths_in(table).items()
+    }
+
+
+def _paths_in(table: Mapping[str, object]) -> dict[str, str]:
+    """Words of a table of [reference] or [world] that are paths: a file of samples, a mesh."""
+    words = ("file", "mesh") if table.get("kind") == "samples" else ("mesh",)
+    return {word: path for word in words if isinstance(path := table.get(word), str) and path}
 
 
 def setting_of(world: Truth, duration: float) -> Setting:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from skyarm.records.files import PathLike, errors_as, file_name, output_file, sh
 from skyarm.records.files.names import read_named
 from skyarm.records.files.toml import toml_key, toml_value
 from skyarm.records.files.writing import write_atomically
-from skyarm.records.identity import identity
+from skyarm.records.identity import DRAWN, identity
 from skyarm.records.leaves import Place, is_leaf, mismatch, part, walk
 from skyarm.records.plain import digest, plain
 from skyarm.records.read_table import entry_of
@@ -26,11 +27,17 @@ from skyarm.records.words import EACH, Slot, groups, slots
 from skyarm.scenario.controller_table import LAYERS, SUFFIX, is_gains_file
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import path_of
+from skyarm.scenario.readers import with_other_paths
+from skyarm.scenario.scenario_differences import ABSENT, scenario_differences
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, in_order
 
 FOLLOWS: Place = ("agent", "controller", "par", "mixer")
 """What is computed anew from the rotors that the law believes in."""
+
+GOVERNOR = "reference.governor"
+PLANNED: Place = ("agent", "path_time")
+"""Word, and its field, which holds what was planned by it: numbers that no path replaces."""
 
 INSTANTS = ("pick", "drop")
 """Entries of a payload that the phases of a task state."""
@@ -41,22 +48,25 @@ Tables = dict[str, Any]
 def save_scenario(
     path: PathLike, scenario: Scenario, base: PathLike | Mapping[str, Any], controller: str | None = None
 ) -> Path:
-    """Write a scenario as a file that :func:`skyarm.load_scenario` reads as the same scenario, digest included.
+    """Write a scenario as a file that :func:`skyarm.load_scenario` reads as the same flight.
 
-    What never takes effect is left out: windows and changes after the end of a flight that was shortened. Changes by
-    hand may come before those that follow from payloads; they take hold as before.
+    The digest is the same, too, but of a scenario with what never takes effect, which is left out (windows and changes
+    after the end of a flight that was shortened), or with changes by hand among those that follow from payloads: in
+    the file they come first.
 
     Args:
         path: of the .toml file to write.
         scenario: to be written.
         base: shipped name, path or tables of the scenario that it was made from: what both have is written as there.
-        controller: name of its law as of :func:`skyarm.load_scenario`; left out, the base's if it has the same law.
+        controller: name of its law as of :func:`skyarm.load_scenario`; left out, the base's [controller] if the law is
+            of that name, or the catalogue's law of its name.
 
     Returns:
         The path.
 
     Raises:
-        ScenarioError: one line: a base that differs by more than words and numbers can say, such as a law of Python.
+        ScenarioError: one line: a base that differs by more than words and numbers can say, such as a law of Python;
+            the first value that would be read otherwise.
         OSError: one line: the file cannot be written.
     """
     with errors_as(ScenarioError):
@@ -65,6 +75,8 @@ def save_scenario(
         tables, folder = _tables_of(base)
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario")
+    if controller is not None and not isinstance(controller, str):
+        raise ScenarioError(f"controller = {shown(controller)}: must be the name of a law, or the path of its gains")
     with taken_back(file.parent):
         with errors_as(ScenarioError):
             output_file(str(path), "path", SUFFIX)
@@ -89,11 +101,26 @@ def tables_of(
     """
     wanted = _until_end(scenario)
     stated = {name: each for name, each in tables.items() if name != "numbers"}
-    begun = scenario_from(stated, folder)
     law = wanted.controller.name
-    if controller is not None or law != begun.controller.name:
-        stated = _under_law(stated, law if controller is None else controller, folder)
-        begun = scenario_from(stated, folder)
+    if controller is not None:
+        return _tables_from(wanted, _under_law(stated, controller, folder), folder)
+    if law != scenario_from(stated, folder).controller.name:
+        return _tables_from(wanted, _under_law(stated, law, folder), folder)
+    try:
+        return _tables_from(wanted, stated, folder)
+    except ScenarioError as error:
+        with suppress(ValueError):  # the law of this name may have other options than the base's
+            return _tables_from(wanted, _under_law(stated, law, folder), folder)
+        raise error from None
+
+
+def _tables_from(wanted: Scenario, stated: Tables, folder: PathLike) -> Tables:
+    """Tables that a scenario is read from, under the law of those that are given.
+
+    Raises:
+        ScenarioError: one line: they are read as another one.
+    """
+    begun = scenario_from(stated, folder)
     found = _with_changes(_with_entries(begun, wanted, stated), folder, wanted)
     read, rate = scenario_from(found, folder), wanted.rates.control
     if in_order(read.changes, rate) == in_order(wanted.changes, rate):
@@ -102,10 +129,23 @@ def tables_of(
     written = found | ({"numbers": numbers} if numbers else {})
     made = scenario_from(written, folder)
     if identity(made) != identity(wanted):
-        others = ", ".join(sorted(_different_words(made, wanted)))
-        must = "must be of the same structure, under the law that controller names"
-        raise ScenarioError(f"base: {must}; words and numbers do not say how {others} differ")
+        raise ScenarioError(f"base: {_difference(made, wanted)}")
     return written
+
+
+def _difference(made: Scenario, wanted: Scenario) -> str:
+    """Message on what a file does not say of a scenario: the first value that is read otherwise."""
+    found = scenario_differences(plain(wanted), plain(made))
+    if any(path.startswith(GOVERNOR) for path in found):
+        return f"must have the [{GOVERNOR}] that planned the scenario's time: no file states a plan by its numbers"
+    flown = {path: pair for path, pair in found.items() if not {*path.split(".")} & {*DRAWN}}
+    if not flown:
+        return f"must be of the same classes as the scenario in {', '.join(sorted(_different_words(made, wanted)))}"
+    # numbers differ, too, where others of another structure keep them from being written
+    path = min(flown, key=lambda each: all(isinstance(value, float) for value in flown[each]))
+    held, other = (value if value == ABSENT else shown(value) for value in flown[path])
+    but = "which words and numbers do not change; choose the base it was made from, and its law by controller"
+    return f"must have {path.removeprefix('agent.')} = {held} like the scenario, not {other}, {but}"
 
 
 def law_entry(name: str) -> Tables:
@@ -140,15 +180,15 @@ def _tables_of(base: PathLike | Mapping[str, Any]) -> tuple[Tables, Path]:
     return read_named(file_name(base, "base"), "scenario", LIBRARY)
 
 
-def _from_folder(entry: Any, old: Path, new: Path) -> Any:
-    """Entries with paths of files as seen from another folder."""
-    if isinstance(entry, Mapping):
-        return {name: _from_folder(each, old, new) for name, each in entry.items()}
-    if isinstance(entry, list):
-        return [_from_folder(each, old, new) for each in entry]
-    if isinstance(entry, str) and Path(entry).suffix and os.path.isfile(old / entry):
-        return os.path.relpath((old / entry).resolve(), new.resolve())  # a link leads elsewhere than its name
-    return entry
+def _from_folder(tables: Tables, old: Path, new: Path) -> Tables:
+    """Tables with paths of files as seen from another folder; those from the root stay."""
+
+    def seen(path: str) -> str:
+        if os.path.isabs(path):
+            return path
+        return os.path.relpath((old / path).resolve(), new.resolve())  # a link leads elsewhere than its name
+
+    return with_other_paths(tables, seen)
 
 
 def _different_words(one: Scenario, other: Scenario) -> dict[str, Slot]:
@@ -167,6 +207,9 @@ def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables
     for slot in _different_words(begun, scenario).values():
         before, after = part(begun, slot.record), part(scenario, slot.record)
         numbers_alone = slot.word.varies == "always" and _alike(before, after)
+        if after is None:
+            found = _without_entry(found, slot.table.split("."))
+            continue
         if slot.word.reader in WITHOUT_ENTRY or slot.path == "changes" or numbers_alone:
             continue
         with errors_as(ScenarioError, f"{slot.path}: ", TypeError):
@@ -216,6 +259,8 @@ def _alike(one: object, other: object) -> bool:
 
 def _entry(slot: Slot, value: Any) -> Any:
     """Entry of a word in a file."""
+    if slot.path == GOVERNOR:
+        return True  # the plan follows from it
     if slot.path != slot.table:  # named items, each a table: NAME = { kind = ..., ... }
         inner = slot.place[slot.place.index(EACH) + 1]
         return {each.name: entry_of(getattr(each, inner)) for each in value}
@@ -234,6 +279,14 @@ def _with_entry(tables: Tables, path: list[str], entry: Any) -> Tables:
     return tables | {first: _with_entry(inner if isinstance(inner, dict) else {}, rest, entry) if rest else entry}
 
 
+def _without_entry(tables: Tables, path: list[str]) -> Tables:
+    """Tables without the entry at a path."""
+    first, *rest = path
+    if rest and isinstance(tables.get(first), dict):
+        return tables | {first: _without_entry(tables[first], rest)}
+    return tables if rest else {name: each for name, each in tables.items() if name != first}
+
+
 def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
     """Numbers by path that make one scenario of another, without those that follow from others where that is enough."""
     ours, theirs = list(walk(begun)), list(walk(scenario))
@@ -242,12 +295,14 @@ def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
     places = [
         place
         for (place, before), (_, after) in zip(ours, theirs, strict=True)
-        if is_leaf(after) and isinstance(after, float) and (type(before) is not float or before != after)
+        if (isinstance(after, float) and (type(before) is not float or before != after))
+        or (type(after) is int and after == 0 and type(before) is float)  # structure, which tables of some kinds lack
     ]
+    places = [place for place in places if place[: len(PLANNED)] != PLANNED]
     stated = [place for place in places if place[: len(FOLLOWS)] != FOLLOWS]
-    numbers = {path_of(begun, place): float(part(scenario, place)) for place in stated}
+    numbers = {path_of(begun, place): part(scenario, place) for place in stated}
     if len(stated) < len(places) and identity(with_numbers(begun, numbers)) != identity(scenario):
-        numbers |= {path_of(begun, place): float(part(scenario, place)) for place in places}
+        numbers |= {path_of(begun, place): part(scenario, place) for place in places}
     return numbers
 
 

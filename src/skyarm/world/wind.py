@@ -99,7 +99,13 @@ class GustyWind(Component[Memory]):
         return {} if entry is None else {"gust": cls._gust(entry, at), "gusts": ()}
 
     def to_entry(self) -> dict[str, Any]:
-        """Table of a file: gusts as a list, their peaks called by what blows."""
+        """Table of a file: gusts as a list, their peaks called by what blows.
+
+        Raises:
+            TypeError: both a gust and gusts, which a file has one word for.
+        """
+        if self.gust is not None and self.gusts:
+            raise TypeError("gust and gusts: must not be stated both; the same wind has all of them in gusts")
         found: dict[str, Any] = record_entry(self)
         found.pop("gust", None)
         gusts = [

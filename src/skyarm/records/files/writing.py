@@ -58,8 +58,8 @@ def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[byt
     """
     require_no_input(path)
     target = Path(os.path.realpath(path))
-    if target.is_dir() or target.is_symlink():
-        reason = os.strerror(errno.EISDIR if target.is_dir() else errno.ELOOP)
+    if os.path.isdir(target) or os.path.islink(target):  # which say no of a name that is too long
+        reason = os.strerror(errno.EISDIR if os.path.isdir(target) else errno.ELOOP)
         raise OSError(f"file = {str(path)!r}: must be writable ({reason})")
     temporary: Path | None = None
     try:
@@ -198,7 +198,7 @@ def output_file(name: str, field: str, *suffixes: str) -> Path:
     if not name:
         raise ValueError(f"{field} = '': must be the path of a file")
     file = Path(name)
-    if suffixes and file.suffix not in suffixes and (file.is_file() or not file.exists()):
+    if suffixes and file.suffix not in suffixes and (os.path.isfile(file) or not os.path.exists(file)):
         raise ValueError(f"{field} = {shown(name)}: must end in {' or '.join(suffixes)}")
     require_no_input(file, field)
     require_replaceable(file)
@@ -220,7 +220,7 @@ def require_replaceable(*files: Path, renames: bool = False) -> None:
     for file in files:
         if not renames:
             require_no_input(file)
-        if file.is_dir():
+        if os.path.isdir(file):
             raise OSError(f"file = {shown(str(file))}: must be writable (there is a folder of this name)")
 
 
