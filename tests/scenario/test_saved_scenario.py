@@ -115,7 +115,7 @@ def test_what_words_and_numbers_cannot_say_is_refused_and_nothing_is_written(cas
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(ScenarioError, match=r"^scenario = 3: must be a Scenario"):
         skyarm.save_scenario(tmp_path / "found.toml", 3, "case3")
-    with pytest.raises(ScenarioError, match=r"^controller = 3: must be the name of a law"):
+    with pytest.raises(ScenarioError, match=r"^controller = 3: must be a name or a path$"):
         skyarm.save_scenario(tmp_path / "found.toml", case3, "case3", 3)
     with pytest.raises(ScenarioError, match=r"scenario = 'case33'"):
         skyarm.save_scenario(tmp_path / "found.toml", case3, "case33")

@@ -219,8 +219,7 @@ def with_other_paths(tables: Mapping[str, Any], other: Callable[[str], str]) -> 
     found = dict(tables)
     for name, word in PATHS:
         table = tables.get(name)
-        entry = table.get(word) if isinstance(table, Mapping) else None
-        if isinstance(entry, str) and entry not in list_vehicles():
+        if isinstance(table, Mapping) and isinstance(entry := table.get(word), str) and entry not in list_vehicles():
             found[name] = {**table, word: other(entry)}
     return found | {name: _other_paths(found[name], other) for name in ("reference", "world") if name in found}
 

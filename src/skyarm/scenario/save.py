@@ -46,7 +46,7 @@ Tables = dict[str, Any]
 
 
 def save_scenario(
-    path: PathLike, scenario: Scenario, base: PathLike | Mapping[str, Any], controller: str | None = None
+    path: PathLike, scenario: Scenario, base: PathLike | Mapping[str, Any], controller: PathLike | None = None
 ) -> Path:
     """Write a scenario as a file that :func:`skyarm.load_scenario` reads as the same flight.
 
@@ -75,13 +75,13 @@ def save_scenario(
         tables, folder = _tables_of(base)
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario")
-    if controller is not None and not isinstance(controller, str):
-        raise ScenarioError(f"controller = {shown(controller)}: must be the name of a law, or the path of its gains")
+    with errors_as(ScenarioError):
+        law = None if controller is None else file_name(controller, "controller")
     with taken_back(file.parent):
         with errors_as(ScenarioError):
             output_file(str(path), "path", SUFFIX)
         with errors_as(ScenarioError, f"{file}: ", (ValueError, TypeError)):
-            found = tables_of(scenario, _from_folder(tables, folder, file.parent), file.parent, controller)
+            found = tables_of(scenario, _from_folder(tables, folder, file.parent), file.parent, law)
             return write_atomically(file, scenario_text(found).encode())
 
 
@@ -183,12 +183,12 @@ def _tables_of(base: PathLike | Mapping[str, Any]) -> tuple[Tables, Path]:
 def _from_folder(tables: Tables, old: Path, new: Path) -> Tables:
     """Tables with paths of files as seen from another folder; those from the root stay."""
 
-    def seen(path: str) -> str:
+    def from_new(path: str) -> str:
         if os.path.isabs(path):
             return path
         return os.path.relpath((old / path).resolve(), new.resolve())  # a link leads elsewhere than its name
 
-    return with_other_paths(tables, seen)
+    return with_other_paths(tables, from_new)
 
 
 def _different_words(one: Scenario, other: Scenario) -> dict[str, Slot]:
