@@ -14,6 +14,7 @@ import skyarm
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.catalogue import PRESETS
 from skyarm.control.model import Terms
+from skyarm.records.identity import identity
 from skyarm.records.registry.shipped import SHIPPED
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -91,6 +92,14 @@ def test_a_log_holds_what_the_page_says():
     assert len(named) > 15
     for name in named:
         assert name in log.arrays(), name
+
+
+def test_the_scenario_that_a_page_writes_is_read_with_its_digest(tmp_path, monkeypatch):
+    (code,) = (each for each in blocks("scenario_files.md", "python") if "save_scenario" in each)
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(code, names)
+    assert identity(skyarm.load_scenario("out/heavier.toml")) == identity(names["heavier"])
 
 
 @pytest.mark.parametrize("name", skyarm.__all__)

@@ -16,6 +16,7 @@ from skyarm.records.files import PathLike
 from skyarm.records.identity import identity
 from skyarm.reference.signals import Constant, Windowed
 from skyarm.scenario.in_flight import with_part
+from skyarm.scenario.readers import with_other_paths
 from skyarm.scenario.save import scenario_text
 from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.scenario.scenario_record import ScenarioError
@@ -403,3 +404,45 @@ def test_a_law_of_the_bases_name_with_other_options_is_that_of_the_catalogue(tmp
     scenario = skyarm.load_scenario("slide_up", controller="centroidal_tip")
     assert scenario.controller.name == skyarm.load_scenario("slide_up").controller.name
     assert saved(scenario, tmp_path, "slide_up")["controller"] == {"preset": "centroidal_tip"}
+
+
+def test_the_words_of_a_scenario_that_are_paths():
+    samples = {"kind": "samples", "file": "a", "column": "x"}
+    tables = {
+        "name": "a",
+        "plant": {"vehicle": "hummingbird_arm2_rotors"},
+        "model": {"vehicle": "a"},
+        "controller": {"tuned": "a"},
+        "reference": {"joints": [samples], "base": {"kind": "hover", "file": "a"}},
+        "world": {"surfaces": [{"name": "a", "mesh": "a"}, {"mesh": ""}]},
+        "changes": [{"at": 1.0, "path": "reference.yaw", "value": samples}],
+    }
+    assert with_other_paths(tables, "../{}".format) == tables | {
+        "model": {"vehicle": "../a"},
+        "controller": {"tuned": "../a"},
+        "reference": {"joints": [samples | {"file": "../a"}], "base": {"kind": "hover", "file": "a"}},
+        "world": {"surfaces": [{"name": "a", "mesh": "../a"}, {"mesh": ""}]},
+    }
+    assert with_other_paths({"plant": 3, "controller": {"tuned": True}}, "../{}".format) == {
+        "plant": 3,
+        "controller": {"tuned": True},
+    }
+
+
+def test_a_path_from_the_root_stays(case3, tmp_path):
+    library = Path(skyarm.__file__).parent / "vehicle/library"
+    (tmp_path / "bird.toml").write_bytes((library / "hummingbird_arm2_rotors.toml").read_bytes())
+    tables = tomllib.loads((LIBRARY / "case3.toml").read_text("utf-8"))
+    tables["plant"]["vehicle"] = str(tmp_path / "bird.toml")
+    assert saved(skyarm.scenario_from(tables), tmp_path, tables)["plant"]["vehicle"] == str(tmp_path / "bird.toml")
+
+
+class Held(Constant):
+    """A signal of a class that no file names, with the fields of one that has a name."""
+
+
+def test_a_class_that_no_file_names_is_refused_by_the_word_of_its_part(case3, tmp_path):
+    other = case3.with_reference(dataclasses.replace(case3.reference, yaw=Held(0.0)))
+    assert other != case3
+    with pytest.raises(ScenarioError, match=r"base: must be of the same classes as the scenario in reference$"):
+        skyarm.save_scenario(tmp_path / "found.toml", other, "case3")
