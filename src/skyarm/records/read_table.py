@@ -21,7 +21,7 @@ from skyarm.records.immutable import declarations
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find
 from skyarm.records.registry.registrations import name_of
-from skyarm.records.units import NUMBER, Unit, declared_units, scalars
+from skyarm.records.units import NUMBER, Unit, declared_units, scalars, unresolved_field
 from skyarm.records.words import words_of_fields
 
 Record = TypeVar("Record")
@@ -64,7 +64,8 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         elif name in known:
             values[name] = value_from(*known[name], fields, word, folds)
         else:
-            raise ValueError(f"{fields.at(word)}: the annotation of this field names a type that cannot be found")
+            words = f"the annotation of {unresolved_field(kind) or name!r} names a type that cannot be found"
+            raise ValueError(f"{fields.where}: {kind.__name__}: {words}")
     fields.done()
     return make_at(fields.where, kind, **values)
 
