@@ -59,7 +59,7 @@ from skyarm.scenario.controller_table import require_servos_said, under_law
 from skyarm.scenario.document import Document, slot_of
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import require_apart, with_numbers
-from skyarm.scenario.paths import is_below
+from skyarm.scenario.paths import OF_STUDIES, is_below
 from skyarm.scenario.payload_tables import with_model_changes
 from skyarm.scenario.scenario_checks import check_scenario, require_start_outside
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError
@@ -242,8 +242,29 @@ def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
 
 def _with_stated_numbers(scenario: Scenario, numbers: Mapping[str, Scalar]) -> Scenario:
     """Scenario with the numbers that a file states by path, checked as if they were stated in words."""
-    require_apart(scenario, tuple(numbers))
-    changed = with_numbers(scenario, numbers)
+    try:
+        require_apart(scenario, tuple(numbers))
+        changed = with_numbers(scenario, numbers)
+    except ValueError as error:
+        raise _by_its_path(scenario, numbers, str(error)) from None
     require_changes(changed)
     require_start_outside(changed)
     return changed
+
+
+def _by_its_path(scenario: Scenario, numbers: Mapping[str, Scalar], words: str) -> ScenarioError:
+    """Error in numbers that a file states by path, which names the path where a record's field was named.
+
+    Args:
+        scenario: without the numbers.
+        numbers: by path.
+        words: of the error in all of them.
+    """
+    for path, value in numbers.items() if not words.startswith("path = ") else ():
+        try:
+            with_numbers(scenario, {path: value})
+        except ValueError as error:
+            found, texts = str(error), (shown(value), f"{value}.0")  # as it is and as a record holds a whole number
+            why = next((tail for each in texts if (tail := found.partition(f" = {each}: ")[2])), found)
+            return ScenarioError(f"{path} = {shown(value)}: {why}")
+    return ScenarioError(words.replace(OF_STUDIES, "must be written in its table"))
