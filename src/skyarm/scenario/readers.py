@@ -17,13 +17,13 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
-from skyarm.records.field_rules import rules
+from skyarm.records.field_rules import accept_scalar, rules
 from skyarm.records.files import Fields, errors_as, number, shown
 from skyarm.records.leaves import Place, Tree, replace_at
 from skyarm.records.read_table import record_from, registered_from, registered_value, value_from
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
-from skyarm.records.units import NUMBER
+from skyarm.records.units import NUMBER, units
 from skyarm.reference import Trajectory
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting, TaskEvent
@@ -33,7 +33,7 @@ from skyarm.scenario.numbers import INITIAL
 from skyarm.scenario.payload_tables import with_commands, with_instants
 from skyarm.scenario.scenario_checks import check_quaternion, check_scenario, require_start_outside
 from skyarm.scenario.scenario_record import Change, Scenario, trimmed_state
-from skyarm.vehicle.linkage import JOINT_NUMBERS
+from skyarm.vehicle.linkage import JOINT_NUMBERS, Joint
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import mounted_drives
@@ -148,6 +148,7 @@ def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
         for i in range(found.n if value is not None else 0):
             given, where = (value[i], f"{at}[{i}]") if isinstance(value, list) else (value, at)
             held = number(given, where, low=0.0, strict=name == "coulomb_rate")
+            accept_scalar(where, held, units(Joint)[name])
             # a stop of exactly no stiffness is none
             numbers["links", str(i), "joint", name] = 0 if name == "stop_stiffness" and held == 0.0 else held
     table.done()

@@ -1,6 +1,6 @@
 """Read scenarios from TOML files.
 
-A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
+A file has ``schema = 1``, ``name``, ``title``, ``duration`` (s) and these tables::
 
     [rates]       physics, control, reference (Hz; 1000, 200, 50)
     [plant]       vehicle, gravity (9.81), kind ("rigid_body", "mujoco"),
@@ -34,6 +34,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [[changes]]   at (s), path, value: what is other from then on (:mod:`skyarm.scenario.in_flight`)
     [world]       [[world.surfaces]], [[world.points]]: what the vehicle may touch, and where (skyarm.world.contact)
     [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.payload_tables)
+    [numbers]     numbers by their path, applied last (:mod:`skyarm.scenario.numbers`)
     seed, episode
 
 A vehicle is a name of the library or a path beside the file. Without [model] the controller's model is the plant's
