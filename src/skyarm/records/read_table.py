@@ -64,8 +64,8 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         elif name in known:
             values[name] = value_from(*known[name], fields, word, folds)
         else:
-            words = f"the annotation of {unresolved_field(kind) or name!r} names a type that cannot be found"
-            raise ValueError(f"{fields.where}: {kind.__name__}: {words}")
+            at = fields.at(unresolved_field(kind) or word)  # one of them hides the types of all
+            raise ValueError(f"{at}: the annotation of this field names a type that cannot be found")
     fields.done()
     return make_at(fields.where, kind, **values)
 
