@@ -36,9 +36,6 @@ class Signal(ABC):
 
     __slots__ = ()
 
-    entry_words: ClassVar[str] = "number, list or table: a signal"
-    """Entry of a file that it is read from, in words."""
-
     @abstractmethod
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four at time t (s)."""
