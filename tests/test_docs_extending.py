@@ -9,7 +9,7 @@ import sys
 import timeit
 import tomllib
 import types
-from importlib import metadata
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from added_components import registry_kept
 from skyarm.algebra import scalars
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.registry import KINDS, plugins
+from skyarm.records.registry.class_signatures import BASES
 from skyarm.records.registry.plugins import load_plugin
 from wrong_laws import EVERYTHING, MAKERS
 
@@ -51,6 +52,39 @@ def _fly_it(tmp_path: Path) -> None:
     log = skyarm.run(skyarm.load_scenario(flight, duration=1.0))
     assert log.status == "completed"
     assert log.air_velocity.std(axis=0).min() > 0.05
+
+
+def test_the_fault_and_the_signal_shown_are_read_and_fly(tmp_path: Path) -> None:
+    file = tmp_path / "fading.py"
+    file.write_text(files("python")["fading.py"], "utf-8")
+    tables = {
+        "name": "own",
+        "duration": 0.1,
+        "plant": {"vehicle": "hummingbird_arm2_rotors"},
+        "model": {"vehicle": "hummingbird_arm2"},
+        "controller": {"preset": "paper_ct"},
+        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+    }
+    more = tomllib.loads(files("toml")["tables of a scenario"])
+    with registry_kept():
+        load_plugin(file)
+        stated = tables | more | {"reference": tables["reference"] | more["reference"]}  # type: ignore[operator]
+        scenario = skyarm.scenario_from(stated)
+        fault = scenario.faults[0]
+        assert (float(fault.share(0.0)), round(float(fault.share(9.0)), 6)) == (1.0, 0.9)
+        assert len(scenario.reference.yaw.signals) == 2
+        assert skyarm.run(scenario).status == "completed"
+        yaw = stated["reference"]["yaw"] | {"phase": 1.0}  # type: ignore[index]
+        with pytest.raises(ValueError, match=r"yaw\.phase = 1\.0: unknown"):
+            skyarm.scenario_from(stated | {"reference": tables["reference"] | {"yaw": yaw}})  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("kind", BASES)
+def test_the_base_class_that_a_kind_names_is_there_and_on_the_page(kind: str) -> None:
+    module, _, name = BASES[kind].rpartition(".")
+    assert isinstance(getattr(import_module(module), name), type)
+    assert f"ubclass of {BASES[kind]}" in KINDS[kind]
+    assert re.search(rf"^\| `{kind}` \|.*ubclass of `{BASES[kind]}`", PAGE, re.MULTILINE)
 
 
 def files(language: str) -> dict[str, str]:

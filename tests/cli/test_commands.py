@@ -79,6 +79,13 @@ def test_show_prints_the_paper_s_vehicle() -> None:
     assert speed == pytest.approx((0.82103 * 9.8 / 4 / 8.54858e-6) ** 0.5, abs=0.01)
 
 
+def test_the_words_of_a_file_are_a_line_each_in_a_pipe() -> None:
+    lines = succeeded(shell("show", "words")).splitlines()
+    (rates,) = (line.split(" | ") for line in lines if line.startswith("rates.physics"))
+    assert rates[:5] == ["rates.physics", "", "whole number", "Hz", "at least 1, at most 1e+06"]
+    assert {line.count(" | ") for line in lines} == {6}
+
+
 def test_show_prints_the_servos_that_turn_rotors() -> None:
     text = succeeded(typed("show", "voliro_like"))
     assert re.search(r"^rotor4 +-0\.5 -0\.866025 0 *$", text, re.MULTILINE)

@@ -20,6 +20,7 @@ from skyarm import Scenario, ScenarioError, load_scenario, scenario_from
 from skyarm.records.identity import identity
 from skyarm.records.plain import digest, plain
 from skyarm.records.restore import restore
+from skyarm.reference import signal_from
 from skyarm.scenario.controller_table import under_law
 from skyarm.scenario.in_flight import overrides_at, require_changes, stretches
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
@@ -322,3 +323,27 @@ def test_a_keyword_takes_the_place_of_what_the_file_states(word):
     found = scenario_from(stated, "test", {word: value})
     held = {"seed": found.seed, "duration": found.duration, "plant": found.kind, "controller": found.controller.name}
     assert held[word] == {"controller": "decoupled_pd"}.get(word, value)
+
+
+def test_a_file_of_a_change_lies_beside_the_file_of_the_scenario(tmp_path, monkeypatch):
+    (tmp_path / "yaw.csv").write_text("time,a\n0,0\n0.5,0.1\n1,0.2\n")
+    samples = {"kind": "samples", "file": "yaw.csv", "column": "a"}
+    file = tmp_path / "own.toml"
+    file.write_text(toml_text(BASE | {"changes": [{"at": 0.5, "path": "reference.yaw", "value": samples}]}))
+    (elsewhere := tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(elsewhere)
+    scenario = load_scenario("../own.toml")
+    (change,) = scenario.changes
+    assert change.table == {"kind": "spline", "times": [0.0, 0.5, 1.0], "values": [0.0, 0.1, 0.2]}
+    yaw = signal_from(change.table, "yaw")
+    assert overrides_at(scenario, 150).of(scenario).reference.yaw == yaw
+    assert identity(load_scenario(file)) == identity(scenario)
+
+
+def test_a_file_of_gains_of_a_change_lies_beside_the_file_of_the_scenario(tmp_path):
+    file, gains = tmp_path / "own.toml", {"schema": 1, "law": {"preset": "paper_ct"}, "gains": {"gains.position": 5.0}}
+    (tmp_path / "mine.toml").write_text(toml_text(gains))
+    for path, value in (("controller", {"tuned": "mine.toml"}), ("controller.law", "mine.toml")):
+        file.write_text(toml_text(BASE | {"changes": [{"at": 0.5, "path": path, "value": value}]}))
+        scenario = load_scenario(file)
+        assert number_at(overrides_at(scenario, 150).of(scenario), GAIN) == 5.0

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+import tomllib
 
 import pytest
 
 import skyarm
+from added_components import registry_kept
 from shown_commands import ROOT
-from skyarm.records.words import slots
-from skyarm.scenario.grammar import Row, grammar
+from skyarm.scenario.grammar import BY_HAND, SIGNAL, Row, grammar
 
 ROWS = grammar()
 PAGE = (ROOT / "docs/scenario_files.md").read_text("utf-8")
@@ -20,9 +21,103 @@ def row(path: str, of: str = "") -> Row:
     return found
 
 
-def test_every_word_of_the_records_is_a_row():
-    told = {each.path.removesuffix("[]") for each in ROWS}
-    assert {slot.path for slot in slots(skyarm.Scenario)} <= told
+FILES = [*(ROOT / "src/skyarm/scenario/library").glob("*.toml"), *(ROOT / "examples").rglob("*.toml")]
+PATTERNS = [(re.compile(re.escape(each.path).replace(r"\*", r"[^.\[]+")), each) for each in ROWS]
+
+
+def untold(table: object, path: str = "") -> set[str]:
+    """Paths of a file's keys without a row, but within signals and the tables that are read by hand."""
+    if isinstance(table, list):
+        return {found for each in table for found in untold(each, f"{path}[]")}
+    missing: set[str] = set()
+    for name, entry in table.items() if isinstance(table, dict) else ():
+        at = f"{path}.{name}" if path else name
+        rows = [each for pattern, each in PATTERNS for end in ("", "[]") if pattern.fullmatch(f"{at}{end}")]
+        if not rows and not any(pattern.pattern.startswith(re.escape(f"{at}.")) for pattern, _ in PATTERNS):
+            missing.add(at)
+        elif not any("signal" in each.entry for each in rows) and at not in (*BY_HAND, "numbers"):
+            missing |= untold(entry, at)
+    return missing
+
+
+def test_every_key_of_the_shipped_scenarios_and_examples_has_a_row():
+    tables = [table for table in map(tomllib.loads, (file.read_text("utf-8") for file in FILES)) if "plant" in table]
+    assert len(tables) > 25
+    assert {found for table in tables for found in untold(table)} == set()
+
+
+def test_every_key_of_the_example_on_the_page_has_a_row():
+    texts = re.findall(r"```toml[^\n]*\n(.*?)```", PAGE, re.DOTALL)
+    assert any("[environment.wind]" in text for text in texts)
+    assert {found for text in texts for found in untold(tomllib.loads(text))} == set()
+
+
+def test_a_key_without_a_row_would_be_found():
+    assert untold({"plant": {"gravty": 1}, "world": {"surfaces": [{"nme": "x"}]}}) == {
+        "plant.gravty",
+        "world.surfaces[].nme",
+    }
+
+
+@pytest.mark.parametrize(
+    ("path", "of", "entry"),
+    [
+        ("schema", "", "whole number"),
+        ("plugins.need", "", "list of texts"),
+        ("plant.kind", "", "'rigid_body' or 'mujoco'"),
+        ("plant.integrator", "", "'rk4' or 'euler' or 'rk4_staged'"),
+        ("changes[].path", "", "text"),
+        ("windows.steady", "", "[start, stop]"),
+        ("windows.holds", "", "list of [start, stop]"),
+        ("environment.wind.gust.velocity", "moving_air", "three numbers"),
+        ("environment.wind.gust.force", "force_wind", "three numbers"),
+        ("environment.wind.gust.shape", "moving_air", "'step' or 'one_minus_cosine'"),
+        ("environment.wind.turbulence.wind_20ft", "moving_air", "number"),
+        ("environment.faults[].effectiveness", "loss", "number, list or table: a signal"),
+        ("payloads[].pick", "rigid", "number, or a table: a place"),
+        ("payloads[].pick.within", "rigid", "number"),
+        ("sensors.*.gyro.density", "imu", "number"),
+        ("world.surfaces[].name", "contact", "text"),
+        ("controller.gains.position", "hybrid_computed_torque", "three numbers"),
+        ("controller.without", "hybrid_computed_torque", "list of names"),
+        ("initial.quaternion_wxyz", "", "four numbers"),
+        ("SIGNAL.height", "ramp", "number"),
+    ],
+)
+def test_words_inside_tables_and_their_choices_are_told(path, of, entry):
+    assert row(path, of).entry == entry
+
+
+def test_kinds_are_told_where_they_are_chosen():
+    with registry_kept():
+        skyarm.register.motion("spin")(spin)
+        skyarm.register.force("own_push")(skyarm.Force)
+        rows = {(each.path, each.of): each.entry for each in grammar()}
+    assert "'own_push'" in rows["environment.wind.mode", ""]
+    assert "'own_push'" in rows["environment.forces[].kind", ""]
+    assert "'loss' (loss if left out)" in rows["environment.faults[].kind", ""]
+    assert "'spin'" in rows["reference.base.kind", ""]
+    assert rows["reference.base.radius", "spin"] == "number"
+    assert "'ramp'" in rows["SIGNAL.kind", ""]
+    assert ("environment.faults[].signal", "loss") not in rows
+
+
+def test_the_page_names_the_signals_that_are_told():
+    told = {each.of for each in ROWS if each.path.startswith("SIGNAL.") and each.of}
+    (named,) = re.findall(r"and of signals\s+other than (.*?):", PAGE, re.DOTALL)
+    assert set(re.findall(r"`(\w+)`", named)) == told
+
+
+def spin(radius: float = 1.0) -> skyarm.Trajectory:
+    """Motion of a test."""
+    return skyarm.Trajectory()
+
+
+def test_a_table_that_no_change_replaces_says_so():
+    for path in ("plant", "world", "payloads[]", "sensors"):
+        assert row(path).varies == "its numbers in flight, between episodes"
+    assert row("controller").varies == "as a whole in flight; its numbers in flight, between episodes"
+    assert row("environment.ground").varies == "as a whole in flight"
 
 
 @pytest.mark.parametrize(
@@ -43,7 +138,7 @@ def test_every_word_of_the_records_is_a_row():
         ("delays.measurement", "", "number", "s", "at least 0", "never"),
         ("environment.wind.velocity", "moving_air", "three numbers", "m/s", "", "in flight, between episodes"),
         ("environment.wind.force", "force_wind", "three numbers", "N", "", "in flight, between episodes"),
-        ("environment.faults[].effectiveness", "loss", "number", "", "at least 0, at most 1", "in flight, "),
+        ("environment.faults[].effectiveness", "loss", SIGNAL, "", "at least 0, at most 1", "in flight, "),
         ("environment.faults[].rotor", "loss", "text", "", "", "never"),
         ("payloads[].cord", "hanging", "number", "m", "above 0", "in flight, between episodes"),
         ("sensors.*.frequency", "imu", "number", "Hz", "at least 0", "never"),
@@ -64,6 +159,7 @@ def test_parts_that_a_change_may_replace_are_marked():
 
 
 def test_every_word_that_is_of_no_kind_is_on_the_page_of_scenario_files():
-    words = {part for each in ROWS if not each.of for part in each.path.removesuffix("[]").split(".") if part != "*"}
+    paths = (each.path.replace("[]", "") for each in ROWS if not each.of)
+    words = {part for path in paths for part in path.split(".") if part not in ("*", "SIGNAL")}
     written = set(re.findall(r"\w+", PAGE))
     assert words - written == set()

@@ -151,3 +151,38 @@ LOAD = {"mass": 0.1, "pick": 1.0}
 def test_a_wrong_own_kind_is_one_line(table: str, entry: object, words: str) -> None:
     with pytest.raises(ScenarioError, match=words):
         skyarm.scenario_from(TABLES | {table: entry})
+
+
+HUGE = [1e300, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"environment": {"wind": {"mode": "moving_air", "velocity": HUGE}}}, "environment.wind.velocity = 1e+300: "),
+        ({"environment": {"wind": {"mode": "thermal", "force": HUGE}}}, "environment.wind.force = 1e+300: "),
+        (
+            {"environment": {"air": [{"kind": "moving_air", "velocity": HUGE}]}},
+            "environment.air[0].velocity.x = 1e+300: ",
+        ),
+        (
+            {"environment": {"wind": {"mode": "moving_air", "gust": {"velocity": HUGE, "start": 1, "duration": 1}}}},
+            "environment.wind.gust.velocity = 1e+300: ",
+        ),
+        ({"plant": TABLES["plant"] | {"joints": {"damping": 1e300}}}, "plant.joints.damping = 1e+300: "),
+        ({"plant": TABLES["plant"] | {"joints": {"damping": [0.1, 1e300]}}}, "plant.joints.damping[1] = 1e+300: "),
+        ({"environment": {"faults": [{"rotor": "front", "stuck": True}]}}, "environment.faults[0].stuck = true: "),
+        (
+            {"environment": {"faults": [{"rotor": "front", "stuck": False}]}},
+            "environment.faults[0].effectiveness: is missing; there are rotor, stuck",
+        ),
+        (
+            {"environment": {"faults": [{"joint": "joint1", "stuck": True, "effectiveness": [1.0]}]}},
+            "environment.faults[0].effectiveness = {'kind': 'sum', 'signals': [1.0]}: must be left out beside stuck",
+        ),
+    ],
+)
+def test_a_message_says_the_words_of_the_file(more: dict[str, object], words: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        skyarm.scenario_from(TABLES | more)
+    assert str(caught.value).startswith(words), str(caught.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -338,8 +339,14 @@ def test_two_spellings_of_one_thing_are_refused(table, entry, message):
     [
         ({"plant.gravity": -1.0}, r"^numbers: plant\.gravity = -1\.0: must be at least 0"),
         ({"plant.gravty": 9.0}, r"^numbers: path = 'plant\.gravty': no 'gravty' here; did you mean 'gravity'\?"),
-        ({"plant.gravity": "low"}, r"^numbers: values\['plant\.gravity'\] = 'low': must be"),
-        ({"seed": 3}, r"^numbers: path = 'seed': seed is structure"),
+        ({"plant.gravity": "low"}, r"^numbers: plant\.gravity = 'low': must be"),
+        ({"plant.vehicle.base.mass": math.nan}, r"^numbers: plant\.vehicle\.base\.mass = nan: must be a finite"),
+        ({"plant.vehicle.base.mass": -1}, r"^numbers: plant\.vehicle\.base\.mass = -1: must be at least 0$"),
+        (
+            {"plant.gravity": 9.7, "plant.vehicle.base.inertia.xx": 50.0},
+            r"^numbers: plant\.vehicle\.base\.inertia\.xx = 50\.0: .*triangle inequality",
+        ),
+        ({"seed": 3}, r"^numbers: path = 'seed': seed is structure, must be written in its table$"),
         ([1.0], r"^numbers = \[1\.0\]: must be a table"),
     ],
 )

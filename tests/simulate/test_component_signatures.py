@@ -15,14 +15,26 @@ from added_components import registry_kept
 from skyarm.algebra import Vec3
 from skyarm.log.formats import load_log
 from skyarm.log.metrics.accumulate import added_metric
+from skyarm.records.files import Fields
+from skyarm.records.read_table import record_from
 from skyarm.records.registry import RegistryError, register
 from skyarm.records.registry.class_signatures import class_mistake
 from skyarm.records.registry.plugins import load_plugin
+from skyarm.reference import Signal, signal_from
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.simulate.user_code import require_shapes
 
 BASE = load_scenario("case1", duration=0.25)
+
+BASE_TABLES = {
+    "name": "own",
+    "duration": 0.1,
+    "plant": {"vehicle": "hummingbird_arm2_rotors"},
+    "model": {"vehicle": "hummingbird_arm2"},
+    "controller": {"preset": "paper_ct"},
+    "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+}
 
 
 def made(base: type, **members: Any) -> Any:
@@ -140,7 +152,10 @@ def test_what_takes_more_ways_to_be_called_is_right():
 
 @pytest.mark.parametrize(
     "base",
-    [skyarm.Air, skyarm.Force, skyarm.Drive, skyarm.Sensor, skyarm.Estimator, skyarm.Ending, skyarm.Metric],
+    [
+        *(skyarm.Air, skyarm.Force, skyarm.Drive, skyarm.Sensor, skyarm.Estimator, skyarm.Ending, skyarm.Metric),
+        *(skyarm.Fault, skyarm.TimedPayload, skyarm.Contact, Signal),
+    ],
 )
 def test_every_function_of_every_base_is_looked_at(base):
     members = {name: given for kind in reversed(base.__mro__[:-1]) for name, given in vars(kind).items()}
@@ -149,7 +164,8 @@ def test_every_function_of_every_base_is_looked_at(base):
     assert functions
     for name, given in functions.items():
         assert given.__doc__, f"help(skyarm.{base.__name__}) says nothing about {name}"
-        _, words = class_mistake(type(made(base, **{name: lambda: 0}))) or ("", "")
+        kind = dataclass(frozen=True, kw_only=True)(type("Own", (base,), {"__module__": __name__, name: lambda: 0}))
+        _, words = class_mistake(kind) or ("", "")
         assert words.startswith(f"cannot be called as {name}("), (name, words)
 
 
@@ -169,6 +185,33 @@ PLUGINS = {
                ":7: ending 'mine': cannot be called as fine("),
     "metric": ('@skyarm.register.metric("mine")\n@dataclass(frozen=True)\nclass Mine(skyarm.Metric):\n'
                "    def start(self, x): return 0", ":6: metric 'mine': cannot be called as start()"),
+    "fault": ('@skyarm.register.fault("mine")\n@dataclass(frozen=True, kw_only=True)\nclass Mine(skyarm.Fault):\n'
+              "    def share(self): return 1.0", ":6: fault 'mine': cannot be called as share(t)"),
+    "payload": ('@skyarm.register.payload("mine")\n@dataclass(frozen=True, kw_only=True)\n'
+                "class Mine(skyarm.TimedPayload):\n    def events_reached(self, t): return True, False",
+                ":6: payload 'mine': cannot be called as events_reached(t, position_W)"),
+    "world": ('@skyarm.register.world("mine")\n@dataclass(frozen=True, kw_only=True)\nclass Mine(skyarm.Contact):\n'
+              "    def slope(self, memory): return memory", ":6: world 'mine': cannot be called as slope("),
+    "signal": ('@skyarm.register.signal("mine")\n@dataclass(frozen=True)\nclass Mine(skyarm.reference.Signal):\n'
+               "    def derivatives(self): return 1.0", ":6: signal 'mine': cannot be called as derivatives(t)"),
+    "signal of no table": ('@skyarm.register.signal("mine")\ndef mine(): return 1.0',
+                           ":3: signal 'mine': cannot be called as mine(fields)"),
+    "payload that is a fault": ('@skyarm.register.payload("mine")\n@dataclass(frozen=True, kw_only=True)\n'
+                                "class Mine(skyarm.Fault):\n    def share(self, t): return 1.0",
+                                ":6: payload 'mine': is Mine: must be a subclass of skyarm.TimedPayload"),
+    "world that is a force": ('@skyarm.register.world("mine")\n@dataclass(frozen=True, kw_only=True)\n'
+                              "class Mine(skyarm.Force):\n    def start(self, period, draws): return ()",
+                              ":6: world 'mine': is Mine: must be a subclass of skyarm.Contact"),
+    "air that is a function": ('@skyarm.register.air("mine")\ndef mine(t): return 1.0',
+                               ":3: air 'mine': is mine: must be a subclass of skyarm.Air"),
+    "no name": ('@skyarm.register.fault\n@dataclass(frozen=True, kw_only=True)\nclass Mine(skyarm.Fault):\n'
+                "    def share(self, t): return 1.0", ":6: register.fault: name = <class 'skyarm_plugin_mine"),
+    "field kind": ('@skyarm.register.force("mine")\n@dataclass(frozen=True, kw_only=True)\n'
+                   "class Mine(skyarm.Force):\n    kind: str = ''\n    def start(self, period, draws): return ()",
+                   ":7: force 'mine': has a field 'kind': must have another name"),
+    "field mode": ('@skyarm.register.force("mine")\n@dataclass(frozen=True, kw_only=True)\n'
+                   "class Mine(skyarm.Force):\n    mode: str = ''\n    def start(self, period, draws): return ()",
+                   ":7: force 'mine': has a field 'mode': must have another name"),
     "no dataclass": ('@skyarm.register.air("mine")\nclass Mine(skyarm.Air):\n'
                      "    def velocity(self, memory, t, place): return 0", ":5: air 'mine': is no dataclass: must be "),
     "format": ('def write(log, path): return path\n\nskyarm.register.log_format("mine")(write)',
@@ -186,6 +229,53 @@ def test_a_plugin_is_refused_where_it_registers(name, tmp_path):
     with registry_kept(), pytest.raises(RegistryError) as caught:
         load_plugin(path)
     assert str(caught.value).startswith(f"{path}{words}"), str(caught.value)
+
+
+WRONG_RESULTS: dict[str, tuple[str, dict[str, Any], str]] = {
+    "signal": ("class Mine(skyarm.reference.Signal):\n    def derivatives(self, t): return 1.0",
+               {"reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "yaw": {"kind": "mine"}}},
+               "Mine.derivatives gives 1.0: must be a tuple of five"),
+    "signal in a fault": ("class Mine(skyarm.reference.Signal):\n    def derivatives(self, t): return 1.0, 0, 0, 0, ()",
+                          {"environment": {"faults": [{"rotor": "front", "effectiveness": {"kind": "mine"}}]}},
+                          "environment.faults[0].signal (Mine.derivatives) gives derivatives[0], derivatives[1], "),
+    "fault": ("class Mine(skyarm.Fault):\n    def share(self, t): return (1.0,)",
+              {"environment": {"faults": [{"kind": "mine", "rotor": "front", "effectiveness": 0.9}]}},
+              "environment.faults[0] (Mine.share) gives a share[0]: must be a share"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG_RESULTS)
+def test_a_fault_or_signal_of_another_result_is_refused_before_a_flight(name, tmp_path):
+    text, tables, words = WRONG_RESULTS[name]
+    path, kind = tmp_path / "mine.py", name.partition(" ")[0]
+    text = f'@skyarm.register.{kind}("mine")\n@dataclass(frozen=True, kw_only=True)\n{text}'
+    path.write_text(f"import skyarm\nfrom dataclasses import dataclass\n{text}\n")
+    with registry_kept():
+        load_plugin(path)
+        with pytest.raises(ValueError, match="Mine") as caught:
+            skyarm.run(skyarm.scenario_from(BASE_TABLES | tables))
+    assert str(caught.value).startswith(f"{path}:6: {words}"), str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_function_that_makes_no_signal_is_one_line():
+    def makes(fields):
+        return 1.0
+
+    with registry_kept():
+        register.signal("mine")(makes)
+        with pytest.raises(ValueError, match=r": .*makes gives 1\.0: must be a skyarm\.reference\.Signal"):
+            signal_from({"kind": "mine"}, "yaw")
+
+
+def test_an_annotation_that_cannot_be_found_is_named():
+    @dataclass(frozen=True, kw_only=True)
+    class Lost(skyarm.Ending):
+        width: float = 1.0
+        place: Nowhere = 2.0  # noqa: F821
+
+    with pytest.raises(ValueError, match=r"^endings\[0\]\.place: the annotation of this field names a type"):
+        record_from(Lost, Fields({"width": 1.0}, "endings[0]"))
 
 
 def test_a_format_of_this_process_is_looked_at_when_it_is_used():

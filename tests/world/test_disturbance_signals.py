@@ -143,7 +143,7 @@ def test_a_share_of_thrust_is_a_signal_within_none_and_all():
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ({"rotor": "front", "stuck": True}, r"stuck = True: must be of a joint"),
+        ({"rotor": "front", "stuck": True}, r"stuck = true: must be of a joint"),
         ({"joint": "joint1", "stuck": 1}, r"stuck = 1: must be true or false"),
         (
             {"joint": "joint1", "stuck": True, "effectiveness": 0.5},

@@ -12,7 +12,7 @@ from rich.console import RenderableType
 
 from skyarm.cli.arguments import name_completion, out_option, require_left_out, require_not_another
 from skyarm.cli.lines import say_unlikely
-from skyarm.cli.output import Facts, Lines, bar, give, is_document_wanted, table_of, tell
+from skyarm.cli.output import Facts, Lines, bar, console, give, is_document_wanted, table_of, tell
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
@@ -98,9 +98,13 @@ def _show_words() -> None:
     rows = grammar()
     give(words=[row._asdict() for row in rows])
     columns = ("word", "of kind", "entry", "unit", "allowed", "varies", "meaning")
-    if not is_document_wanted():
-        lines = [(row.path, row.of, row.entry, row.unit, row.bounds, row.varies, row.meaning) for row in rows]
+    lines = [(row.path, row.of, row.entry, row.unit, row.bounds, row.varies, row.meaning) for row in rows]
+    if is_document_wanted():
+        return
+    if console.is_terminal:
         tell(table_of(columns, lines, left=len(columns)))
+    else:  # read by other programs: a line a word, bars between its columns
+        tell(*map(" | ".join, (columns, *lines)))
 
 
 def _is_flight(name: str) -> bool:

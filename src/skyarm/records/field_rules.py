@@ -103,7 +103,7 @@ def _usual(kind: type) -> Mapping[str, object]:
 
 
 defaults: Callable[[type], Mapping[str, object]] = _usual
-"""The default of each field of a dataclass; ``dataclasses.MISSING`` where one must be given."""
+"""The default of each field of a dataclass; ``dataclasses.MISSING`` without one, or where a function makes it."""
 
 
 def _rule(wanted: object, unit: Unit) -> Rule | None:

@@ -21,7 +21,7 @@ from skyarm.records.immutable import declarations
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find
 from skyarm.records.registry.registrations import name_of
-from skyarm.records.units import NUMBER, Unit, declared_units, scalars
+from skyarm.records.units import NUMBER, Unit, declared_units, scalars, unresolved_field
 from skyarm.records.words import words_of_fields
 
 Record = TypeVar("Record")
@@ -64,7 +64,8 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         elif name in known:
             values[name] = value_from(*known[name], fields, word, folds)
         else:
-            raise ValueError(f"{fields.at(word)}: the annotation of this field names a type that cannot be found")
+            at = fields.at(unresolved_field(kind) or word)  # one of them hides the types of all
+            raise ValueError(f"{at}: the annotation of this field names a type that cannot be found")
     fields.done()
     return make_at(fields.where, kind, **values)
 
@@ -133,13 +134,21 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: object) -> Rec
         words, last = str(error), re.sub(r"\[\w+\]$", "", where).rpartition(".")[2]
         if words.startswith(where):
             raise ValueError(words) from None
+        called = words_of_fields(kind)
         if last and words.startswith((f"{last}.", f"{last}[")):  # the record calls itself so
-            raise ValueError(where + words.removeprefix(last)) from None
+            raise ValueError(where + _by_words(words.removeprefix(last), called)) from None
         own = (field_names(kind) if isinstance(kind, type) else None) or ()
         named, field = re.match(r"(\w*)\.?(\w*)", words).groups()  # type: ignore[union-attr]
         if named not in own and field in own:  # by the name of its class: surface.name
             words = words.removeprefix(f"{named}.")
-        raise ValueError(f"{where}{'.' if named in own or field in own else ': '}{words}") from None
+        if named in own or field in own:
+            raise ValueError(where + _by_words(f".{words}", called)) from None
+        raise ValueError(f"{where}: {words}") from None
+
+
+def _by_words(line: str, called: Mapping[str, str]) -> str:
+    """Message that begins with a point and a field, which is named by its word in a file."""
+    return re.sub(r"^\.(\w+)", lambda found: f".{called.get(found[1], found[1])}", line)
 
 
 def numbers_from(kind: type, fields: Fields, *, partial: bool = False) -> dict[str, float]:

@@ -6,7 +6,9 @@ heads of CSV files and tables of the documents.
 
 from __future__ import annotations
 
+import inspect
 import math
+import sys
 import types
 import typing
 from collections.abc import Callable, Mapping
@@ -108,6 +110,18 @@ def declared_units(of: object) -> dict[str, tuple[object, Unit]]:
     except (NameError, TypeError):
         return {}
     return {name: (kind, _unit(full[name])) for name, kind in kinds.items()}
+
+
+def unresolved_field(kind: type) -> str | None:
+    """Name of the first field of a class whose annotation cannot be evaluated; None if all can."""
+    for each in kind.__mro__:
+        names = vars(sys.modules.get(each.__module__, typing))
+        for name, annotation in inspect.get_annotations(each).items():
+            try:
+                typing.get_type_hints(types.SimpleNamespace(__annotations__={name: annotation}), names)
+            except (NameError, TypeError):
+                return name
+    return None
 
 
 def _unit(annotation: object) -> Unit:

@@ -219,13 +219,26 @@ def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
 
 def samples_signal(fields: Fields) -> Signal:
     """Minimum-snap time signal through the values in a column of a CSV file."""
+    return minimum_snap(*_samples_of(fields))
+
+
+def samples_as_spline(fields: Fields) -> dict[str, Any]:
+    """Table of the signal through given values that equals one through a column of a CSV file."""
+    times, values = _samples_of(fields)
+    fields.take("kind", None)
+    fields.done()
+    return {"kind": "spline", "times": times, "values": values}
+
+
+def _samples_of(fields: Fields) -> tuple[list[float], list[float]]:
+    """Times (s) and values in a column of a CSV file."""
     names = [fields.take("time", "time"), fields.take("column")]
     if not all(isinstance(name, str) for name in names):
         raise ValueError(f"{fields.at('column')} = {shown(names[1])}: must be the name of a column")
     start = number_within(fields, "start", 0.0)
     times, values = _read_columns(fields, names)
     require_near(values, times, f"{fields.at('file')}: {names[1]}")
-    return minimum_snap([start + t for t in times], values)
+    return [start + t for t in times], values
 
 
 def spline_signal(fields: Fields) -> Signal:

@@ -1,20 +1,40 @@
-"""Grammar of a scenario file: every word with type, unit, bounds, and when it may be another, from the declarations."""
+"""Grammar of a scenario file: words with type, unit, bounds, and when they may be another, from the declarations.
+
+Left out are words that a function reads from a table, which no record declares: those of the shipped motions, of
+``reference.tip`` and ``reference.push``, and of signals that are no records (:data:`BY_HAND`). The documents list them.
+"""
 
 from __future__ import annotations
 
 import typing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar
+from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, entry_of
+from skyarm.control.model import Options, Terms
+from skyarm.control.safety.limits import Limits
+from skyarm.dynamics.state import State
+from skyarm.log.metrics.windows import Window
+from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.records.leaves import field_names
+from skyarm.records.read_table import takes_table
 from skyarm.records.registry import find, names
-from skyarm.records.units import Unit, declared_fields, declared_units
+from skyarm.records.units import NUMBER, Unit, declared_fields, declared_units
 from skyarm.records.words import Slot, lifted_fields, slots, words_of_fields
+from skyarm.reference.signal_tables import SignalList
+from skyarm.reference.signals import Signal
+from skyarm.scenario.controller_table import option_words
+from skyarm.scenario.path_governor import GovernorOptions
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.linkage import JOINT_NUMBERS, Joint
+from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.contact.gripper import Command
+from skyarm.world.dryden import Dryden
+from skyarm.world.gust import SHAPES, Gust
 from skyarm.world.payload import Payload
+from skyarm.world.signal_vector import SignalVector
 
 WHEN = {
     "always": "in flight, between episodes",
@@ -23,16 +43,44 @@ WHEN = {
 }
 """When a number may change, in words."""
 
+WHOLE = "as a whole in flight"
+"""When a part may be replaced by a scheduled change."""
 
 SHAPING = (str, int, bool)
 """Types of entries that shape the program."""
+
+SIGNAL = "number, list or table: a signal"
+
+ENTRIES: Mapping[object, str] = {
+    **{float: "number", Scalar: "number", int: "whole number", str: "text", bool: "true or false"},
+    **{Vec3: "three numbers", Quaternion: "four numbers", Window: "[start, stop]", Terms: "list of names"},
+    **{Command: SIGNAL, SignalList: "list of signals", SignalVector: "list of three signals"},
+}
+"""Entries of types that are no tables of their fields, in words."""
+
+CHOICES: Mapping[tuple[str, str], tuple[str, ...]] = {("Solver", "integrator"): INTEGRATORS, ("Gust", "shape"): SHAPES}
+"""Texts that a field of a record may be, where its type does not say so."""
+
+OTHERWISE: Mapping[tuple[str, str], str] = {
+    ("Fault", "effectiveness"): SIGNAL,
+    ("TimedPayload", "pick"): "number, or a table: a place",
+    ("TimedPayload", "drop"): "number, or a table: a place",
+    ("GustyWind", "gust"): "table, or a list of them",
+}
+"""Entries that are more than their field's type."""
+
+NO_WORDS = (("Fault", "signal"),)
+"""Fields that a file states by the word of another one."""
+
+BY_HAND = ("reference.base", "reference.tip", "reference.push")
+"""Tables whose words, but the kinds, are left out, as those of signals that are no records."""
 
 
 class Row(NamedTuple):
     """One word of a scenario file.
 
     Attributes:
-        path: dotted; ``*`` stands for a name of one's own, ``[]`` for each table of a list.
+        path: dotted; ``*`` stands for a name of one's own, ``[]`` for each item of a list, ``SIGNAL`` for any signal.
         of: kind of the table that has the word, where tables have kinds.
         entry: its type, in words.
         unit: SI. bounds: in words. varies: when its numbers may change. whole: a change may replace all of it.
@@ -42,24 +90,48 @@ class Row(NamedTuple):
     path: str
     of: str
     entry: str
-    unit: str
-    bounds: str
-    varies: str
-    whole: bool
-    meaning: str
+    unit: str = ""
+    bounds: str = ""
+    varies: str = WHEN["never"]
+    whole: bool = False
+    meaning: str = ""
 
 
 def grammar() -> tuple[Row, ...]:
-    """All words of a scenario file, in the order of their fields, those of registered kinds below their lists."""
-    return tuple(row for slot in slots(Scenario) for row in _rows(slot))
+    """Words of a scenario file, in the order of their fields, those of registered kinds below their lists."""
+    of_slots = (row for slot in slots(Scenario) for row in _rows(slot))
+    return (Row("schema", "", "whole number", bounds="1"), *of_slots, *_of_numbers(), *_of_signals())
+
+
+def _of_numbers() -> Iterator[Row]:
+    """Words of tables that no field of a scenario holds."""
+    yield Row("plugins.need", "", "list of texts", meaning="plugins that must be loaded")
+    yield Row("numbers", "", "table of numbers by path", meaning="applied last")
+
+
+def _of_signals() -> Iterator[Row]:
+    """Words of the signals that are records, and the kinds of all."""
+    yield Row("SIGNAL.kind", "", _one_of(names("signal")), meaning="of every signal that is a table")
+    for named in names("signal"):
+        kind = find("signal", named)
+        if isinstance(kind, type):
+            yield from _of_record(kind, "SIGNAL", WHEN["always"], named)
 
 
 def _rows(slot: Slot) -> Iterator[Row]:
     at = f"{slot.path}[]" if _is_list(slot) else slot.path
     varies = WHEN[slot.word.varies]
-    unit = slot.unit
-    yield Row(at, "", _type(slot.type, slot), unit.unit, _bounds(unit), varies, slot.word.whole, unit.meaning)
+    unit, entry = slot.unit, _slot_entry(slot)
+    when = varies
+    if slot.word.varies == "always" and "table" in entry:
+        when = f"its numbers {varies}"
+    if slot.word.whole:
+        when = f"{WHOLE}; {when}" if slot.word.varies == "always" else WHOLE
+    yield Row(at, "", entry, unit.unit, _bounds(unit), when, slot.word.whole, unit.meaning)
     if slot.word.kind:
+        known = [named for each in slot.word.kind.split() for named in names(each)]
+        usual = f" ({slot.word.usual} if left out)" if slot.word.usual else ""
+        yield Row(f"{at}.{'mode' if slot.path == 'environment.wind' else 'kind'}", "", f"{_one_of(known)}{usual}")
         for each in slot.word.kind.split():
             for named in names(each):
                 kind = find(each, named)
@@ -67,29 +139,74 @@ def _rows(slot: Slot) -> Iterator[Row]:
                     yield from _of_record(kind, at, varies, named)
     elif slot.path in ("plant", "model"):
         yield from _of_truth(slot.path, slot.type if slot.path == "plant" else None)
-    elif field_names(slot.type) is not None and not slot.word.reader:
-        yield from _of_record(slot.type, at, varies, "")
+    elif slot.path in SPECIAL:
+        yield from SPECIAL[slot.path]()
+    else:
+        for kind in _records_in(slot.type):
+            yield from _of_record(kind, at, varies, "")
 
 
-def _of_record(kind: type, at: str, varies: str, named: str) -> Iterator[Row]:
-    """Words of a record's fields below a table."""
-    words = words_of_fields(kind)
+def _slot_entry(slot: Slot) -> str:
+    """Entry of a word with a field of its own."""
+    if slot.path == "plant.kind":
+        return _one_of(names("plant"))
+    if slot.path == "plant.integrator":
+        return _one_of(INTEGRATORS)
+    if slot.path == "reference.governor":
+        return "true, false or a table"
+    return "list of tables" if _is_list(slot) else "table" if slot.path != slot.table else _entry(slot.type)
+
+
+def _of_record(kind: type, at: str, varies: str, named: str, called: Mapping[str, str] | None = None) -> Iterator[Row]:
+    """Words of a record's fields below a table, and those of the records in them.
+
+    Args:
+        kind: of the record.
+        at: path of the table.
+        varies: when its numbers may change.
+        named: kind of the registry.
+        called: fields that the record around it calls otherwise.
+    """
+    words = {**words_of_fields(kind), **(called or {})}
     lifted, known = lifted_fields(kind), declared_fields(kind)
+    bases = [each.__name__ for each in kind.__mro__]
+    inside: set[tuple[str, type]] = set()
     for name, (wanted, unit) in known.items():
-        if words.get(name) in known:
-            continue  # another spelling of that field's word
-        when = f"where {lifted[name]} is stated" if name in lifted else "never" if unit.fixed else varies
-        when = when if wanted not in SHAPING else "never"
-        yield Row(
-            f"{at}.{words.get(name, name)}", named, _type(wanted), unit.unit, _bounds(unit), when, False, unit.meaning
-        )
+        if any((base, name) in NO_WORDS for base in bases):
+            continue
+        word = words.get(name, name)
+        lists = "[]" if typing.get_origin(wanted) is tuple and _records_in(wanted) and word == name else ""
+        if words.get(name) not in known:  # else it is another spelling of that field's word
+            when = f"where {lifted[name]} is stated" if name in lifted else "never" if unit.fixed else varies
+            when = when if wanted not in SHAPING and "'" not in _entry(wanted) else "never"
+            more = (CHOICES[base, name] for base in bases if (base, name) in CHOICES)
+            entry = next((_one_of(each) for each in more), _entry(wanted))
+            entry = next((OTHERWISE[base, name] for base in bases if (base, name) in OTHERWISE), entry)
+            yield Row(f"{at}.{word}{lists}", named, entry, unit.unit, _bounds(unit), when, False, unit.meaning)
+        for each in _records_in(wanted):
+            if (word, each) not in inside and each is not kind:
+                inside.add((word, each))
+                peak = {"peak": kind.blows} if each is Gust and hasattr(kind, "blows") else None
+                yield from _of_record(each, f"{at}.{word}{lists}", varies, named, peak)
+                yield from (Row(f"{at}.{word}.{row.path}", named, *row[2:]) for row in MORE.get(each.__name__, ()))
+
+
+MORE: Mapping[str, tuple[Row, ...]] = {
+    "Reach": (Row("after", "", "number", "s", "at least 0", WHEN["always"], meaning="earliest instant"),),
+    Dryden.__name__: (
+        Row("altitude", "", "number", "m"),
+        Row("wind_20ft", "", "number", "m/s"),
+        Row("minimum_airspeed", "", "number", "m/s"),
+    ),
+}
+"""Words that a record's class reads beside those of its fields."""
 
 
 def _of_truth(path: str, truth: object) -> Iterator[Row]:
     """Words of [plant] and [model], whose vehicle is a file of its own."""
     always = WHEN["always"]
     gravity = declared_units(truth)["gravity"][1] if truth is not None else Unit("m/s^2", low=0.0)
-    yield Row(f"{path}.vehicle", "", "text", "", "", "never", False, "name of a shipped vehicle, or a path")
+    yield Row(f"{path}.vehicle", "", "text", meaning="name of a shipped vehicle, or a path")
     yield Row(f"{path}.gravity", "", "number", gravity.unit, _bounds(gravity), always, False, gravity.meaning)
     yield from _of_record(Payload, f"{path}.payload", always, "")
     known = declared_fields(Joint)
@@ -99,27 +216,91 @@ def _of_truth(path: str, truth: object) -> Iterator[Row]:
         yield Row(f"{path}.joints.{name}", "", words, unit.unit, _bounds(unit), always, False, unit.meaning)
 
 
+def _of_controller() -> Iterator[Row]:
+    """Words of [controller]: presets, laws and autopilots, the options of each, and the layers around them."""
+    yield Row("controller.preset", "", _one_of(PRESETS), varies=WHOLE)
+    yield Row("controller.law", "", _one_of(LAWS), varies=WHOLE)
+    yield Row("controller.autopilot", "", _one_of(AUTOPILOTS))
+    yield Row("controller.tuned", "", "true or false, or the path of a file of gains", varies=WHOLE)
+    yield Row("controller.servos", "", "true or false", varies=WHOLE)
+    yield Row("controller.safety", "", "true or false, or a table", varies=WHOLE)
+    yield from _of_record(Limits, "controller.safety", WHEN["always"], "")
+    yield Row("controller.safety.stow", "", "list of numbers", "rad or m", varies=WHOLE)
+    for law in (*LAWS, *AUTOPILOTS):
+        kinds = declared_units(Options) | declared_units(entry_of(law).function())
+        for word, option in option_words(law).items():
+            wanted, unit = kinds.get(option, (None, NUMBER))
+            entry = "as the law takes it" if wanted is None else _entry(wanted)
+            yield Row(f"controller.{word}", law, entry, unit.unit, _bounds(unit), WHOLE, False, unit.meaning)
+            for each in _records_in(wanted):
+                yield from _of_record(each, f"controller.{word}", WHEN["always"], law)
+
+
+def _of_reference() -> Iterator[Row]:
+    """Words of [reference] but of the tables that are read by hand: motions by kind, signals."""
+    always = f"{WHOLE}; its numbers {WHEN['always']}"
+    yield Row("reference.base", "", "table, or a list of them: a motion", varies=always, whole=True)
+    yield Row("reference.base.kind", "", _one_of(names("motion")))
+    for named in names("motion"):
+        make = find("motion", named)
+        if not takes_table(make) and "setting" not in declared_units(make):
+            for name, (wanted, unit) in declared_units(make).items():
+                if name != "return":
+                    yield Row(f"reference.base.{name}", named, _entry(wanted), unit.unit, _bounds(unit), WHEN["always"])
+    yield Row("reference.yaw", "", SIGNAL, "rad", varies=always, whole=True)
+    yield Row("reference.joints[]", "", SIGNAL, "rad or m", varies=always, whole=True, meaning="one for each joint")
+    yield Row("reference.tip", "", "table", meaning="motion of the tip, from which base and joints follow")
+    yield Row("reference.push", "", "table", meaning="force of the tip on a surface")
+    yield Row("reference.load", "", SIGNAL, "kg", meaning="mass that the task carries")
+
+
+def _of_start() -> Iterator[Row]:
+    """Words of [initial]."""
+    yield from _of_record(State, "initial", WHEN["between"], "")
+    yield Row("initial.standing", "", "true or false", meaning="at rest on what is below")
+
+
+SPECIAL: Mapping[str, Callable[[], Iterator[Row]]] = {
+    "controller": _of_controller,
+    "reference": _of_reference,
+    "initial": _of_start,
+    "reference.governor": lambda: _of_record(GovernorOptions, "reference.governor", WHEN["never"], ""),
+}
+"""Tables that are other than the fields of their record."""
+
+
 def _is_list(slot: Slot) -> bool:
     return slot.path == slot.table and typing.get_origin(slot.type) is tuple
 
 
-def _type(wanted: object, slot: Slot | None = None) -> str:
+def _records_in(wanted: object) -> tuple[type, ...]:
+    """Classes of the records, tables in a file, that a field of a type holds; a vehicle is a file of its own."""
+    options = typing.get_args(wanted)
+    if options:
+        return tuple(found for each in options for found in _records_in(each))
+    if not isinstance(wanted, type) or field_names(wanted) is None or wanted in ENTRIES or wanted is Vehicle:
+        return ()
+    return () if issubclass(wanted, Signal) else (wanted,)
+
+
+def _entry(wanted: object) -> str:
     """Type of an entry in words."""
     options = [each for each in typing.get_args(wanted) if each is not type(None)]
-    plain = {float: "number", Scalar: "number", int: "whole number", str: "text", bool: "true or false"}
-    if wanted in plain:
-        return plain[wanted]
-    if wanted in (Vec3, Quaternion):
-        return "three numbers" if wanted is Vec3 else "four numbers"
+    if wanted in ENTRIES:
+        return ENTRIES[wanted]
     if typing.get_origin(wanted) is typing.Literal:
-        return " or ".join(repr(each) for each in typing.get_args(wanted))
-    if slot is not None and slot.path != slot.table:
-        return "table"
+        return _one_of(options)
     if typing.get_origin(wanted) is tuple:
-        return "list of tables" if slot is not None and slot.path == slot.table else f"list of {_type(options[0])}"
+        inner = _entry(options[0])
+        return {"number": "list of numbers", "table": "list of tables"}.get(inner, f"list of {inner}")
     if options and len(options) < len(typing.get_args(wanted)):
-        return _type(options[0])
-    return "number, list or table: a signal" if getattr(wanted, "registered_as", "") == "signal" else "table"
+        return _entry(options[0])
+    return SIGNAL if isinstance(wanted, type) and issubclass(wanted, Signal) else "table"
+
+
+def _one_of(texts: typing.Iterable[object]) -> str:
+    """Allowed texts in words."""
+    return " or ".join(repr(each) for each in texts)
 
 
 def _bounds(unit: Unit) -> str:

@@ -1,8 +1,9 @@
 """Read and replace parameters of a scenario by dotted path, such as ``plant.vehicle.base.mass``.
 
-A path starts with one of ``plant``, ``model``, ``controller``, ``environment.wind``, ``environment.faults``,
-``sensors``, ``initial``, ``reference`` and goes on through the words of the scenario file (``reference.base.radius``,
-``plant.joints.damping``, ``environment.wind.force.0``) or the fields of the records: ``plant.vehicle.base.mass``,
+A path starts with a word of the scenario file below which numbers vary, such as ``plant`` or ``environment.air``
+(all: :func:`skyarm.scenario.paths.variable_words`), and goes on through the words of the file
+(``reference.base.radius``, ``plant.joints.damping``, ``environment.wind.force.0``) or the fields of the records:
+``plant.vehicle.base.mass``,
 ``plant.vehicle.links.forearm.joint.damping``, ``controller.gains.position.x``, ``reference.z.value``. Items of a tuple
 are named by their number or, where they have one, by their name.
 

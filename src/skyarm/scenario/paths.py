@@ -22,6 +22,10 @@ LATE = "delays.command"
 """Path of the commands' delay, which stays out of the numbers of a flight that has none."""
 
 
+OF_STUDIES = "the same for all episodes; fly two studies"
+"""Advice about structure to who varies it between episodes."""
+
+
 @immutable(kw_only=False)
 class Target:
     """Number that a path leads to: the fields that store it, or a view of a record at a place.
@@ -58,9 +62,7 @@ def target_of(scenario: Scenario, path: str) -> Target:
         return Target((held,))
     for slot in slots(Scenario):
         if slot.word.varies == "never" and is_below(path, slot.path):
-            raise ScenarioError(
-                f"path = {path!r}: {slot.path} is structure, the same for all episodes; fly two studies"
-            )
+            raise ScenarioError(f"path = {path!r}: {slot.path} is structure, {OF_STUDIES}")
         if slot.type is Scalar and path == slot.path:
             return Target((slot.place,))
     if path.startswith("reference.") and scenario.path_time is not None:

@@ -17,21 +17,23 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
-from skyarm.records.field_rules import rules
+from skyarm.records.field_rules import accept_scalar, rules
 from skyarm.records.files import Fields, errors_as, number, shown
 from skyarm.records.leaves import Place, Tree, replace_at
-from skyarm.records.read_table import record_from, registered_from, registered_value
+from skyarm.records.read_table import record_from, registered_from, registered_value, value_from
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
+from skyarm.records.units import NUMBER, units
 from skyarm.reference import Trajectory
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting, TaskEvent
-from skyarm.scenario.controller_table import controller_by_name, controller_from, loop_facts
+from skyarm.reference.waypoints import samples_as_spline
+from skyarm.scenario.controller_table import controller_by_name, controller_from, is_gains_file, loop_facts
 from skyarm.scenario.numbers import INITIAL
 from skyarm.scenario.payload_tables import with_commands, with_instants
 from skyarm.scenario.scenario_checks import check_quaternion, check_scenario, require_start_outside
-from skyarm.scenario.scenario_record import Scenario, trimmed_state
-from skyarm.vehicle.linkage import JOINT_NUMBERS
+from skyarm.scenario.scenario_record import Change, Scenario, trimmed_state
+from skyarm.vehicle.linkage import JOINT_NUMBERS, Joint
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import mounted_drives
@@ -146,6 +148,7 @@ def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
         for i in range(found.n if value is not None else 0):
             given, where = (value[i], f"{at}[{i}]") if isinstance(value, list) else (value, at)
             held = number(given, where, low=0.0, strict=name == "coulomb_rate")
+            accept_scalar(where, held, units(Joint)[name])
             # a stop of exactly no stiffness is none
             numbers["links", str(i), "joint", name] = 0 if name == "stop_stiffness" and held == 0.0 else held
     table.done()
@@ -239,6 +242,35 @@ def _paths_in(table: Mapping[str, object]) -> dict[str, str]:
     """Words of a table of [reference] or [world] that are paths: a file of samples, a mesh."""
     words = ("file", "mesh") if table.get("kind") == "samples" else ("mesh",)
     return {word: path for word in words if isinstance(path := table.get(word), str) and path}
+
+
+def changes(entry: object, path: str, reading: Reading) -> tuple[Change, ...]:
+    """Read [[changes]], whose values hold what their files do: a change is read again in flight, without a folder."""
+    read: Any = value_from(tuple[Change, ...], NUMBER, Fields({path: entry}, ""), path)
+    found: tuple[Change, ...] = read
+    return tuple(
+        dataclasses.replace(each, value=_without_files(each.table, f"{path}[{i}].value", reading.folder))
+        for i, each in enumerate(found)
+    )
+
+
+def _without_files(table: Any, where: str, folder: Path) -> Any:
+    """Value of a change with samples in the place of their file, and the whole path of a file of gains.
+
+    Args:
+        table: plain, of a file.
+        where: its place in the file.
+        folder: of the file.
+    """
+    if isinstance(table, list):
+        return [_without_files(each, f"{where}[{i}]", folder) for i, each in enumerate(table)]
+    if is_gains_file(table):
+        return str((folder / table).absolute())
+    if not isinstance(table, dict):
+        return table
+    if table.get("kind") == "samples" and isinstance(table.get("file"), str):
+        return samples_as_spline(Fields(table | {"file": str(folder / table["file"])}, where))
+    return {name: _without_files(each, f"{where}.{name}", folder) for name, each in table.items()}
 
 
 def setting_of(world: Truth, duration: float) -> Setting:

@@ -1,6 +1,6 @@
 """Read scenarios from TOML files.
 
-A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
+A file has ``schema = 1``, ``name``, ``title``, ``duration`` (s) and these tables::
 
     [rates]       physics, control, reference (Hz; 1000, 200, 50)
     [plant]       vehicle, gravity (9.81), kind ("rigid_body", "mujoco"),
@@ -34,6 +34,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [[changes]]   at (s), path, value: what is other from then on (:mod:`skyarm.scenario.in_flight`)
     [world]       [[world.surfaces]], [[world.points]]: what the vehicle may touch, and where (skyarm.world.contact)
     [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.payload_tables)
+    [numbers]     numbers by their path, applied last (:mod:`skyarm.scenario.numbers`)
     seed, episode
 
 A vehicle is a name of the library or a path beside the file. Without [model] the controller's model is the plant's
@@ -59,7 +60,7 @@ from skyarm.scenario.controller_table import require_servos_said, under_law
 from skyarm.scenario.document import Document, slot_of
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import require_apart, with_numbers
-from skyarm.scenario.paths import is_below
+from skyarm.scenario.paths import OF_STUDIES, is_below
 from skyarm.scenario.payload_tables import with_model_changes
 from skyarm.scenario.scenario_checks import check_scenario, require_start_outside
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError
@@ -242,8 +243,29 @@ def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
 
 def _with_stated_numbers(scenario: Scenario, numbers: Mapping[str, Scalar]) -> Scenario:
     """Scenario with the numbers that a file states by path, checked as if they were stated in words."""
-    require_apart(scenario, tuple(numbers))
-    changed = with_numbers(scenario, numbers)
+    try:
+        require_apart(scenario, tuple(numbers))
+        changed = with_numbers(scenario, numbers)
+    except ValueError as error:
+        raise _by_its_path(scenario, numbers, str(error)) from None
     require_changes(changed)
     require_start_outside(changed)
     return changed
+
+
+def _by_its_path(scenario: Scenario, numbers: Mapping[str, Scalar], words: str) -> ScenarioError:
+    """Error in numbers that a file states by path, which names the path where a record's field was named.
+
+    Args:
+        scenario: without the numbers.
+        numbers: by path.
+        words: of the error in all of them.
+    """
+    for path, value in numbers.items() if not words.startswith("path = ") else ():
+        try:
+            with_numbers(scenario, {path: value})
+        except ValueError as error:
+            found, texts = str(error), (shown(value), f"{value}.0")  # as it is and as a record holds a whole number
+            why = next((tail for each in texts if (tail := found.partition(f" = {each}: ")[2])), found)
+            return ScenarioError(f"{path} = {shown(value)}: {why}")
+    return ScenarioError(words.replace(OF_STUDIES, "must be written in its table"))

@@ -414,7 +414,7 @@ class Scenario:
     environment: Annotated[Environment, Word(group=True)] = Environment()
     endings: Annotated[tuple[Ending, ...], Word(whole=True, kind="ending")] = ()
     windows: Annotated[Windows, STRUCTURAL] = Windows()
-    changes: Annotated[tuple[Change, ...], Word(varies="between")] = dataclasses.field(
+    changes: Annotated[tuple[Change, ...], Word(varies="between", reader="changes")] = dataclasses.field(
         default=(), metadata=WRITTEN_IF_ANY
     )
     seed: Annotated[int, STRUCTURAL] = 0

@@ -43,10 +43,11 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
 from skyarm.records.files.messages import comma_list
 from skyarm.records.files.user_code import failure, own_code, place_of, place_of_error
-from skyarm.records.leaves import leaves, named_parts, parts
+from skyarm.records.leaves import is_record, leaves, named_parts, parts
 from skyarm.records.registry.class_signatures import class_mistake
 from skyarm.reference import Publisher
 from skyarm.reference.preview import with_preview
+from skyarm.reference.signals import Constant, Signal
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.scenario.without_effect import WEIGHT, readings_at
@@ -196,7 +197,7 @@ def require_shapes(scenario: Scenario) -> None:
 
 
 def has_own(scenario: Scenario) -> bool:
-    """True if the law, air, a force, sensor, drive, estimator or ending of a scenario is user-defined."""
+    """True if the law or a part of a scenario, such as a force, sensor, fault or signal, is user-defined."""
     return is_own(scenario.controller) or bool([*_parts(scenario)])
 
 
@@ -219,10 +220,16 @@ def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part]
     """List the user-defined models of a scenario, each with the function that checks it."""
     if is_own(scenario.controller) and scenario.controller.compiled:
         yield Part("controller", scenario.controller, "law", scenario.controller.law), _check_law
+    faults = [(f"environment.faults[{i}]", each) for i, each in enumerate(scenario.faults)]
+    moved = [("reference", scenario.reference), *faults, *scenario.placed_components]
+    for at, record in moved:
+        for place, signal in _own_signals(record, at):
+            yield Part(place, signal, "derivatives"), _check_signal
     if (within := _first_own(scenario.reference)) is not None:
         yield Part("reference", scenario.reference, "at", within), _check_motion
     groups: list[tuple[str, Callable[[Scenario, Part], Fingerprint], Iterable[tuple[str, Any]]]] = [
         ("advance", _check_component, scenario.placed_components),
+        ("share", _check_fault, faults),
         ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]),
         ("measure", _check_sensor, [(f"sensors.{named.name}", named.sensor) for named in scenario.sensors]),
         ("step", _check_estimator, [("estimator", scenario.estimator)]),
@@ -239,6 +246,15 @@ def _first_own(record: Any) -> Any:
     if own_code(record if callable(record) else type(record)) is not None:
         return record
     return next((found for each in parts(record).values() if (found := _first_own(each)) is not None), None)
+
+
+def _own_signals(record: Any, place: str) -> Iterator[tuple[str, Signal]]:
+    """Signals of time within a record whose class is user-defined, each with its parameter path."""
+    if isinstance(record, Signal) and own_code(type(record)) is not None:
+        yield place, record
+    for name, each in parts(record).items():
+        if is_record(each) or isinstance(each, tuple):
+            yield from _own_signals(each, f"{place}.{name}")
 
 
 def _require_class(scenario: Scenario, part: Part) -> None:
@@ -298,6 +314,27 @@ def _check_component(scenario: Scenario, part: Part) -> Fingerprint:
             f"cannot start from {len(draws)} draws, which are twice its uniforms: {error}", place_of_error(error)
         ) from error
     return part.trace(step, memory, scenario, draw_plan(scenario).components[index][1])
+
+
+def _check_signal(scenario: Scenario, part: Part) -> Fingerprint:
+    """Check a user-defined signal at one time: value and four derivatives."""
+
+    def step(call: Any, memory: Any, time: Scalar, _state: State, _draws: Any) -> Any:
+        example = Constant(0.0).derivatives(0.0)
+        part.require_numbers("derivatives", "derivatives", call("derivatives", time), example)
+        return memory
+
+    return part.trace(step, (), scenario)
+
+
+def _check_fault(scenario: Scenario, part: Part) -> Fingerprint:
+    """Check the share of a user-defined fault at one time."""
+
+    def step(call: Any, memory: Any, time: Scalar, _state: State, _draws: Any) -> Any:
+        part.require_numbers("share", "a share", call("share", time), 0.0)
+        return memory
+
+    return part.trace(step, (), scenario)
 
 
 def _check_drive(scenario: Scenario, part: Part) -> Fingerprint:

@@ -44,10 +44,10 @@ class Fault:
         if bool(self.rotor) == bool(self.joint):
             raise ValueError(f"rotor = {self.rotor!r}, joint = {self.joint!r}: must name one of the two")
         if self.stuck and not self.joint:
-            raise ValueError(f"stuck = True: must be of a joint, not of the rotor {self.rotor!r}")
+            raise ValueError(f"stuck = true: must be of a joint, not of the rotor {self.rotor!r}")
         whole = self.signal is None and concrete(self.effectiveness) and self.effectiveness == 1.0
         if self.stuck and not whole:
-            given = self.effectiveness if self.signal is None else self.signal
+            given = self.effectiveness if self.signal is None else self.signal.to_entry()
             raise ValueError(f"effectiveness = {shown(given)}: must be left out beside stuck, which holds the joint")
 
     registered_as = "fault"
@@ -67,7 +67,7 @@ class Fault:
         if isinstance(share, (dict, list)):
             at = fields.at("effectiveness")
             return {"signal": signal_from(fields.take("effectiveness"), at), "effectiveness": 1.0}
-        if "stuck" not in fields.table and share is None:
+        if fields.table.get("stuck", False) is False and share is None:
             fields.take("effectiveness")  # is missing
         return {}
 

@@ -123,14 +123,15 @@ class GustyWind(Component[Memory]):
         if "peak" in fields.table:
             return record_from(Gust, fields)
         shapes = SHAPES if cls.blows == "velocity" else SHAPES[:1]
-        gust = Gust(
-            peak=fields.vector(cls.blows),  # type: ignore[arg-type]  # zeros fold
-            start=fields.number("start"),
-            duration=fields.number("duration", low=0.0, strict=True),
-            shape=fields.choice("shape", shapes, SHAPES[0]),
-        )
+        peak, start = fields.vector(cls.blows), fields.number("start")
+        duration = fields.number("duration", low=0.0, strict=True)
+        shape = fields.choice("shape", shapes, SHAPES[0])
         fields.done()
-        return gust
+        try:
+            return Gust(peak=peak, start=start, duration=duration, shape=shape)  # type: ignore[arg-type]  # zeros fold
+        except ValueError as error:
+            words = str(error).removeprefix("gust.")
+            raise ValueError(fields.at(words.replace("peak", cls.blows, 1))) from None
 
     @property
     def all_gusts(self) -> tuple[Gust, ...]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from added_components import registry_kept
+from skyarm import Force
 from skyarm.records.registry import KINDS, RegistryError, find, names, plugins, register, registrations
 from skyarm.records.registry.plugins import (
     Plugin,
@@ -55,7 +56,7 @@ def test_a_file_registers_its_names_under_its_path(tmp_path):
 
 
 def test_a_file_is_run_once(tmp_path):
-    path = written(tmp_path, "from skyarm import register\nregister.force('once')(type('Once', (), {}))\n")
+    path = written(tmp_path, "from skyarm import Force, register\nregister.force('once')(Force)\n")
     first = load_plugin(path)
     assert load_plugin(str(path)) is first
     assert load_plugin(tmp_path / ".." / tmp_path.name / "mine.py") is first
@@ -93,7 +94,7 @@ BROKEN = {
 @pytest.mark.parametrize("what", sorted(BROKEN))
 def test_a_broken_file_registers_nothing_and_is_one_line(tmp_path, what):
     text, words = BROKEN[what]
-    head = b"from skyarm import register; register.force('broken_one')(type('T', (), {}))\n"
+    head = b"from skyarm import Force, register; register.force('broken_one')(Force)\n"
     before, known = everything(), loaded_plugins()
     for body in (text, head.replace(b"\n", b"; ") + text.encode() if isinstance(text, str) else text):
         path = written(tmp_path, body)
@@ -167,7 +168,7 @@ class Entry:
 def registering(*wanted, **attributes):
     def load():
         for name in wanted:
-            register.force(name)(type(name, (), {}))
+            register.force(name)(Force)
         if attributes.pop("broken", False):
             raise ImportError("no module named 'gone'")
         return types.SimpleNamespace(**attributes)

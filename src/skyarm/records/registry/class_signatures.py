@@ -7,16 +7,33 @@ order, and what is a number there is none that must be called.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
 
 from skyarm.records.files import shown
 from skyarm.records.files.user_code import own_code, place_of
+from skyarm.records.leaves import field_names
 
 PACKAGE = __name__.partition(".")[0]
 """The library's own name: bases whose module begins with it say how methods are called."""
 
-RECORDS = "air", "force", "sensor", "estimator", "drive", "metric", "ending"
-"""Kinds of what is registered as a subclass that is a dataclass."""
+BASES: Mapping[str, str] = {
+    "air": "skyarm.Air",
+    "force": "skyarm.Force",
+    "fault": "skyarm.Fault",
+    "payload": "skyarm.TimedPayload",
+    "world": "skyarm.Contact",
+    "signal": "skyarm.reference.Signal",
+    "sensor": "skyarm.Sensor",
+    "estimator": "skyarm.Estimator",
+    "drive": "skyarm.Drive",
+    "metric": "skyarm.Metric",
+    "ending": "skyarm.Ending",
+}
+"""Kinds of what is registered as a subclass that is a dataclass, each with its base class."""
+
+NAMING = "kind", "mode"
+"""Words of a table that name the class of its record, which therefore has no such fields."""
 
 
 def class_mistake(kind: type) -> tuple[str, str] | None:
@@ -84,7 +101,25 @@ def thing_mistake(kind: str, thing: object) -> tuple[str, str] | None:
         return format_mistake(thing)
     if kind == "flight_format":
         return flight_format_mistake(thing)
-    return class_mistake(thing) if kind in RECORDS and isinstance(thing, type) else None
+    return _record_mistake(kind, thing) if kind in BASES else None
+
+
+def _record_mistake(kind: str, thing: object) -> tuple[str, str] | None:
+    """Error in what is registered as a subclass of a kind's base, as (file and line, message); None if there is none.
+
+    A signal may be a function of its table, too.
+    """
+    if kind == "signal" and inspect.isfunction(thing):
+        words = _call_mistake(thing.__name__, thing, ["fields"], 0)
+        return None if words is None else (place_of(thing), words)
+    module, _, name = BASES[kind].rpartition(".")
+    if not isinstance(thing, type) or not issubclass(thing, getattr(import_module(module), name)):
+        found = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
+        return place_of(thing), f"is {found}: must be a subclass of {BASES[kind]}"
+    taken = [each for each in NAMING if each in (field_names(thing) or ())]
+    if taken:
+        return place_of(thing), f"has a field {taken[0]!r}: must have another name; a table names its class by it"
+    return class_mistake(thing)
 
 
 def _members(bases: list[type]) -> Iterator[tuple[str, object]]:

@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import Any, TypeVar
 
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files.user_code import place_of
 from skyarm.records.immutable import immutable
 from skyarm.records.registry.shipped import SHIPPED as SHIPPED_NAMES
 from skyarm.records.registry.shipped import reserved_for
@@ -25,7 +26,7 @@ KINDS: Mapping[str, str] = {
     "fault": "an actuator that loses force: a subclass of skyarm.Fault",
     "payload": "a load that is picked up and set down: a subclass of skyarm.TimedPayload",
     "world": "what the vehicle may touch: a subclass of skyarm.Contact",
-    "signal": "a function of time: a subclass of skyarm.Signal, or a function of a table that makes one",
+    "signal": "a function of time: a subclass of skyarm.reference.Signal, or a function of its table (Fields)",
     "sensor": "a reading of the true state: a subclass of skyarm.Sensor",
     "estimator": "from readings to a measurement: a subclass of skyarm.Estimator",
     "drive": "a joint's actuator: a subclass of skyarm.Drive",
@@ -193,6 +194,10 @@ class Register:
             raise AttributeError(f"register.{kind}: there are {', '.join(KINDS)}")
 
         def decorator(name: str, title: str = "") -> Callable[[Thing], Thing]:
+            if callable(name):  # the object itself: a decorator without brackets registers nothing
+                words = f'must be a text, as @skyarm.register.{kind}("name")'
+                raise RegistryError(f"{place_of(name)}: register.{kind}: name = {shown(name)}: {words}")
+
             def decorate(thing: Thing) -> Thing:
                 words = (thing.__doc__ or "").strip().splitlines()
                 add(kind, name, thing, title or (words[0].rstrip(".") if words else ""))
