@@ -29,7 +29,7 @@ def blocks(name, language):
 
 
 def test_the_scenario_shown_loads_and_flies(tmp_path):
-    (text,) = blocks("scenario_files.md", "toml")
+    text = blocks("scenario_files.md", "toml")[0]
     path = tmp_path / "flight.toml"
     path.write_text(text, encoding="utf-8")
     log = skyarm.run(skyarm.load_scenario(path, duration=1.0))

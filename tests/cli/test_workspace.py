@@ -132,4 +132,4 @@ def test_a_vehicle_of_more_joints_than_llvm_bears_is_not_flown() -> None:
     scenario = skyarm.load_scenario("case1")
     arm = long_arm(MOST_JOINTS + 1)
     with pytest.raises(ValueError, match=r"plant\.vehicle = '\w+': has 257 joints, must have at most 256 to fly$"):
-        dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=arm))
+        skyarm.run(dataclasses.replace(scenario, plant=dataclasses.replace(scenario.plant, vehicle=arm)))

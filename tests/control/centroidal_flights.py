@@ -107,5 +107,5 @@ def fly(scenario: Scenario, seeds: int = 1) -> Flown:
         joints_d=joints_d,
         quaternion=found["quaternion"],
         jitter=float(np.abs(np.diff(found["command"][:, steady], axis=1)).mean()),
-        memory=rebuild(traced.carry, iter(ended[:, 0].tolist())).memory,
+        memory=rebuild(traced.carry, iter(ended[:, 0].tolist())).agent.memory,
     )

@@ -40,6 +40,7 @@ from skyarm.reference import Constant, Sine, Sum, hover
 from skyarm.reference.preview import samples, samples_ahead
 from skyarm.reference.splines import minimum_snap
 from skyarm.reference.task_records import Guard, Phase
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.reference_clock import Waits
 from skyarm.simulate.stages import joined_reference
@@ -380,7 +381,7 @@ def test_a_preview_in_the_law_is_that_of_the_trajectory(case3):
         case3, controller=make_centroidal(case3.controller.par.model, mode="tip", preset="adaptive")
     )
     inputs, par = episode_inputs(scenario), scenario.controller.par
-    row = inputs.row_at(1301, None)
+    row = inputs.row_at(1301, first_loop_state(scenario))
     held = 1300 / 200.0
     found = samples_ahead(row.reference)
     assert len(found) == len(par.preview) == 7
@@ -392,7 +393,7 @@ def test_a_preview_in_the_law_is_that_of_the_trajectory(case3):
 def test_before_it_starts_to_track_a_law_is_shown_a_reference_at_rest(case3):
     law = make_centroidal(case3.controller.par.model, mode="tip", preset="adaptive")
     late = dataclasses.replace(case3, controller=law, tracking_start=2.0)
-    row = episode_inputs(late).row_at(100, None)
+    row = episode_inputs(late).row_at(100, first_loop_state(late))
     shown = samples_ahead(joined_reference(late, row.reference, 0.5))
     rest = [(value, 0.0, 0.0) for value, _, _ in samples(late.reference.at(0.0))]
     assert len(shown) == 7
@@ -421,6 +422,6 @@ def test_a_reference_that_waits_is_previewed_as_far_as_it_is_certain_to_go(case3
 
 def test_laws_without_a_preview_are_shown_none(case3):
     plain = skyarm.load_scenario("case3", controller="paper_ct", duration=0.1)
-    assert episode_inputs(plain).row_at(3, None).reference.ahead == ()
+    assert episode_inputs(plain).row_at(3, first_loop_state(plain)).reference.ahead == ()
     robust = make_centroidal(case3.controller.par.model, mode="tip", preset="robust")
     assert robust.par.preview == (0.02, 0.04)

@@ -15,6 +15,7 @@ A user's law, FILE.py:make, must have been loaded: ``--plugin FILE.py`` does so;
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import math
 import os
 from collections.abc import Mapping
@@ -49,7 +50,7 @@ from skyarm.records.files import (
     unreadable,
 )
 from skyarm.records.files.names import require_kind
-from skyarm.records.leaves import Place, field_names, is_leaf, parts, replace_at, walk
+from skyarm.records.leaves import Place, field_names, is_leaf, is_record, parts, replace_at, walk
 from skyarm.records.read_table import value_from
 from skyarm.records.registry.plugins import is_law_of_file, register_loaded_law
 from skyarm.records.registry.registrations import LOADED_BY
@@ -247,10 +248,12 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mappin
         if other not in (*words, word) and (other, value) != ("tuned", False):
             raise ValueError(f"{fields.at(other)} = {shown(value)}: {no_option(law, words, other)}")
     options = suitable_options(law, known)
-    kinds = declared_units(Options) | declared_units(entry_of(law).function())
+    maker = entry_of(law).function()
+    kinds = declared_units(Options) | declared_units(maker)
+    usual = {name: each.default for name, each in inspect.signature(maker).parameters.items()}
     for own, option in option_words(law).items():
         if own in fields.table:
-            options[option] = _read(fields, own, *kinds.get(option, (None, NUMBER)))
+            options[option] = _read(fields, own, usual.get(option), *kinds.get(option, (None, NUMBER)))
     if "age" in options and "delay" in fields.table and "age" not in fields.table:
         # a delay that is stated shorter than the loop's is the measurement's alone
         options["age"] = min(options["age"], number(fields.table["delay"], fields.at("delay"), low=0.0))
@@ -286,8 +289,16 @@ def _require_only(fields: Fields, word: str, allowed: str) -> None:
             raise ValueError(f"{fields.at(other)} = {shown(value)}: must be left out: {allowed}")
 
 
-def _read(fields: Fields, word: str, wanted: object, unit: Unit) -> object:
-    """Read one option of a control law; a table becomes the record that the option is, all else the law checks."""
+def _read(fields: Fields, word: str, usual: object, wanted: object, unit: Unit) -> object:
+    """Read one option of a control law; a table becomes the record that the option is, all else the law checks.
+
+    Numbers that the table does not state are those of the record that the option is where it is left out.
+    """
+    if is_record(usual) and not hasattr(usual, "from_table"):
+        table = Fields(fields.take(word), fields.at(word))
+        numbers = {name: table.number(name, each, low=0.0) for name, each in parts(usual).items()}
+        table.done()
+        return replace_at(usual, {(name,): each for name, each in numbers.items()})
     kinds = [kind for kind in (wanted, *get_args(wanted)) if isinstance(kind, type) and field_names(kind) is not None]
     return value_from(kinds[0], unit, fields, word) if kinds else fields.take(word)
 
