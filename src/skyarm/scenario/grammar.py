@@ -147,7 +147,7 @@ def _rows(slot: Slot) -> Iterator[Row]:
 
 
 def _slot_entry(slot: Slot) -> str:
-    """Entry of a word with a field of its own."""
+    """Kind of entry that a file may have for a word: a number, a text, one of some names, a table."""
     if slot.path == "plant.kind":
         return _one_of(names("plant"))
     if slot.path == "plant.integrator":

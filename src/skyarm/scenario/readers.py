@@ -208,7 +208,7 @@ def with_files(table: object, where: str, folder: Path) -> object:
     return found
 
 
-PATHS = ("plant", "vehicle"), ("model", "vehicle"), ("controller", "tuned")
+NAMED_FILES = ("plant", "vehicle"), ("model", "vehicle"), ("controller", "tuned")
 """Tables and their words that are the path of a file, or a name of the library."""
 
 
@@ -220,7 +220,7 @@ def with_other_paths(tables: Mapping[str, Any], other: Callable[[str], str]) -> 
         other: from a path of a vehicle, of gains, samples or a mesh to what stands in its place.
     """
     found = dict(tables)
-    for name, word in PATHS:
+    for name, word in NAMED_FILES:
         table = tables.get(name)
         if isinstance(table, Mapping) and isinstance(entry := table.get(word), str) and entry not in list_vehicles():
             found[name] = {**table, word: other(entry)}
