@@ -393,18 +393,20 @@ def test_a_start_that_is_taken_away_is_left_out(tmp_path):
     assert "initial" not in saved(trimmed, tmp_path, tables)
 
 
-def test_the_time_of_a_governor_is_planned_again_or_refused(case3, tmp_path):
-    governed, planned = (skyarm.govern(case3, **options) for options in ({"joint_speed": 0.4}, {}))
+def test_the_time_of_a_governor_is_planned_again_or_refused(tmp_path):
+    tables = tomllib.loads((LIBRARY / "case3.toml").read_text("utf-8")) | {"duration": 8.0}
+    del tables["windows"]
+    short = skyarm.scenario_from(tables)
+    governed, planned = (skyarm.govern(short, **options) for options in ({"joint_speed": 0.4}, {}))
     assert governed.path_time != planned.path_time
-    assert saved(planned, tmp_path)["reference"]["governor"] is True
+    assert saved(planned, tmp_path, tables)["reference"]["governor"] is True
     (tmp_path / "found.toml").unlink()
     with pytest.raises(ScenarioError, match=r"base: must have the \[reference\.governor\] that planned the"):
-        skyarm.save_scenario(tmp_path / "found.toml", governed, "case3")
+        skyarm.save_scenario(tmp_path / "found.toml", governed, tables)
     assert list(tmp_path.iterdir()) == []
-    tables = tomllib.loads((LIBRARY / "case3.toml").read_text("utf-8"))
     stated = tables | {"reference": tables["reference"] | {"governor": {"joint_speed": 0.4}}}
     assert saved(governed, tmp_path, stated)["reference"]["governor"] == {"joint_speed": 0.4}
-    assert "governor" not in saved(case3, tmp_path, stated)["reference"]
+    assert "governor" not in saved(short, tmp_path, stated)["reference"]
 
 
 def test_a_law_of_the_bases_name_with_other_options_is_that_of_the_catalogue(tmp_path):
