@@ -30,7 +30,6 @@ from skyarm.scenario.path_governor import GovernorOptions
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.linkage import JOINT_NUMBERS, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.contact.gripper import Command
 from skyarm.world.dryden import Dryden
 from skyarm.world.gust import SHAPES, Gust
 from skyarm.world.payload import Payload
@@ -54,9 +53,9 @@ SIGNAL = "number, list or table: a signal"
 ENTRIES: Mapping[object, str] = {
     **{float: "number", Scalar: "number", int: "whole number", str: "text", bool: "true or false"},
     **{Vec3: "three numbers", Quaternion: "four numbers", Window: "[start, stop]", Terms: "list of names"},
-    **{Command: SIGNAL, SignalList: "list of signals", SignalVector: "list of three signals"},
+    **{"Command": SIGNAL, SignalList: "list of signals", SignalVector: "list of three signals"},
 }
-"""Entries of types that are no tables of their fields, in words."""
+"""Entries of types that are no tables of their fields, in words; by name, of a part whose folder may be absent."""
 
 CHOICES: Mapping[tuple[str, str], tuple[str, ...]] = {("Solver", "integrator"): INTEGRATORS, ("Gust", "shape"): SHAPES}
 """Texts that a field of a record may be, where its type does not say so."""
@@ -278,16 +277,21 @@ def _records_in(wanted: object) -> tuple[type, ...]:
     options = typing.get_args(wanted)
     if options:
         return tuple(found for each in options for found in _records_in(each))
-    if not isinstance(wanted, type) or field_names(wanted) is None or wanted in ENTRIES or wanted is Vehicle:
+    if not isinstance(wanted, type) or field_names(wanted) is None or _in_words(wanted) or wanted is Vehicle:
         return ()
     return () if issubclass(wanted, Signal) else (wanted,)
+
+
+def _in_words(wanted: object) -> str:
+    """Entry of a type that is no table of its fields; empty for others."""
+    return ENTRIES.get(wanted) or ENTRIES.get(getattr(wanted, "__name__", ""), "")
 
 
 def _entry(wanted: object) -> str:
     """Type of an entry in words."""
     options = [each for each in typing.get_args(wanted) if each is not type(None)]
-    if wanted in ENTRIES:
-        return ENTRIES[wanted]
+    if found := _in_words(wanted):
+        return found
     if typing.get_origin(wanted) is typing.Literal:
         return _one_of(options)
     if typing.get_origin(wanted) is tuple:
