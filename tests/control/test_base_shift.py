@@ -17,18 +17,15 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.base_shift import (
     FIRST_SHIFT,
     Acting,
-    Directions,
     Instant,
     Shift,
     Stretch,
-    _gains,
     _thrusts,
     bounded_shift,
     bounded_sweep,
     coming_levers,
     coming_thrusts,
-    directions,
-    lever_of,
+    tilt_shares,
 )
 from skyarm.control.laws.centroidal.demands import _course
 from skyarm.control.laws.centroidal.parameters import FOLLOWING
@@ -36,7 +33,7 @@ from skyarm.control.laws.centroidal.presets import DeprecatedOptionWarning
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.kinematics import link_poses
-from skyarm.reference import Constant, Sine, Sum, hover
+from skyarm.reference import Constant, Ramp, Sine, Sum, hover
 from skyarm.reference.preview import samples, samples_ahead
 from skyarm.reference.splines import minimum_snap
 from skyarm.reference.task_records import Guard, Phase
@@ -53,6 +50,8 @@ LEAST, HELD = 0.02, 0.02
 """Height (m) and square of a rotation of the page."""
 ZERO = Vec3(0.0, 0.0, 0.0)
 STILL = Acting(force=ZERO, rate=ZERO, drift=ZERO, drag=0.0)
+AHEAD = Taylor((0.0,) * 5)
+"""The heading of a vehicle that does not turn."""
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +65,9 @@ def test_the_sweep_finds_the_bounded_solution_of_an_equation_whose_terms_change(
     lever = lambda t: 0.28 + 0.05 * np.cos(9.0 * t)  # noqa: E731
     asked = lambda t: 3.0 * np.sin(4.0 * t + 0.3) - 1.5  # noqa: E731
     times = np.linspace(0.0, 2.0, 201)
-    rows = [Instant(t, 0.0, (-asked(t), 0.0), lever(t)) for t in times]
+    rows = [Instant(t, 0.0, Vec3(-asked(t), 0.0, 0), lever(t)) for t in times]
     means = [thrust(0.5 * (a + b)) for a, b in pairwise(times)]
-    line = bounded_sweep(rows, [(1.0, 1.0)] * len(rows), [*means, thrust(times[-1])])
+    line = bounded_sweep(rows, [*means, thrust(times[-1])])
     span = np.linspace(0.0, 4.0, 400)
     for start in (0.0, 0.2):
         found = solve_bvp(
@@ -76,8 +75,8 @@ def test_the_sweep_finds_the_bounded_solution_of_an_equation_whose_terms_change(
             lambda a, b, start=start: np.array([a[0] - start, b[0]]),
             span, np.zeros((2, span.size)), tol=1e-8, max_nodes=100_000,
         )  # fmt: skip
-        assert line[0].v[0] - line[0].b * start == pytest.approx(float(found.sol(0.0)[1]), rel=1e-3)
-    assert line[0].v[1] == 0.0
+        assert line[0].v.x - line[0].b * start == pytest.approx(float(found.sol(0.0)[1]), rel=1e-3)
+    assert line[0].v.y == 0.0
 
 
 def level_of(lever):
@@ -98,7 +97,7 @@ def on_a_sine(par, w, level, share, begin=0.0):
             still = (0.0, 0.0, 0.0)
             ahead.append((lead, [still, (0.0, along(t + lead, 1), along(t + lead, 2)), *[still] * 4]))
         before = shift
-        moved, _, shift = bounded_shift(par, shift, base, 0.0, level, STILL, ahead, DT, (0.0, 0.0))
+        moved, _, shift = bounded_shift(par, shift, base, AHEAD, level, STILL, ahead, DT, (0.0, 0.0))
     return before.place, moved, base
 
 
@@ -134,6 +133,80 @@ def test_every_derivative_is_that_of_the_one_before(model, hanging):
         assert slope == pytest.approx(rows[1][k + 1].y, rel=0.1, abs=0.02)
 
 
+TURNING = 1.2
+"""rad/s, of a heading in the tests of one that turns."""
+
+
+def on_a_turning_circle(par, level, place, begin, turn=0.0):
+    """Shift, derivatives and instant on a circle of 0.4 m at 2 rad/s, the heading turning; ``turn``: of the world."""
+    w = 2.0
+
+    def at(t, k):
+        phase = w * t + 0.5 * np.pi * k + turn
+        return Vec3(0.4 * w**k * np.cos(phase), 0.4 * w**k * np.sin(phase), 0.0)
+
+    def seen(t, k):
+        return (*((c, *more) for c, *more in zip(at(t, 0), at(t, 1), at(t, 2), strict=True)),
+                (0.3 + TURNING * t + turn, TURNING, 0.0))[k]  # fmt: skip
+
+    shift = dataclasses.replace(FIRST_SHIFT, place=place)
+    for k in range(4):
+        t = begin + k * DT
+        ahead = [(lead, [*(seen(t + lead, i) for i in range(4)), *[(0.0, 0.0, 0.0)] * 2]) for lead in par.preview[2:]]
+        yaw, before = Taylor((0.3 + TURNING * t + turn, TURNING, 0.0, 0.0, 0.0)), shift
+        base = [at(t, i) for i in range(5)]
+        moved, _, shift = bounded_shift(par, shift, base, yaw, level, STILL, ahead, DT, (0.0, 0.0))
+    return before.place, moved, t
+
+
+def turning_solution(lever, t):
+    """Steady shift (place, rate, acceleration) on that circle, by a harmonic balance of the equation."""
+    # a = -w^2 r: what joints leave of it in the vehicle's frame, whose heading is psi = 0.3 + TURNING t
+    w, left = 2.0, np.diag([HELD / (2.0 + HELD), 1.0])
+    mean, half = 0.5 * np.trace(left), 0.5 * (left[0, 0] - left[1, 1])
+    # complex numbers: G a = mean a + half e^(2 i psi) conj(a); a = -w^2 0.4 e^(i w t)
+    terms = (
+        (mean * w * w * 0.4, w),
+        (half * w * w * 0.4 * np.exp(0.6j), 2.0 * TURNING - w),
+    )
+    pace = G / lever
+    found = [sum(size * (1j * rate) ** k * np.exp(1j * rate * t) / (-rate * rate - pace) for size, rate in terms)
+             for k in range(3)]  # fmt: skip
+    return [np.array([each.real, each.imag]) for each in found]
+
+
+def test_under_a_heading_that_turns_the_shift_is_that_of_the_closed_form(model, hanging):
+    """Joints take back the tilts in their plane: the force that is left turns with the heading."""
+    par, (level, lever) = make_centroidal(model, mode="tip", preset="adaptive").par, hanging
+    for begin in (0.0, 0.7, 1.9):
+        place, _, _ = turning_solution(lever, begin)
+        shift, moved, t = on_a_turning_circle(par, level, Vec3(*place, 0.0), begin)
+        there, rate, second = turning_solution(lever, t)
+        np.testing.assert_allclose([shift.x, shift.y], there, atol=1e-3)
+        np.testing.assert_allclose([moved[0].x, moved[0].y], rate, atol=0.02)
+        np.testing.assert_allclose([moved[1].x, moved[1].y], second, atol=0.08)
+
+
+def test_a_world_that_is_turned_turns_the_shift(model, hanging):
+    par, (level, _) = make_centroidal(model, mode="tip", preset="adaptive").par, hanging
+    c, s = np.cos(0.9), np.sin(0.9)
+    _, plain, _ = on_a_turning_circle(par, level, Vec3(0.02, -0.01, 0.0), 0.4)
+    _, turned, _ = on_a_turning_circle(par, level, Vec3(0.02 * c + 0.01 * s, 0.02 * s - 0.01 * c, 0.0), 0.4, turn=0.9)
+    for one, other in zip(plain, turned, strict=True):
+        assert [c * one.x - s * one.y, s * one.x + c * one.y, one.z] == pytest.approx([*other], abs=1e-9)
+
+
+def test_derivatives_are_those_of_the_ones_before_while_the_heading_turns(model, hanging):
+    par, (level, lever) = make_centroidal(model, mode="tip", preset="adaptive").par, hanging
+    rows = []
+    for k in range(3):
+        begin = 0.6 + 0.01 * k
+        rows.append(on_a_turning_circle(par, level, Vec3(*turning_solution(lever, begin)[0], 0.0), begin)[1])
+    for k in range(2):
+        slope = (np.array([*rows[2][k]]) - np.array([*rows[0][k]])) / 0.02
+        np.testing.assert_allclose(slope[:2], [rows[1][k + 1].x, rows[1][k + 1].y], atol=0.03 * 2.0**k)
+
+
 def without_joints():
     """A vehicle whose tip is fixed to its base."""
     vehicle = skyarm.load_vehicle("hummingbird")
@@ -152,7 +225,7 @@ def test_a_steady_force_shifts_by_the_lever_below_the_base_and_above(model, leve
     shift, base = FIRST_SHIFT, [Vec3(0.0, 0.0, 1.0), ZERO, ZERO, ZERO, ZERO]
     for _ in range(200):
         before = shift.place
-        moved, _, shift = bounded_shift(par, shift, base, 0.4, level_of(lever), acting, (), DT)
+        moved, _, shift = bounded_shift(par, shift, base, Taylor((0.4, 0, 0)), level_of(lever), acting, (), DT)
         gone = moved[0] * DT + moved[1] * (0.5 * DT**2)  # of the way in a period, with its acceleration
         np.testing.assert_allclose([*shift.place][:2], [*(before + gone)][:2], rtol=1e-9, atol=1e-15)
     expected = force * (-lever / (G * float(vehicle.mass)))
@@ -165,58 +238,45 @@ def test_what_was_not_foretold_accelerates_the_shift_towards_its_new_place(model
     level, lever = hanging
     base = [Vec3(0.0, 0.0, 1.0), ZERO, ZERO, ZERO, ZERO]
     acting = dataclasses.replace(STILL, drift=Vec3(0.0, 0.5, 0.0))
-    _, drifting, _ = bounded_shift(par, FIRST_SHIFT, base, 0.0, level, acting, (), DT)
+    _, drifting, _ = bounded_shift(par, FIRST_SHIFT, base, AHEAD, level, acting, (), DT)
     assert drifting.y == pytest.approx(-0.5 / float(model.vehicle.mass) * np.sqrt(lever / G), rel=0.02)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.0])
 def test_a_planar_arm_leaves_the_tilts_across_its_plane(model, yaw):
     level = posture(model.vehicle, (Taylor((0.3, *(0.0,) * 4)), Taylor((-0.2, *(0.0,) * 4))), 4)
-    at = directions(model.vehicle, level, yaw)
-    along = np.array([at.x, at.y])
+    shares = tilt_shares(model.vehicle, level)
     # the joints turn about body y: a shift along it is left to the base, one across it is the arm's
-    assert abs(along @ [-np.sin(yaw), np.cos(yaw)]) == pytest.approx(1.0, abs=1e-4)
-    assert at.left[0] > 0.95
+    y, x = Vec3(-np.sin(yaw), np.cos(yaw), 0.3), Vec3(np.cos(yaw), np.sin(yaw), -0.2)
+    np.testing.assert_allclose([*shares.left(y, yaw)], [y.x, y.y, 0.0], atol=1e-4)
     # two joints about one axis: 0.02 of 2.02
-    assert [*at.left] == pytest.approx([1.0, HELD / (2.0 + HELD)], rel=1e-4)
-    v = Vec3(0.3, -1.2, 0.0)
-    np.testing.assert_allclose([*at.vector(at.pair(v))], [*v], atol=1e-9)
-
-
-def moved_by(vehicle, joints):
-    """Rotations of the links, and the centre of mass against the tip, m."""
-    poses = link_poses(vehicle, tuple(map(float, joints)))
-    rows = [np.array([[float(c) for c in row] for row in pose.R.rows]) for pose in poses]
-    places = [np.array([float(c) for c in pose.p]) for pose in poses]
-    total = np.array([float(c) for c in vehicle.base.com]) * float(vehicle.base.mass)
-    for link, R, p in zip(vehicle.links, rows, places, strict=True):
-        total = total + float(link.body.mass) * (p + R @ [float(c) for c in link.body.com])
-    frame = vehicle.frame()
-    tip = places[frame.link] + rows[frame.link] @ [float(c) for c in frame.position]
-    return rows, total / float(vehicle.mass) - tip
+    held = HELD / (2.0 + HELD)
+    np.testing.assert_allclose([*shares.left(x, yaw)], [held * x.x, held * x.y, 0.0], atol=1e-4)
 
 
 @pytest.mark.parametrize("name", ["hummingbird_arm2", "octo_coaxial_two_arms", "hexarotor_arm6", "hexarotor12_arm5"])
-def test_the_levers_left_are_those_of_joints_that_turn_the_links_back(name):
-    """Against joint angles by least squares, Jacobians by differences; of the hanging arm."""
-    vehicle, e = skyarm.load_vehicle(name), 1e-5
-    q = np.zeros(vehicle.n)
-    rows, arm = moved_by(vehicle, q)
-    turns, shifts = [], []
-    for each in e * np.eye(vehicle.n):
-        there, moved = moved_by(vehicle, q + each)
-        spins = [(a @ b.T - np.eye(3)) / e for a, b in zip(there, rows, strict=True)]
-        turns.append(np.concatenate([[spin[2, 1], spin[0, 2], spin[1, 0]] for spin in spins]))
-        shifts.append((moved - arm) / e)
-    level = posture(vehicle, [Taylor.constant(float(each), 4) for each in q], 4)
-    at, lever = directions(vehicle, level, 0.0), lever_of(vehicle, tuple(q))
-    for k, axis in enumerate((np.array([-at.y, at.x, 0.0]), np.array([at.x, at.y, 0.0]))):
-        # a tilt about one direction moves the centre of mass along the other
-        tilt = [-float(axis[0]), -float(axis[1]), 0.0]
-        angles = np.linalg.lstsq(np.array(turns).T, np.tile([-each for each in tilt], vehicle.n), rcond=1e-6)[0]
-        moved = np.cross(tilt, arm) + np.array(shifts).T @ angles
-        expected = abs(float(moved @ [float(at.x), float(at.y), 0.0] if k == 0 else moved @ [-at.y, at.x, 0.0]))
-        assert float(at.left[k] * lever + at.rest[k]) == pytest.approx(expected, abs=0.025 * float(lever))
+def test_the_shares_left_are_those_of_joints_that_turn_the_links_back(name):
+    """Against a damped inverse of the tip's rotations, which are found by differences; on some heading."""
+    vehicle, e, yaw = skyarm.load_vehicle(name), 1e-6, 0.8
+    q = np.linspace(-0.3, 0.5, vehicle.n)
+    link = vehicle.frame().link
+    R = rotation_of(vehicle, q, link)
+    spins = [(rotation_of(vehicle, q + each, link) @ R.T - np.eye(3)) / e for each in e * np.eye(vehicle.n)]
+    axes = np.array([[spin[2, 1], spin[0, 2]] for spin in spins]).T
+    moments = axes @ axes.T
+    aside = np.array([[0.0, -1.0], [1.0, 0.0]])
+    left = HELD * np.linalg.inv(aside @ moments @ aside.T + HELD * np.eye(2))
+    Z = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    shares = tilt_shares(vehicle, posture(vehicle, [Taylor.constant(float(each), 4) for each in q], 4))
+    for v in np.eye(2):
+        found = shares.left(Vec3(*v, 0.0), yaw)
+        np.testing.assert_allclose([*found][:2], Z @ left @ Z.T @ v, atol=1e-3)
+
+
+def rotation_of(vehicle, q, link):
+    """Rotation of a link."""
+    pose = link_poses(vehicle, tuple(map(float, q)))[link]
+    return np.array([[float(c) for c in row] for row in pose.R.rows])
 
 
 def test_levers_to_come_are_those_of_the_postures_to_come(model):
@@ -234,21 +294,14 @@ def test_levers_to_come_are_those_of_the_postures_to_come(model):
 
 def test_a_lever_far_aside_has_a_secant_of_two():
     """A tilt of 60 degrees is the most that is reckoned with."""
-    row, here = Instant(0.0, 0.0, (0.0, 0.0), 0.2), Stretch(1.0, (0.0, 0.0))
+    row, here = Instant(0.0, 0.0, ZERO, 0.2), Stretch(1.0, ZERO)
     for place, secant in ((0.12, 1.25), (0.3, 2.0), (5.0, 2.0)):
-        assert coming_thrusts([row], [here], (0.0, place))[1] == pytest.approx([secant])
-
-
-def test_what_joints_leave_of_a_lever_is_divided_by_its_size():
-    at = Directions(1.0, 0.0, (0.5, 0.2), (0.03, -0.01))
-    assert _gains(at, 0.1) == pytest.approx((0.8, 0.1))
-    assert _gains(at, -0.1) == pytest.approx((-0.2, -0.3))
-    assert _gains(at, 0.01) == pytest.approx((1.75, -0.4))  # over LEAST
+        assert coming_thrusts([row], [here], Vec3(0.0, place, 0))[1] == pytest.approx([secant])
 
 
 def test_thrusts_to_come_are_means_with_the_shifts_own_and_never_below_a_floor():
     """Rises of 2, 4 and -20 m/s^2, over which the shift sinks by 1 m/s^2 in the first stretch; secants likewise."""
-    rows = [Instant(0.1 * k, rise, (0.0, 0.0), 0.3) for k, rise in enumerate((2.0, 4.0, -20.0))]
+    rows = [Instant(0.1 * k, rise, ZERO, 0.3) for k, rise in enumerate((2.0, 4.0, -20.0))]
     shift = Shift(place=ZERO, sinking=(0.0,) * 3, secants=(1.0, 1.2, 1.5), coming=(-1.0, 0.0), first=0.1)
     assert _thrusts(rows, G, 1.5, shift) == pytest.approx([(G + 2.0) * 1.1, (G - 8.0) * 1.35, 1.5 * 1.5])
 
@@ -263,7 +316,7 @@ def test_a_lever_near_zero_shifts_in_proportion(model):
     for lever in (0.0, 0.5 * LEAST, LEAST):
         shift = FIRST_SHIFT
         for _ in range(100):
-            _, _, shift = bounded_shift(par, shift, base, 0.0, level_of(lever), STILL, (), DT)
+            _, _, shift = bounded_shift(par, shift, base, AHEAD, level_of(lever), STILL, (), DT)
         found.append(shift.place.x)
     assert found[0] == pytest.approx(0.0, abs=1e-9)
     assert found[1] == pytest.approx(0.5 * found[2], rel=0.02)
@@ -363,6 +416,14 @@ def test_the_tip_of_a_swinging_arm_stays_in_a_wind_from_the_side(case3):
     motion = dataclasses.replace(hover((0.0, 0.0, 1.5)), joints=joints)
     assert flown(case3, motion, Vec3(0.0, 2.0, 0.0))[0] < 5.0
     assert flown(case3, motion, Vec3(0.0, 2.0, 0.0), preview=0.0)[0] > 25.0
+
+
+def test_the_tip_stays_on_a_circle_while_the_vehicle_turns(case3):
+    """Half a turn a second: 4.0 mm where all instants to come had the directions of now."""
+    x, y = Sine(amplitude=0.3, frequency_hz=0.3, phase=0.5 * np.pi), Sine(amplitude=0.3, frequency_hz=0.3)
+    turn = Ramp(start=1.0, duration=20.0, height=10.0 * np.pi)
+    motion = dataclasses.replace(hover((0.0, 0.0, 1.5)), x=x, y=y, yaw=turn, joints=ARM)
+    assert flown(case3, motion)[0] < 1.0
 
 
 def test_options_of_the_version_before_are_read_once_more(model):

@@ -111,7 +111,7 @@ def test_the_shift_goes_to_a_force_that_stays_as_a_critically_damped_system(mode
     for k in range(1000):
         before, force = force, slow_force(par, force, push, dt)
         acting = Acting(force=force, rate=zero, drift=(force - before) * (1.0 / dt), drag=0.0)
-        _, drift, shift = bounded_shift(par, shift, base, 0.0, level, acting, (), dt)
+        _, drift, shift = bounded_shift(par, shift, base, still, level, acting, (), dt)
         drifts.append(drift.x)
         if k % 200 == 199:
             value, _ = expm(A * ((k + 1) * dt)) @ np.array([-1.0, 0.0])

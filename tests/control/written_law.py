@@ -164,7 +164,7 @@ class WrittenLaw(WrittenParts):
         base, psi, q = np.array([derivatives(s) for s in signals[:3]]).T, signals[3], signals[4:]
         com, point = v.com_tip(q)
         drag = (v.cd * now.W).sum()
-        *moved, drifting = self._shift(base, psi[0], q, com, point, F, rate, drag, lead, ahead[2:])
+        *moved, drifting = self._shift(base, psi, q, com, point, F, rate, drag, lead, ahead[2:])
         going = [base[0], *(b + y for b, y in zip(base[1:], moved, strict=True))]
         D = [R @ v.side(now.W, R.T @ p, np.zeros(3))[0] for p in going[1:4]]
         changes = D[1] + rate, D[2]

@@ -7,14 +7,17 @@ from typing import Any
 
 import numpy as np
 from written_vehicle import (
+    E_Z,
     Vehicle,
     constant,
     derivatives,
     dot,
     low,
+    matmul,
     mul,
     pass_on,
     power,
+    rotation_series,
     series,
     vector,
 )
@@ -119,42 +122,31 @@ class WrittenParts:
 
     # the shift of the base
 
-    def _levers(self, q: Any, psi: float) -> tuple[Any, Any, Any]:
-        """Directions (world axes), and what joints leave of a lever along them: share and rest."""
+    def _left(self, q: Any) -> Any:
+        """Matrix, on heading 0, of what joints leave of a horizontal vector that the base would tilt for."""
         v = self.v
-        links, places, axes = v.still(q)
-        flat = [np.outer(a[:2], a[:2]) for a in axes]
-        chain = v.chain(v.tip_link)
-        G = sum((flat[i] for i in chain), np.zeros((2, 2)))
-        u = np.linalg.eigh(G)[1][:, 1]
-
-        def left(joints: list[int]) -> Any:
-            part = sum((flat[i] for i in joints), np.zeros((2, 2)))
-            along = u @ part @ u
-            return np.array([0.02 / (np.trace(part) - along + 0.02), 0.02 / (along + 0.02)])
-
-        heights = [v.bodies[0][1][2], *((places[k] + links[k] @ c)[2] for k, (_, c, _) in enumerate(v.bodies[1:]))]
-        rest = np.zeros(2)
-        for i in range(v.n):
-            carried = [k >= 0 and i in v.chain(k) for k in range(-1, v.n)]
-            rows = zip(v.bodies, heights, carried, strict=True)
-            terms = [(m / v.mass * (z - places[i][2]), c) for (m, _, _), z, c in rows]
-            height = sum(t for t, c in terms if not c) if i in chain else -sum(t for t, c in terms if c)
-            rest = rest + (left(v.chain(i)[:-1]) - left(v.chain(i))) * height
-        c, s = np.cos(psi), np.sin(psi)
-        first = np.array([[c, -s], [s, c]]) @ u
-        return np.array([first, [-first[1], first[0]]]), left(chain), rest
+        axes = v.still(q)[2]
+        G = sum((np.outer(axes[i][:2], axes[i][:2]) for i in v.chain(v.tip_link)), np.zeros((2, 2)))
+        (least, most), U = np.linalg.eigh(G)
+        # a turn about an axis moves the centre of mass across it
+        return U @ np.diag([0.02 / (most + 0.02), 0.02 / (least + 0.02)]) @ U.T
 
     def _height(self, q: Any) -> float:
         com, tip = self.v.com_tip(constant(q, 1))
         return com[2, 0] - tip[2, 0]
 
     def _shift(
-        self, base: Any, psi: float, q: Any, com: Any, tip: Any, F: Any, rate: Any, drag: float, lead: Any, ahead: Any
+        self, base: Any, psi: Any, q: Any, com: Any, tip: Any, F: Any, rate: Any, drag: float, lead: Any, ahead: Any
     ) -> list[Any]:
         """First to fourth derivative of the shift, and what its drift adds to the second; the memory goes on."""
         m, g, dt = self.v.mass, self.g, self.dt
-        axes, left, rest = self._levers(q[:, 0], psi)
+        left = self._left(q[:, 0])
+
+        def on(heading: float, x: Any) -> Any:
+            c, s = np.cos(heading), np.sin(heading)
+            Z = np.array([[c, -s], [s, c]])
+            return Z @ left @ Z.T @ x
+
         lever = com[2] - tip[2]
         times_ = np.array([0.0, *lead])
         h = np.diff(times_)
@@ -163,11 +155,12 @@ class WrittenParts:
         sizes = np.maximum(abs(levers), 0.02)
         velocity = [base[1], *(row[:3, 1] for row in ahead)]
         acceleration = [base[2], *(row[:3, 2] for row in ahead)]
-        factor = (np.outer(levers, left) + rest) / sizes[:, None]
+        headings = [psi[0], *(row[3, 0] for row in ahead)]
+        factor = levers / sizes
         f = np.array(
             [
-                phi * (axes @ (F[:2] / m + rate[:2] / m * t - drag / m * v[:2] - a[:2]))
-                for phi, t, v, a in zip(factor, times_, velocity, acceleration, strict=True)
+                phi * on(heading, F[:2] / m + rate[:2] / m * t - drag / m * v[:2] - a[:2])
+                for phi, heading, t, v, a in zip(factor, headings, times_, velocity, acceleration, strict=True)
             ]
         )
         # numbers of the last period go on to now
@@ -194,7 +187,7 @@ class WrittenParts:
         def secant(y: Any, size: float) -> float:
             return (1 - min(y @ y / size**2, 0.75)) ** -0.5
 
-        y = now = axes @ self.y[:2]
+        y = now = self.y[:2]
         # forwards from the shift of now
         secants, falling, rates = [], [], []
         end = (np.sqrt(n[5] / sizes[5]), -f[5] / np.sqrt(n[5] / sizes[5]) - (f[5] - f[4]) / (n[5] / sizes[5] * h[4]))
@@ -217,12 +210,13 @@ class WrittenParts:
         N = series(*up) if up[0] > 0.15 * g else constant(0.15 * g, 3)
         per = power(size, -1)
         forcing = series(
-            axes @ (F[:2] / m - drag / m * base[1][:2] - base[2][:2]),
-            axes @ (rate[:2] / m - drag / m * base[2][:2] - base[3][:2]),
-            axes @ (-drag / m * base[3][:2] - base[4][:2]),
+            F[:2] / m - drag / m * base[1][:2] - base[2][:2],
+            rate[:2] / m - drag / m * base[2][:2] - base[3][:2],
+            -drag / m * base[3][:2] - base[4][:2],
         )
-        phi = mul(np.outer(left, lever[:3]) + rest[:, None] * [1.0, 0, 0], per[None])
-        F0, F1, F2 = derivatives(mul(phi, forcing))
+        Z = rotation_series(E_Z, psi[:3])[:2, :2]
+        forcing = matmul(Z, left @ matmul(np.swapaxes(Z, 0, 1), forcing))
+        F0, F1, F2 = derivatives(mul(mul(lever[:3], per)[None], forcing))
         dy = v - b * now
         ddy = N[0] / size0 * secant(now, size0) * now + F0
         lean = mul(series(now, dy, ddy), per[None])
@@ -234,12 +228,12 @@ class WrittenParts:
         Y = series(now, dy, ddy, third, fourth)
         low_by = -lever[0] / size0**2 * secant(now, size0)
         heights = [low_by * each for each in derivatives(dot(Y, Y) / 2)[1:]]
-        moved = [np.array([*(axes.T @ each), z]) for each, z in zip((dy, ddy, third, fourth), heights, strict=True)]
+        moved = [np.array([*each, z]) for each, z in zip((dy, ddy, third, fourth), heights, strict=True)]
         step = moved[0] * dt + moved[1] * dt * dt / 2
         self.y = self.y + step * [1.0, 1.0, 0.0]
         self.sinks = np.array(heights[1:])
         self.secants, self.falls, self.first = np.array(secants), falling, lead[0]
-        drifting = axes.T @ (factor[0] * (axes @ self.drift[:2])) / -(m * sweep[0][0])
+        drifting = factor[0] * on(psi[0], self.drift[:2]) / -(m * sweep[0][0])
         return [*moved, np.array([*drifting, 0.0])]
 
     # gusts: none

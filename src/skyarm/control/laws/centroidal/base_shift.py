@@ -10,7 +10,8 @@ One solution stays bounded. It obeys y' = -b y + v, where b and v follow backwar
 if d - a went on evenly there: b' = b^2 - n / l, v' = b v + d - a. From one instant to the one before it that is exact
 for a mean n / l and an even change of d - a. The law integrates y; its higher derivatives come from the equation.
 
-Joints that turn links back as the base tilts about their axis leave the lever of what they do not carry.
+Joints that turn links back as the base tilts about their axis leave a share of d - a, which turns with the heading: at
+each instant of the preview by the yaw of that instant, and now with the yaw's derivatives.
 An arm above the base has l < 0 and zero dynamics that swing: there y'' = (n / |l|) y - (d - a), which agrees with the
 solution for slow motions and passes the resonance.
 
@@ -20,15 +21,15 @@ Sources: Devasia, Chen, Paden 1996 (bounded inverse of a system whose zero dynam
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Vec3
-from skyarm.algebra.scalars import Scalar, absolute, cos, data, divide, maximum, minimum, sin, sqrt, total, where
+from skyarm.algebra.scalars import Scalar, absolute, cos, data, divide, maximum, minimum, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
-from skyarm.control.blocks.attitude import Posture, derivative, near_angles, posture
+from skyarm.control.blocks.attitude import Posture, derivative, near_angles, posture, vector_series
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import SHARES, CentroidalParameters
 from skyarm.dynamics.kinematics import chain
@@ -53,9 +54,6 @@ TERMS = 4, 6
 """Terms of the series of sines for the first two preview samples, exact up to 1 and 3 rad from now (``NearAngle``)."""
 
 TINY = 1e-9
-
-Pair = tuple[Scalar, Scalar]
-"""Components along the two horizontal principal directions of the arm."""
 
 
 @immutable
@@ -103,109 +101,58 @@ class Instant:
     """Reference at one instant of the preview.
 
     Attributes:
-        time: from now, s. rise: vertical acceleration, m/s^2. asked: d - a along both directions, m/s^2.
+        time: from now, s. rise: vertical acceleration, m/s^2.
+        force: what joints leave of d - a, horizontal, world axes, m/s^2.
         lever: height of the centre of mass above the tip, m.
     """
 
     time: Scalar
     rise: Scalar
-    asked: Pair
+    force: Vec3
     lever: Scalar
 
 
 @immutable(kw_only=False)
-class Directions:
-    """Horizontal unit vector (world axes) along the arm's most turned axis, and levers of tilts that joints leave.
+class TiltShares:
+    """Share of a tilt that joints do not take back: symmetric matrix [[m + x, y], [y, m - x]] on horizontal vectors.
 
-    Of a tilt that moves the centre of mass along that vector, and of one across it: a height h of the centre of mass
-    above the tip has the lever ``left`` h + ``rest`` (m).
+    Attributes:
+        mean: m, of all directions. x, y: of heading 0.
     """
 
+    mean: Scalar
     x: Scalar
     y: Scalar
-    left: Pair
-    rest: Pair
 
-    def pair(self, v: Vec3) -> Pair:
-        """Components of a vector along the two horizontal directions in which the arm differs."""
-        return v.x * self.x + v.y * self.y, v.y * self.x - v.x * self.y
-
-    def vector(self, pair: Pair, z: Scalar = 0) -> Vec3:
-        """Vector (world axes) from its components along the two horizontal directions in which the arm differs."""
-        a, b = pair
-        return Vec3(a * self.x - b * self.y, a * self.y + b * self.x, z)
+    def left(self, v: Vec3, yaw: Any) -> Vec3:
+        """Part of a vector (world axes, or a series of it) that joints leave to the base at a heading, rad."""
+        c, s = cos(yaw * 2.0), sin(yaw * 2.0)
+        x, y = c * self.x - s * self.y, s * self.x + c * self.y
+        return Vec3(v.x * (x + self.mean) + v.y * y, v.x * y + v.y * (-x + self.mean), 0)
 
 
-def directions(vehicle: Vehicle, level: Posture, yaw: Scalar) -> Directions:
-    """Directions in which the arm differs: principal axes of the horizontal parts of the tip's joint axes."""
-    carriers = [chain(vehicle, i) for i in range(vehicle.n)]
-    axes = [_turning_axis(vehicle, level, i) for i in range(vehicle.n)]
-    found = chain(vehicle, vehicle.frame().link)
-    xx, xy, yy = _moments(axes[i] for i in found if i < vehicle.n)
-    off, twice = xx - yy, 2.0 * xy
+def tilt_shares(vehicle: Vehicle, level: Posture) -> TiltShares:
+    """Shares by the principal moments of the horizontal parts of the tip's joint axes, on heading 0.
+
+    A turn about the axis with the largest moment moves the centre of mass across it.
+    """
+    xx: Scalar = 0.0
+    xy: Scalar = 0.0
+    yy: Scalar = 0.0
+    for i in chain(vehicle, vehicle.frame().link):
+        axis = _turning_axis(vehicle, level, i)
+        xx, xy, yy = xx + axis.x * axis.x, xy + axis.x * axis.y, yy + axis.y * axis.y
+    trace, off, twice = xx + yy, xx - yy, 2.0 * xy
     size = sqrt(off * off + twice * twice + TINY)
-    # the column of the projector on the first axis that is not near zero
-    along = off > 0.0
-    a, b = where(along, size + off, twice), where(along, twice, size - off)
-    per = 1.0 / sqrt(a * a + b * b)
-    a, b = a * per, b * per
-    c, s = cos(yaw), sin(yaw)
-
-    def left(joints: Sequence[int]) -> Pair:
-        xx, xy, yy = _moments(axes[i] for i in joints)
-        most = a * a * xx + 2.0 * a * b * xy + b * b * yy
-        # a turn about the first axis moves the centre of mass across it
-        return divide(HELD, maximum(xx + yy - most, 0.0) + HELD), divide(HELD, most + HELD)
-
-    rest: list[Scalar] = [0.0, 0.0]
-    for i, joints in enumerate(carriers):
-        if not vehicle.links[i].joint.turns:
-            continue
-        height = (
-            _others_height(vehicle, level, i, carriers) if i in found else -_branch_height(vehicle, level, i, carriers)
-        )
-        for k, (before, after) in enumerate(zip(left(joints[:-1]), left(joints), strict=True)):
-            rest[k] = rest[k] + (before - after) * height
-    return Directions(a * c - b * s, a * s + b * c, left(found), (rest[0], rest[1]))
+    along, across = (divide(HELD, maximum(0.5 * moment, 0.0) + HELD) for moment in (trace - size, trace + size))
+    half = divide(0.5 * (along - across), size)
+    return TiltShares(0.5 * (along + across), half * off, half * twice)
 
 
 def _turning_axis(vehicle: Vehicle, level: Posture, i: int) -> Vec3:
     """Axis about which a joint turns, base axes; zero of a sliding one."""
     joint = vehicle.links[i].joint
     return Vec3(*(derivative(row, 0).dot(joint.axis) for row in level.links[i].R.rows)) if joint.turns else ZERO3
-
-
-def _moments(axes: Iterable[Vec3]) -> tuple[Scalar, Scalar, Scalar]:
-    """Sums of x^2, x y and y^2 of vectors."""
-    xx: Scalar = 0.0
-    xy: Scalar = 0.0
-    yy: Scalar = 0.0
-    for axis in axes:
-        xx, xy, yy = xx + axis.x * axis.x, xy + axis.x * axis.y, yy + axis.y * axis.y
-    return xx, xy, yy
-
-
-def _height(vehicle: Vehicle, level: Posture, links: Iterable[int], above: Scalar) -> Scalar:
-    """Sum of the links' heights above a height, weighted by their share of the vehicle's mass, m."""
-    total: Scalar = 0.0
-    for i in links:
-        body, pose = vehicle.links[i].body, level.links[i]
-        place = derivative(pose.p, 0).z + derivative(pose.R.rows[2], 0).dot(body.com)
-        total = total + divide(body.mass, vehicle.mass) * (place - above)
-    return total
-
-
-def _branch_height(vehicle: Vehicle, level: Posture, i: int, carriers: Sequence[Sequence[int]]) -> Scalar:
-    """Weighted height above a joint of the links that it carries, m."""
-    links = (k for k, joints in enumerate(carriers) if i in joints)
-    return _height(vehicle, level, links, derivative(level.links[i].p, 0).z)
-
-
-def _others_height(vehicle: Vehicle, level: Posture, i: int, carriers: Sequence[Sequence[int]]) -> Scalar:
-    """Weighted height above a joint of base and links that it does not carry, m."""
-    above, base = derivative(level.links[i].p, 0).z, vehicle.base
-    links = (k for k, joints in enumerate(carriers) if i not in joints)
-    return divide(base.mass, vehicle.mass) * (base.com.z - above) + _height(vehicle, level, links, above)
 
 
 def lever_of(vehicle: Vehicle, joints: Sequence[Scalar]) -> Scalar:
@@ -233,35 +180,33 @@ class Stretch:
 
     Attributes:
         b: 1/s. v: m/s. time: from the first to the second one, s.
-        cosh, sinh: of y and y' (s) at the first one, in y at the second one. forced: m, of it by d - a.
+        cosh, sinh: of y and y' (s) at the first one, in y at the second one. forced: m, of it by the force.
     """
 
     b: Scalar
-    v: Pair
+    v: Vec3
     time: Scalar = 0
     cosh: Scalar = 0
     sinh: Scalar = 0
-    forced: Pair = (0, 0)
+    forced: Vec3 = ZERO3
 
 
-def bounded_sweep(rows: Sequence[Instant], gains: Sequence[Pair], thrusts: Sequence[Scalar]) -> list[Stretch]:
+def bounded_sweep(rows: Sequence[Instant], thrusts: Sequence[Scalar]) -> list[Stretch]:
     """Bounded solution at each instant of the preview, from its end backwards.
 
     Args:
         rows: reference from now on.
-        gains: at each instant, of d - a in both directions.
         thrusts: mean specific thrust from each instant to the next, and at the last one, m/s^2.
     """
     sizes = [_size(row.lever) for row in rows]
-    force = [[g * each for g, each in zip(gain, row.asked, strict=True)] for gain, row in zip(gains, rows, strict=True)]
     b = sqrt(divide(thrusts[-1], sizes[-1]))
     per = divide(-1.0, b)
-    v = [per * each for each in force[-1]]
+    v = rows[-1].force * per
     if len(rows) > 1:
         # as if the force went on as it has changed last
-        last = divide(per, b * (rows[-1].time - rows[-2].time))
-        v = [each + (then - now) * last for each, now, then in zip(v, force[-2], force[-1], strict=True)]
-    found = [Stretch(b, (v[0], v[1]))]
+        now, then = rows[-2:]
+        v = v + (then.force - now.force) * divide(per, b * (then.time - now.time))
+    found = [Stretch(b, v)]
     for i in range(len(rows) - 2, -1, -1):
         now, then = rows[i], rows[i + 1]
         h = then.time - now.time
@@ -272,45 +217,35 @@ def bounded_sweep(rows: Sequence[Instant], gains: Sequence[Pair], thrusts: Seque
         left = divide(1.0, cosh + b * sinh)
         # of the mean and of the change of the force over the interval, in the place at its end
         mean, change = h * h * (0.5 + z * (1.0 / 24.0 + z / 720.0)), h * h * (1.0 / 12.0 + z / 80.0)
-        forced = []
-        for k in (0, 1):
-            asked = 0.5 * (force[i][k] + force[i + 1][k])
-            turn = force[i + 1][k] - force[i][k]
-            forced.append(mean * asked - change * turn)
-            v[k] = (v[k] - b * forced[k] - sinh * asked + (h / 24.0) * z * turn) * left
+        asked, turn = (now.force + then.force) * 0.5, then.force - now.force
+        forced = asked * mean - turn * change
+        v = (v - forced * b - asked * sinh + turn * ((h / 24.0) * z)) * left
         b = (pace * sinh + b * cosh) * left
-        found.append(Stretch(b, (v[0], v[1]), h, cosh, sinh, (forced[0], forced[1])))
+        found.append(Stretch(b, v, h, cosh, sinh, forced))
     return found[::-1]
 
 
-def coming_thrusts(rows: Sequence[Instant], line: Sequence[Stretch], y: Pair) -> tuple[tuple[Scalar, ...], ...]:
+def coming_thrusts(rows: Sequence[Instant], line: Sequence[Stretch], y: Vec3) -> tuple[tuple[Scalar, ...], ...]:
     """Vertical acceleration of the shift from instant to instant (m/s^2), and secants of its tilt at each instant.
 
     A lever l that is turned by y to the side is less high by about y^2 / 2 l.
     """
-    places, rates, secants = list(y), [], []
+    rates, secants = [], []
     for row, here in zip(rows, line, strict=True):
-        speeds = [v - here.b * place for v, place in zip(here.v, places, strict=True)]
-        per = divide(1.0, _size(row.lever))
-        secant = _secant(places, per)
-        secants.append(secant)
-        rates.append((places[0] * speeds[0] + places[1] * speeds[1]) * (-row.lever * per * per * secant))
-        places = [
-            here.cosh * place + here.sinh * speed + more
-            for place, speed, more in zip(places, speeds, here.forced, strict=True)
-        ]
+        speed, per = here.v - y * here.b, divide(1.0, _size(row.lever))
+        secants.append(_secant(y, per))
+        rates.append(y.dot(speed) * (-row.lever * per * per * secants[-1]))
+        y = y * here.cosh + speed * here.sinh + here.forced
     sinks = tuple(divide(b - a, here.time) for a, b, here in zip(rates, rates[1:], line, strict=False))
     return sinks, tuple(secants)
 
 
-def _secant(places: Sequence[Any], per: Any) -> Any:
+def _secant(y: Vec3, per: Any) -> Any:
     """Ratio 1 / cos of the tilt of a lever whose end is displaced horizontally, as a share ``per`` of its length."""
-    a, b = (place * per for place in places)
-    return inverse_root(1.0 - _at_most(a * a + b * b))
-
-
-def _at_most(square: Any) -> Any:
-    return choose(square < STEEP, square, STEEP) if isinstance(square, Taylor) else minimum(square, STEEP)
+    side = y * per
+    square = side.dot(side)
+    least = choose(square < STEEP, square, STEEP) if isinstance(square, Taylor) else minimum(square, STEEP)
+    return inverse_root(1.0 - least)
 
 
 def _size(height: Scalar) -> Scalar:
@@ -321,7 +256,7 @@ def bounded_shift(
     par: CentroidalParameters,
     shift: Shift,
     base: Sequence[Vec3],
-    yaw: Scalar,
+    yaw: Taylor,
     level: Posture,
     acting: Acting,
     ahead: Sequence[tuple[Scalar, Sequence[Sample]]],
@@ -337,7 +272,7 @@ def bounded_shift(
         par: of the law.
         shift: now.
         base: its reference, value to fourth derivative.
-        yaw: rad.
+        yaw: rad, series of second order at least.
         level: posture of the references on a level base, fourth-order series.
         acting: forces beside those of rotors and weight.
         ahead: times from now (s) and samples of the reference then.
@@ -345,59 +280,63 @@ def bounded_shift(
         joints: references now; needed with ``ahead``.
     """
     vehicle, gravity = par.model.vehicle, par.model.gravity
-    at, per_mass = directions(vehicle, level, yaw), divide(1.0, vehicle.mass)
+    shares, per_mass = tilt_shares(vehicle, level), divide(1.0, vehicle.mass)
     push, rate, drift = (each * per_mass for each in (acting.force, acting.rate, acting.drift))
     slow = acting.drag * per_mass
     lever = Taylor.of_derivatives([derivative(level.com, k).z - derivative(level.tip, k).z for k in range(3)])
 
-    def instant(time: Scalar, velocity: Vec3, acceleration: Vec3, height: Scalar) -> Instant:
-        return Instant(time, acceleration.z, at.pair(push + rate * time - velocity * slow - acceleration), height)
+    def instant(time: Scalar, velocity: Vec3, acceleration: Vec3, heading: Scalar, height: Scalar) -> Instant:
+        asked = push + rate * time - velocity * slow - acceleration
+        return Instant(time, acceleration.z, shares.left(asked, heading) * divide(height, _size(height)), height)
 
     height = lever.derivative(0)
-    rows = [instant(0, base[1], base[2], height)]
+    rows = [instant(0, base[1], base[2], yaw.derivative(0), height)]
     levers = coming_levers(vehicle, joints, [sample for _, sample in ahead]) if ahead else []
     for (time, sample), other in zip(ahead, levers, strict=True):
         velocity, acceleration = (Vec3(*(each[k] for each in sample[:3])) for k in (1, 2))
-        rows.append(instant(time, velocity, acceleration, other))
-    now, still = at.pair(shift.place), gravity - push.z
-    asked_next, asked_after = at.pair(rate - base[2] * slow - base[3]), at.pair((base[3] * slow + base[4]) * -0.5)
-    off = [Taylor(each) for each in zip(rows[0].asked, asked_next, asked_after, strict=True)]
-    floor = WEAK * gravity
-    sinks = shift.sinking
+        rows.append(instant(time, velocity, acceleration, sample[3][0], other))
+    now, still = Vec3(shift.place.x, shift.place.y, 0), gravity - push.z
+    floor, sinks = WEAK * gravity, shift.sinking
     up = Taylor((base[2].z + still + sinks[0], base[3].z - rate.z + sinks[1], 0.5 * (base[4].z + sinks[2])))
     up = choose(up > floor, up, floor)
     size = choose(lever > 0.0, lever, -lever)
     size = choose(size > LEAST, size, LEAST)
-    gains = [_gains(at, row.lever) for row in rows]
-    line = bounded_sweep(rows, gains, _thrusts(rows, still, floor, _later(shift, rows, dt) if ahead else FIRST_SHIFT))
+    line = bounded_sweep(rows, _thrusts(rows, still, floor, _later(shift, rows, dt) if ahead else FIRST_SHIFT))
     b, per = line[0].b, 1.0 / size
     per0 = per.derivative(0)
-    level_pace = up.derivative(0) * per0
-    factors = [(lever * share + rest) * per for share, rest in zip(at.left, at.rest, strict=True)]
-    forces = [[(f * factor).derivative(k) for k in range(3)] for f, factor in zip(off, factors, strict=True)]
-    speeds = [
-        v - b * y if ahead else v - b * y - divide(f[1], b * b) for y, v, f in zip(now, line[0].v, forces, strict=True)
-    ]
-    steep = _secant(now, per0) * level_pace
-    seconds = [steep * y + f[0] for y, f in zip(now, forces, strict=True)]
-    turned = [Taylor.of_derivatives(each) for each in zip(now, speeds, seconds, strict=True)]
+    asked = (push - base[1] * slow - base[2], rate - base[2] * slow - base[3], -(base[3] * slow + base[4]))
+    series = vector_series(asked) * (lever * per)
+    left = shares.left(series, yaw.truncate(2))
+    force = [derivative(left, k) for k in range(3)]
+    velocity = line[0].v - now * b
+    if not ahead:
+        velocity = velocity - force[1] * divide(1.0, b * b)
+    steep = _secant(now, per0) * up.derivative(0) * per0
+    second = now * steep + force[0]
+    turned = vector_series((now, velocity, second))
     k0, k1, k2 = ((up * per * _secant(turned, per)).derivative(k) for k in range(3))
-    found = [
-        (first, second, k1 * y + k0 * first + f1, k2 * y + 2.0 * k1 * first + k0 * second + f2)
-        for y, first, second, (_, f1, f2) in zip(now, speeds, seconds, forces, strict=True)
-    ]
-    moved = [at.vector(pair) for pair in zip(*found, strict=True)]
-    going = shift.place + moved[0] * dt + moved[1] * (0.5 * dt * dt)
+    third = now * k1 + velocity * k0 + force[1]
+    fourth = now * k2 + velocity * (2.0 * k1) + second * k0 + force[2]
+    going = now + velocity * dt + second * (0.5 * dt * dt)
     lowered = -height * per0 * per0 * _secant(now, per0)
-    heights = [lowered * each for each in _halved_square((now[0], *found[0]), (now[1], *found[1]))]
-    moved = [Vec3(each.x, each.y, z) for each, z in zip(moved, heights, strict=True)]
+    # half the square of the shift, first to fourth derivative
+    squares = (
+        now.dot(velocity),
+        velocity.dot(velocity) + now.dot(second),
+        3.0 * velocity.dot(second) + now.dot(third),
+        3.0 * second.dot(second) + 4.0 * velocity.dot(third) + now.dot(fourth),
+    )
+    moved = [Vec3(y.x, y.y, lowered * z) for y, z in zip((velocity, second, third, fourth), squares, strict=True)]
     coming, secants = coming_thrusts(rows, line, now) if ahead else (shift.coming, shift.secants)
-    share = divide(-1.0, b)
-    drifts = [gain * each * share for gain, each in zip(gains[0], at.pair(drift), strict=True)]
-    sinking = tuple(map(data, heights[1:]))
-    first = rows[1].time if ahead else shift.first
-    after = Shift(place=vector_data(going), sinking=sinking, secants=secants, coming=coming, first=first)
-    return moved, at.vector((drifts[0], drifts[1])), after
+    drifting = shares.left(drift, yaw.derivative(0)) * divide(-height * per0, b)
+    after = Shift(
+        place=vector_data(going),
+        sinking=tuple(data(each.z) for each in moved[1:]),
+        secants=secants,
+        coming=coming,
+        first=rows[1].time if ahead else shift.first,
+    )
+    return moved, drifting, after
 
 
 def _later(shift: Shift, rows: Sequence[Instant], dt: Scalar) -> Shift:
@@ -413,19 +352,6 @@ def _later(shift: Shift, rows: Sequence[Instant], dt: Scalar) -> Shift:
 def _towards_next(values: Sequence[Scalar], shares: Sequence[Scalar]) -> list[Scalar]:
     moved = [a + (b - a) * share for a, b, share in zip(values, values[1:], shares, strict=False)]
     return [*moved, values[-1]]
-
-
-def _halved_square(*rows: Sequence[Scalar]) -> list[Scalar]:
-    """First to fourth derivative of half the square of a vector whose rows are value to fourth derivative."""
-    each = [(y * v, v * v + y * a, 3.0 * v * a + y * j, 3.0 * a * a + 4.0 * v * j + y * s) for y, v, a, j, s in rows]
-    return [total(column) for column in zip(*each, strict=True)]
-
-
-def _gains(at: Directions, lever: Scalar) -> Pair:
-    """Lever of the tilts in each direction, as joints leave it, over the size of a level vehicle's lever."""
-    per = divide(1.0, _size(lever))
-    a, b = ((lever * share + rest) * per for share, rest in zip(at.left, at.rest, strict=True))
-    return a, b
 
 
 def _thrusts(rows: Sequence[Instant], still: Scalar, floor: Scalar, shift: Shift) -> list[Scalar]:

@@ -190,9 +190,8 @@ def _course(step: Step) -> Course:
     if moves is not None and before.shift:
         drag_rate = hub_drag(vehicle, step.state.rotor_speeds)
         acting = Acting(force=steady, rate=force_rate, drift=step.drift, drag=drag_rate)
-        heading = yaw.derivative(0)
         values = [q.derivative(0) for q in joints]
-        moved, drifting, shift = bounded_shift(par, before.shift, base, heading, level, acting, step.ahead, dt, values)
+        moved, drifting, shift = bounded_shift(par, before.shift, base, yaw, level, acting, step.ahead, dt, values)
         after = dataclasses.replace(before, shift=shift)
         answered = [base[0], *(p + u for p, u in zip(base[1:], moved, strict=True))]
     drag = reference_drag(model, step.state, answered[:4], sideways=sideways, moving=moves is not None)
