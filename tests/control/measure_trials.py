@@ -65,7 +65,7 @@ PAPER = (
     Trial("noise", 1.0), Trial("noise", 1.0, times=10.0), Trial("turbulence", 3.0), Trial("turbulence", 6.0),
     Trial("turning_wind", 20.0), Trial("turning_wind", 5.0), Trial("wind_steps", 5.0),
     Trial("wind_steps", 5.0, late=0.03), Trial("circle", 3.0), Trial("vertical", 1.0),
-    Trial("noise", 1.0, yaws=True), Trial("swing", 2.0), Trial("push_x", 1.5), Trial("push_y", 1.5),
+    Trial("circle", 1.0, yaws=True), Trial("swing", 2.0), Trial("push_x", 1.5), Trial("push_y", 1.5),
     Trial("push_z", 1.5), Trial("noise", 1.0, late=0.04), Trial("delay_in_flight", 0.04), Trial("motor_lag", 4.0),
     Trial("joint_lag", 0.04), Trial("payload", 0.1),
 )  # fmt: skip
