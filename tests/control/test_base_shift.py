@@ -233,6 +233,18 @@ def test_a_steady_force_shifts_by_the_lever_below_the_base_and_above(model, leve
     assert moved[0].norm() < 1e-3
 
 
+def test_without_a_preview_the_shift_goes_with_a_force_that_grows(model):
+    """y = -(l / g) d / m at a force and y' at its rate: the bounded solution of one that grows evenly."""
+    vehicle, lever = without_joints(), 0.3
+    par = make_centroidal(model, mode="tip", preset="adaptive").par
+    par = dataclasses.replace(par, model=Model(vehicle=vehicle, gravity=G))
+    force, rate, share = Vec3(0.02, -0.03, 0.0), Vec3(0.05, 0.04, 0.0), -lever / (G * float(vehicle.mass))
+    acting, base = dataclasses.replace(STILL, force=force, rate=rate), [Vec3(0.0, 0.0, 1.0), ZERO, ZERO, ZERO, ZERO]
+    shift = dataclasses.replace(FIRST_SHIFT, place=force * share)
+    moved, _, _ = bounded_shift(par, shift, base, AHEAD, level_of(lever), acting, (), DT)
+    np.testing.assert_allclose([*moved[0]][:2], [*(rate * share)][:2], rtol=0.01)
+
+
 def test_what_was_not_foretold_accelerates_the_shift_towards_its_new_place(model, hanging):
     par = make_centroidal(model, mode="tip", preset="adaptive").par
     level, lever = hanging

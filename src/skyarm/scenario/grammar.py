@@ -283,7 +283,7 @@ def _records_in(wanted: object) -> tuple[type, ...]:
 
 
 def _in_words(wanted: object) -> str:
-    """Entry of a type that is no table of its fields; empty for others."""
+    """Words for the file entry of a type that is no table of its fields; empty for a table."""
     return ENTRIES.get(wanted) or ENTRIES.get(getattr(wanted, "__name__", ""), "")
 
 

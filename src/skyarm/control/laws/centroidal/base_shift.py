@@ -114,7 +114,7 @@ class Instant:
 
 @immutable(kw_only=False)
 class TiltShares:
-    """Share of a tilt that joints do not take back: symmetric matrix [[m + x, y], [y, m - x]] on horizontal vectors.
+    """Share of a base's tilt that joints do not take back: matrix [[m + x, y], [y, m - x]] on horizontal vectors.
 
     Attributes:
         mean: m, of all directions. x, y: of heading 0.
@@ -125,14 +125,14 @@ class TiltShares:
     y: Scalar
 
     def left(self, v: Vec3, yaw: Any) -> Vec3:
-        """Part of a vector (world axes, or a series of it) that joints leave to the base at a heading, rad."""
+        """Part of a horizontal vector (world axes, or its series) that joints leave to the base at a heading, rad."""
         c, s = cos(yaw * 2.0), sin(yaw * 2.0)
         x, y = c * self.x - s * self.y, s * self.x + c * self.y
         return Vec3(v.x * (x + self.mean) + v.y * y, v.x * y + v.y * (-x + self.mean), 0)
 
 
 def tilt_shares(vehicle: Vehicle, level: Posture) -> TiltShares:
-    """Shares by the principal moments of the horizontal parts of the tip's joint axes, on heading 0.
+    """Share of a base's tilt that the arm's joints do not take back, by the moments of their horizontal axes.
 
     A turn about the axis with the largest moment moves the centre of mass across it.
     """
