@@ -97,7 +97,7 @@ def on_a_sine(par, w, level, share, begin=0.0):
             still = (0.0, 0.0, 0.0)
             ahead.append((lead, [still, (0.0, along(t + lead, 1), along(t + lead, 2)), *[still] * 4]))
         before = shift
-        moved, _, shift = bounded_shift(par, shift, base, AHEAD, level, STILL, ahead, DT, (0.0, 0.0))
+        moved, _, shift = bounded_shift(par, shift, base, AHEAD, level, STILL, ahead, DT)
     return before.place, moved, base
 
 
@@ -155,7 +155,7 @@ def on_a_turning_circle(par, level, place, begin, turn=0.0):
         ahead = [(lead, [*(seen(t + lead, i) for i in range(4)), *[(0.0, 0.0, 0.0)] * 2]) for lead in par.preview[2:]]
         yaw, before = Taylor((0.3 + TURNING * t + turn, TURNING, 0.0, 0.0, 0.0)), shift
         base = [at(t, i) for i in range(5)]
-        moved, _, shift = bounded_shift(par, shift, base, yaw, level, STILL, ahead, DT, (0.0, 0.0))
+        moved, _, shift = bounded_shift(par, shift, base, yaw, level, STILL, ahead, DT)
     return before.place, moved, t
 
 
@@ -294,7 +294,7 @@ def rotation_of(vehicle, q, link):
 def test_levers_to_come_are_those_of_the_postures_to_come(model):
     joints = [(0.3 + 0.1 * i, -0.4 - 0.05 * i) for i in range(5)]
     rows = [[*[(0.0, 0.0, 0.0)] * 4, *((q, 0.0, 0.0) for q in each)] for each in joints]
-    found = coming_levers(model.vehicle, (0.25, -0.38), rows)
+    found = coming_levers(model.vehicle, rows)
     exact = []
     for each in joints:
         at = posture(model.vehicle, [Taylor((q, 0.0)) for q in each], 1)

@@ -14,7 +14,6 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, neg, sin, sqrt, sub, where
-from skyarm.algebra.scalars.near_angle import NearAngle
 from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.geometric import attitude_error
 from skyarm.dynamics.kinematics import Pose, link_poses
@@ -56,20 +55,6 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
         frame = lifted.frame()
         tip = frame.position if frame.link == BASE else poses[frame.link].apply(frame.position)
     return Posture(com, tip, poses[: vehicle.n])
-
-
-def near_angles(vehicle: Vehicle, known: Sequence[Scalar], joints: Sequence[Scalar], terms: int = 4) -> tuple[Any, ...]:
-    """Joint positions, those of hinges as sums of ``known`` angles and a rest of so many ``terms``, for rotations."""
-    if vehicle.followers:
-        return tuple(joints)
-    rows = zip(vehicle.links, known, joints, strict=True)
-    return tuple(NearAngle(a, q - a, terms) if link.joint.turns else q for link, a, q in rows)
-
-
-def near_series(vehicle: Vehicle, known: Sequence[Taylor], joints: Sequence[Taylor]) -> tuple[Taylor, ...]:
-    """Joint trajectories (Taylor series) with values of :func:`near_angles`."""
-    angles = near_angles(vehicle, [q.c[0] for q in known], [q.c[0] for q in joints], 5)
-    return tuple(Taylor((angle, *q.c[1:])) for angle, q in zip(angles, joints, strict=True))
 
 
 def derivative(v: Vec3, k: int) -> Vec3:

@@ -9,7 +9,6 @@ from skyarm import dynamics
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, ZERO3_DATA, Force, Mat3, Quaternion, Vec3, inner_product
 from skyarm.algebra.scalars import Scalar, add, data, mul, neg, sub
 from skyarm.compile.tracing.lower import repeat
-from skyarm.control.blocks.attitude import near_angles
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -209,16 +208,11 @@ def predict_across(
     unknown: Disturbance,
     h: Scalar,
     sideways: bool,
-    known: Sequence[Scalar],
 ) -> State:
-    """Vehicle state ``h`` seconds later, which may vary, in one step: accelerations are those amid the step.
-
-    ``known`` are joint positions nearby whose sines and cosines are needed otherwise.
-    """
+    """Vehicle state ``h`` seconds later, which may vary, in one step: accelerations are those amid the step."""
     drift = 0.5 * h
     R = (x.quaternion * Quaternion.of_small_rotation(x.rate * drift)).rotation()
-    amid = tuple(q + v * drift for q, v in zip(x.joints, x.joint_rates, strict=True))
-    joints = near_angles(model.vehicle, known, amid)
+    joints = tuple(q + v * drift for q, v in zip(x.joints, x.joint_rates, strict=True))
     applied = rotor_wrench(model, done.squares, sideways)
     moved = acceleration(model, R, x.rate, joints, x.joint_rates, applied, done.efforts, unknown)
     return _integrate(x, moved, done.speeds, h)

@@ -226,12 +226,11 @@ def adapt(
 
 def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:
     """Wrench on base and joints of a 1 kg point mass at the tip in a planned motion, by d'Alembert."""
-    angles = planned.angles or planned.joints
-    tip = posture(vehicle, angles, 2).tip
+    tip = posture(vehicle, planned.joints, 2).tip
     r, rd, rdd = (derivative(tip, k) for k in range(3))
     w = planned.rate
     pull = -(planned.proper + planned.alpha.cross(r) + w.cross(w.cross(r)) + w.cross(rd) * 2.0 + rdd)
-    columns = jacobian_columns(vehicle, vehicle.frame(), [q.derivative(0) for q in angles], summed=True)
+    columns = jacobian_columns(vehicle, vehicle.frame(), [q.derivative(0) for q in planned.joints], summed=True)
     return Disturbance(
         force=planned.R.apply(pull),
         torque=r.cross(pull),

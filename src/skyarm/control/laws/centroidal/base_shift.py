@@ -29,7 +29,7 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, cos, data, divide, maximum, minimum, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
-from skyarm.control.blocks.attitude import Posture, derivative, near_angles, posture, vector_series
+from skyarm.control.blocks.attitude import Posture, derivative, posture, vector_series
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import SHARES, CentroidalParameters
 from skyarm.dynamics.kinematics import chain
@@ -49,9 +49,6 @@ WEAK = 0.15
 
 STEEP = 0.75
 """Upper bound of the squared sine of a tilt, that of 60 degrees."""
-
-TERMS = 4, 6
-"""Terms of the series of sines for the first two preview samples, exact up to 1 and 3 rad from now (``NearAngle``)."""
 
 TINY = 1e-9
 
@@ -161,16 +158,12 @@ def lever_of(vehicle: Vehicle, joints: Sequence[Scalar]) -> Scalar:
     return derivative(at.com, 0).z - derivative(at.tip, 0).z
 
 
-def coming_levers(vehicle: Vehicle, joints: Sequence[Scalar], samples: Sequence[Sequence[Sample]]) -> list[Scalar]:
+def coming_levers(vehicle: Vehicle, samples: Sequence[Sequence[Sample]]) -> list[Scalar]:
     """Levers (m) at the samples to come: of the third the mean of its neighbours', of the last that of the one before.
 
-    A posture costs as much as the rest of the work for a sample, and those two count less than the others. The first
-    two are near the present references of the ``joints``.
+    A posture costs as much as the rest of the work for a sample, and those two count less than the others.
     """
-    first, second, _, fourth, _ = ([q for q, _, _ in sample[4:]] for sample in samples)
-    pairs = zip((first, second), TERMS, strict=True)
-    near = (lever_of(vehicle, near_angles(vehicle, joints, each, terms)) for each, terms in pairs)
-    one, two, four = (*near, lever_of(vehicle, fourth))
+    one, two, four = (lever_of(vehicle, [q for q, _, _ in samples[k][4:]]) for k in (0, 1, 3))
     return [one, two, 0.5 * (two + four), four, four]
 
 
@@ -261,7 +254,6 @@ def bounded_shift(
     acting: Acting,
     ahead: Sequence[tuple[Scalar, Sequence[Sample]]],
     dt: Scalar,
-    joints: Sequence[Scalar] = (),
 ) -> tuple[list[Vec3], Vec3, Shift]:
     """Rate to fourth derivative of the centre of mass's shift (m, world axes), and the shift one period later.
 
@@ -277,7 +269,6 @@ def bounded_shift(
         acting: forces beside those of rotors and weight.
         ahead: times from now (s) and samples of the reference then.
         dt: s.
-        joints: references now; needed with ``ahead``.
     """
     vehicle, gravity = par.model.vehicle, par.model.gravity
     shares, per_mass = tilt_shares(vehicle, level), divide(1.0, vehicle.mass)
@@ -291,7 +282,7 @@ def bounded_shift(
 
     height = lever.derivative(0)
     rows = [instant(0, base[1], base[2], yaw.derivative(0), height)]
-    levers = coming_levers(vehicle, joints, [sample for _, sample in ahead]) if ahead else []
+    levers = coming_levers(vehicle, [sample for _, sample in ahead]) if ahead else []
     for (time, sample), other in zip(ahead, levers, strict=True):
         velocity, acceleration = (Vec3(*(each[k] for each in sample[:3])) for k in (1, 2))
         rows.append(instant(time, velocity, acceleration, sample[3][0], other))

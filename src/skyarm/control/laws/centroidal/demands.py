@@ -15,7 +15,6 @@ from skyarm.control.blocks.attitude import (
     attitude,
     derivative,
     moving,
-    near_series,
     posture,
     upright,
 )
@@ -41,7 +40,7 @@ class Planned:
     Attributes:
         R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and acceleration, base axes.
         proper: acceleration of the base origin less gravity, m/s^2, base axes.
-        joints: signals, series in time. angles: the same for rotations; empty where those are at hand.
+        joints: signals, series in time.
     """
 
     R: Mat3
@@ -49,7 +48,6 @@ class Planned:
     alpha: Vec3
     proper: Vec3
     joints: tuple[Taylor, ...]
-    angles: tuple[Taylor, ...] = ()
 
 
 @immutable
@@ -80,8 +78,7 @@ class Course:
 
     Attributes:
         base: of the base origin, value to fourth derivative, world axes.
-        still: quasi-static attitude. level: posture of ``turned``, the joints' signals; ``angles`` are those of
-            rotations.
+        still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
         following: of the shift's motion, one period later.
         changes: known derivatives of the disturbance, N/s and N/s^2, world axes.
         reach: of sideways force; None without it. planned: force of the motion, N, if the shift answers it, else None.
@@ -92,7 +89,6 @@ class Course:
     still: Attitude
     level: Posture
     turned: tuple[Taylor, ...]
-    angles: tuple[Taylor, ...]
     following: Following
     changes: tuple[Vec3, Vec3]
     reach: Reach | None
@@ -108,7 +104,7 @@ def demands(step: Step) -> Demand:
     yaw, joints = step.signals[3], tuple(step.signals[4:])
     R, w = state.quaternion.rotation(), state.rate
     course = _course(step)
-    now = posture(vehicle, moving(step.angles, state.joint_rates, (0,) * vehicle.n), 2)
+    now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if arm and par.center.arm_turn is not None:
         arm = center_of_mass.update_arm_motion(arm, course.level.com, model.gravity, step.dt)
@@ -134,7 +130,7 @@ def demands(step: Step) -> Demand:
             R=R,
             rate=w,
             alpha=alpha,
-            joints=step.angles,
+            joints=state.joints,
             joint_rates=state.joint_rates,
             posture=now,
             tip=state.position + R.apply(derivative(now.tip, 0)),
@@ -159,7 +155,6 @@ def demands(step: Step) -> Demand:
         alpha=course.still.acceleration,
         proper=course.still.R.apply_T(course.base[2] + E_Z * model.gravity),
         joints=course.turned,
-        angles=course.angles,
     )
     ahead = par.rotors.leads_thrust or course.reach is not None
     return Demand(
@@ -190,8 +185,7 @@ def _course(step: Step) -> Course:
     if moves is not None and before.shift:
         drag_rate = hub_drag(vehicle, step.state.rotor_speeds)
         acting = Acting(force=steady, rate=force_rate, drift=step.drift, drag=drag_rate)
-        values = [q.derivative(0) for q in joints]
-        moved, drifting, shift = bounded_shift(par, before.shift, base, yaw, level, acting, step.ahead, dt, values)
+        moved, drifting, shift = bounded_shift(par, before.shift, base, yaw, level, acting, step.ahead, dt)
         after = dataclasses.replace(before, shift=shift)
         answered = [base[0], *(p + u for p, u in zip(base[1:], moved, strict=True))]
     drag = reference_drag(model, step.state, answered[:4], sideways=sideways, moving=moves is not None)
@@ -202,16 +196,15 @@ def _course(step: Step) -> Course:
     planned = force if moved else None
     still = wanted_attitude(par, force, yaw, reach, planned)
     if par.mode != "tip":
-        return Course(base, still, level, joints, joints, before, changes, reach, planned)
+        return Course(base, still, level, joints, before, changes, reach, planned)
     goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
     turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, moves is not None)
-    angles = near_series(vehicle, joints, turned)
-    upright_posture, level = level, posture(vehicle, angles, 4)
+    upright_posture, level = level, posture(vehicle, turned, 4)
     offset = tip_tasks.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
     if moved:
         offset = [*offset[:2], offset[2] + drifting, *moved[2:]]
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    return Course(base, still, level, turned, angles, after, changes, reach, planned, goal)
+    return Course(base, still, level, turned, after, changes, reach, planned, goal)
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Scalar, ...]:

@@ -66,7 +66,7 @@ class Interaction(InteractionGains, Part):
             return memory
         observed, state, dt, vehicle = step.observed, step.state, step.dt, step.par.model.vehicle
         then = levers(vehicle, observed.quaternion.rotation(), observed.joints)
-        now = levers(vehicle, state.quaternion.rotation(), step.angles)
+        now = levers(vehicle, state.quaternion.rotation(), state.joints)
         planned = wanted_of(step.reference.push).about_the_pivot(state.position + now.R.apply(now.tip))
         wanted = dataclasses.replace(planned, normal=estimated_normal(planned.normal, memory.lean))
         velocity = now.velocity(state.velocity, state.rate, state.joint_rates)

@@ -174,8 +174,7 @@ def _present(step: Step) -> State:
     par, state, sideways = step.par, step.observed.state(), step.par.center.sideways is not None
     if step.past is not None:
         age = _age(par, step.late, step.dt)
-        done, known = step.past.since(age), step.told.amid.joints
-        return predict_across(par.model, state, done, step.unknown, age * step.dt, sideways, known)
+        return predict_across(par.model, state, step.past.since(age), step.unknown, age * step.dt, sideways)
     for command in step.memory.sent[1:]:
         state = predict(par.model, state, command, step.unknown, step.dt, sideways)
     return state

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, maximum, mul
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.blocks.attitude import near_angles
 from skyarm.control.blocks.disturbance_observer import Observed, Told
 from skyarm.control.blocks.force_control import Pressing
 from skyarm.control.blocks.prediction import Disturbance
@@ -79,11 +78,6 @@ class Step:
     gust: Scalar = 1
     rough: Scalar = 1
     demand: Demand | None = None
-
-    @property
-    def angles(self) -> tuple[Any, ...]:
-        """Present joint positions, rad or m, for rotations."""
-        return near_angles(self.par.model.vehicle, self.told.amid.joints, self.state.joints)
 
     @property
     def holds(self) -> tuple[Scalar, ...]:

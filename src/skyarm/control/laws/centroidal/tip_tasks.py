@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin, total
 from skyarm.algebra.scalars.taylor import Taylor, inverse_root
-from skyarm.control.blocks.attitude import Attitude, Posture, derivative, near_angles, vector_series
+from skyarm.control.blocks.attitude import Attitude, Posture, derivative, vector_series
 from skyarm.control.blocks.center_of_mass import axes, com_columns
 from skyarm.control.blocks.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.parameters import TipGains
@@ -201,8 +201,7 @@ def turned_joints(
         return tuple(q + c for q, c in zip(joints, change, strict=True))
     values = tuple(add(q.derivative(0), c) for q, c in zip(joints, change, strict=True))
     told = [[q.derivative(k) for q in joints] for k in (1, 2)]
-    angles = near_angles(vehicle, [q.c[0] for q in joints], values, 5)
-    motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, angles, summed=True), told)
+    motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, values, summed=True), told)
     rows = zip(joints, values, *motion, strict=True)
     return tuple(Taylor((value, rate, mul(0.5, turning), *q.c[3:])) for q, value, rate, turning in rows)
 

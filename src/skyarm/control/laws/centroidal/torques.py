@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from skyarm.algebra import E_Z, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, add, clip, data, logical_and, maximum, sqrt, sub, where
 from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
@@ -66,11 +64,11 @@ def actuate(step: Step, demand: Demand) -> Done:
     """
     par, state, dt, trim = step.par, step.state, step.dt, step.memory.trim
     model = par.model
-    torque, efforts = needed(model, replace(state, joints=step.angles), demand, step.unknown)
+    torque, efforts = needed(model, state, demand, step.unknown)
     limits = [link.joint.effort_limit for link in model.vehicle.links]
     held = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
     missing = [sub(effort, kept) for effort, kept in zip(efforts, held, strict=True)]
-    arm = reaction(model.vehicle, step.angles)
+    arm = reaction(model.vehicle, state.joints)
     late = arm.accelerations(missing)
     torque = torque - arm.torque(late)
     wanted, squares = mix(par.mixer, torque, demand.thrust, demand.across)
