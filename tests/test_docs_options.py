@@ -125,7 +125,6 @@ def test_numbers_on_the_page_of_the_centroidal_law_are_those_of_its_presets():
     text = " ".join((DOCS / "centroidal_law.md").read_text("utf-8").split())
     assert f"`reach` ({COMMON['reach']:g} m," in text
     assert f"`damping` ({COMMON['damping']:g} m," in text
-    assert f"(`shift_limit`, {COMMON['shift_limit']:g} m)" in text
     assert f"`adaptation` ({COMMON['adaptation']:g} 1/s) estimates" in text
     assert f"`friction_adaptation` ({COMMON['friction_adaptation']:g} 1/s) the damping" in text
     assert PRESETS["stiff"]["lag_inversion"] == 1.0, '"stiff" inverts the motor lag in full'

@@ -7,7 +7,7 @@ VEHICLES = {  # plant, model, height, posture, tip ahead, mass of the tip along 
     "H": ("hummingbird_arm2_rotors", "hummingbird_arm2", 1.0, [-0.45, -0.9], 0.2126, 0.076,
           {"interaction": [0.3, 0.1]}),
     "X": ("hexarotor_arm6", "hexarotor_arm6", 1.5, [0.0, -0.6, -0.97, 0.0, -0.8, 0.0], 0.5, 0.066,
-          {"interaction": [0.5, 0.15], "reach": 0.24, "damping": 0.06, "shift_limit": 0.4,
+          {"interaction": [0.5, 0.15], "reach": 0.24, "damping": 0.06,
            "observer": [27.0, 31.0, 60.0, 60.0]}),
 }  # fmt: skip
 

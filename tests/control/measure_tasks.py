@@ -33,7 +33,7 @@ PICK, LIFT, CARRY, DOWN, DROP = 1.0, 1.5, 4.2, 6.9, 9.6
 
 LOADS = {  # posture, largest mass that is learned (kg), options of the law, masses (kg)
     "H": ([0.5, -1.0], 0.3, {}, (0.05, 0.1, 0.15)),
-    "X": ([0.0, 0.6, -1.0, 0.0, 0.5, 0.0], 0.6, {"reach": 0.24, "damping": 0.06, "shift_limit": 0.4}, (0.3, 0.5)),
+    "X": ([0.0, 0.6, -1.0, 0.0, 0.5, 0.0], 0.6, {"reach": 0.24, "damping": 0.06}, (0.3, 0.5)),
 }
 
 

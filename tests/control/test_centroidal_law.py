@@ -346,12 +346,13 @@ def test_mujocos_plant_sees_the_same_tip():
         *(({"reference_period": value}, "reference_period") for value in (0.0, -0.02, np.nan)),
         *(({"tip_mass_limit": value}, "tip_mass_limit") for value in (-0.1, np.nan, np.inf)),
         *(({"adaptation": value}, "adaptation") for value in (-0.1, np.nan, True, "x")),
-        *(({name: 0.0}, name) for name in ("pull", "reach", "shift_limit", "damping", "posture", "tilt")),
+        *(({name: 0.0}, name) for name in ("pull", "reach", "damping", "posture", "tilt")),
         *(({name: 1.1}, name) for name in ("lag_inversion",)),
         *(({name: 1e6}, name) for name in ("trim_rate", "tilt")),
         ({"observer": (1.0, 2.0)}, "observer"),
         ({"observer": (1.0, 2.0, 3.0, -4.0)}, "observer"),
         ({"stiffness": 3.0}, "stiffness"),
+        ({"shift_limit": 0.4}, r"^controller\.shift_limit: leave it out: the tilt's bound"),
     ],
 )
 def test_a_wrong_option_is_refused_by_its_name(options, message):

@@ -114,7 +114,6 @@ def hexarotor(**entries):
             "preset": "robust",
             "reach": 0.24,
             "damping": 0.06,
-            "shift_limit": 0.4,
             "observer": [27.0, 31.0, 60.0, 60.0],
             **entries.pop("controller"),
         },

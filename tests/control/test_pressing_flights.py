@@ -102,7 +102,6 @@ def hexarotor(force, **entries):
             "interaction": [0.5, 0.15],
             "reach": 0.24,
             "damping": 0.06,
-            "shift_limit": 0.4,
             "observer": [27.0, 31.0, 60.0, 60.0],
         },
         "sensors": {

@@ -85,7 +85,6 @@ PHRASES = {
     "damping": "`damping` ({} m",
     "posture": "`posture` (0.1 mm)",
     "shift_rate": "`shift_rate` ({} rad/s)",
-    "shift_limit": "shift limit ({} m)",
     "pull": "`pull` ({} m/s^2)",
     "tilt": "`tilt` ({})",
     "approach": "**`approach`** ({} m/s^2",
@@ -177,8 +176,8 @@ def test_it_does_where_rotors_and_joints_are_at_their_limits(abrupt: Any) -> Non
     assert limited.any()
 
 
-UNUSED = {"shift_limit", "tip_mass_limit"}
-"""Bounds that none of these flights reaches."""
+UNUSED = {"tip_mass_limit"}
+"""A bound that none of these flights reaches."""
 
 
 @pytest.mark.thorough

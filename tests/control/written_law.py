@@ -175,7 +175,7 @@ class WrittenLaw(WrittenParts):
         goal = self._goal(base, psi, q, point)
         qt = self._turned(q, goal, Rq, wq, aq)
         com, turned = v.com_tip(qt)
-        s = self._limited_shift(goal.arm, turned, Rq, wq, aq)
+        s = self._offset(goal.arm, turned, Rq, wq, aq)
         base = [base[0] + s[0], base[1] + s[1], base[2] + s[2] + drifting, base[3] + moved[2], base[4] + moved[3]]
         # 9. centre of mass
         h = self._arm_turn(derivatives(com))
@@ -439,17 +439,14 @@ class WrittenLaw(WrittenParts):
         second = solve(bends, 2 * q[:, 2])
         return np.column_stack([value, rates, second / 2, q[:, 3:]])
 
-    def _limited_shift(self, arm: Any, turned: Any, Rq: Any, wq: Any, aq: Any) -> list[Any]:
+    def _offset(self, arm: Any, turned: Any, Rq: Any, wq: Any, aq: Any) -> list[Any]:
         """Shift of the base that keeps the tip, with two derivatives."""
         r = derivatives(turned)
-        n = series(
+        return [
             arm[0] - Rq @ r[0],
             arm[1] - Rq @ (vector(wq, r[0]) + r[1]),
             arm[2] - Rq @ (vector(aq, r[0]) + vector(wq, vector(wq, r[0])) + 2 * vector(wq, r[1]) + r[2]),
-        )
-        square = dot(n, n) / self.par.shift_limit**2
-        fourth = mul(square, square)
-        return derivatives(mul(n, power(one_plus(mul(fourth, fourth)), -1 / 8)[None]))
+        ]
 
     # 9.
 

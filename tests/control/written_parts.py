@@ -32,7 +32,6 @@ NUMBERS = SimpleNamespace(
     damping=0.03,
     posture=1e-4,
     shift_rate=3.0,
-    shift_limit=0.4,
     pull=8.0,
     tilt=1.2,
     approach=2.0,

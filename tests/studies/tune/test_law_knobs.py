@@ -86,5 +86,5 @@ def test_the_flagships_limits_and_lengths_are_no_knobs():
     made = make_named("centroidal_tip", MODEL)
     found = {knob.path for knob in find_knobs(made, made.name)}
     assert {"base.position", "base.rate", "tip.position", "observer.force"} <= found
-    assert not {"tip.reach", "tip.shift_limit", "thrust_floor", "tip_mass_limit", "reference_period", "tilt"} & found
+    assert not {"tip.reach", "thrust_floor", "tip_mass_limit", "reference_period", "tilt"} & found
     assert len([at for at, value in walk(made.par) if is_leaf(value)]) > 5 * len(found)

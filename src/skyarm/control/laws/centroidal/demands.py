@@ -200,7 +200,7 @@ def _course(step: Step) -> Course:
     goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
     turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, moves is not None)
     upright_posture, level = level, posture(vehicle, turned, 4)
-    offset = tip_tasks.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
+    offset = tip_tasks.needed_shift(upright_posture.tip, yaw, level.tip, still)
     if moved:
         offset = [*offset[:2], offset[2] + drifting, *moved[2:]]
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]

@@ -80,8 +80,8 @@ def make_centroidal(
 ) -> Controller:
     """Make the centroidal law for any vehicle.
 
-    The presets were chosen on the Hummingbird with its arm of 0.3 m: the lengths (reach, damping, shift_limit) are
-    that arm's, and "stiff" needs motors about as fast as its (12.5 ms up, 25 ms down).
+    The presets were chosen on the Hummingbird with its arm of 0.3 m: the lengths (reach, damping) are that arm's, and
+    "stiff" needs motors about as fast as its (12.5 ms up, 25 ms down).
 
     ``delay`` is the known delay from a command to its measurement, s, a whole number of control periods, and ``age``
     what of it is the measurement's; None for all. By the rest, a delay of the commands, the reference is ahead.

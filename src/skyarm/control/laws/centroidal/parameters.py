@@ -95,7 +95,6 @@ class TipGains:
     damping: Annotated[Scalar, Unit("m", "singular values below this leave their direction to the link orientations")]
     posture: Annotated[Scalar, Unit("m", "weight of the joints' own references")]
     shift_rate: Annotated[Scalar, Unit("rad/s", "filter of the disturbance that the base's shift follows")]
-    shift_limit: Annotated[Scalar, Unit("m", "largest shift of the base")]
     shift: ShiftGains | None = None
     links: Annotated[tuple[Scalar, ...], Unit("", "bandwidth of each link's orientation over the tip's; () for 1")] = ()
 

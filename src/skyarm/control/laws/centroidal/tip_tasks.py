@@ -1,6 +1,6 @@
 """Tip control: tip and link references of a level base, base offset, and joint accelerations.
 
-What the arm cannot reach goes to a slow, bounded shift of the base, and base errors beyond the arm's reach go to the
+What the arm cannot reach goes to a slow shift of the base, and base errors beyond the arm's reach go to the
 tip's reference.
 
 Task 1 is the tip's position, task 2 the link orientations; joint accelerations solve the weighted least squares
@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin, total
-from skyarm.algebra.scalars.taylor import Taylor, inverse_root
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, Posture, derivative, vector_series
 from skyarm.control.blocks.center_of_mass import axes, com_columns
 from skyarm.control.blocks.tip_force import LeastSquares
@@ -91,21 +91,8 @@ def move_goal(goal: Goal, error: Sequence[Vec3], reach: Scalar) -> Goal:
     return dataclasses.replace(goal, tip=(p, v, a))
 
 
-def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, limit: Scalar) -> list[Vec3]:
-    """Base offset, with two derivatives, that keeps the tip of a tilted vehicle on its reference for a level base.
-
-    ``turned_arm`` is the posture whose links are turned as those of a level base; the offset stays within ``limit``
-    (m), hardly changed up to half of it.
-    """
-    series = vector_series(needed_shift(level.tip, yaw, turned_arm.tip, still))
-    square = series.dot(series) * divide(1.0, limit * limit)
-    fourth = square * square
-    share = inverse_root(fourth * fourth + 1.0, 3)
-    return [derivative(series * share, k) for k in range(3)]
-
-
 def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: Attitude) -> list[Vec3]:
-    """Offset, with two derivatives, from a point of a tilted vehicle to the same point of a level one.
+    """Base offset, with two derivatives, that keeps a point of a tilted vehicle where that of a level one would be.
 
     ``level`` is the point of the references, ``turned`` that of an arm whose links turn as those of a level base.
     """
