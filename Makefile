@@ -101,7 +101,7 @@ docs: $(VENV)/.docs
 	$(BIN)/python tests/website/build_site.py
 	$(BIN)/pytest -m "not attack and not digests and not thorough" tests/test_readme.py tests/test_docs*.py tests/website tests/openness
 
-WIND := case3_wind --laws paper_pd,paper_ct,centroidal_tip_stiff --label PD --label CT --label "centroidal law"
+WIND := case3_wind --laws paper_pd,paper_ct,centroidal_tip --label PD --label CT --label "centroidal law"
 
 PRESS := examples/press_and_slide.toml --label "centroidal law with interaction"
 
@@ -116,7 +116,7 @@ films: $(VENV)/.thorough
 	$(BIN)/python -m skyarm film examples/pick_and_place_box.toml docs/images/pick_and_carry.webp $(SMALL)
 	$(BIN)/python -m skyarm film open_door docs/images/open_door.webp $(SMALL)
 
-ENVELOPE_LAWS := paper_pd,paper_ct,l1_adaptive,nmpc,centroidal_tip,centroidal_tip_robust
+ENVELOPE_LAWS := paper_pd,paper_ct,l1_adaptive,nmpc,centroidal_tip
 
 envelope: $(VENV)/.test
 	$(BIN)/python -m skyarm compare envelope-suite --out out/envelope --laws $(ENVELOPE_LAWS)

@@ -276,7 +276,7 @@ def main():
     print(f"{'tip error, mm':24} {'true':>8} {'flown':>8} {'median':>8} {'95 %':>8} {'flown':>6}")
     row("paper_ct", skyarm.load_scenario("case3_wind").controller)
     row("paper_ct and an integral", with_integral(skyarm.load_scenario("case3_wind")))
-    for name in ("centroidal_tip_stiff", "centroidal_tip_robust", "centroidal_tip"):
+    for name in ("centroidal_tip", "centroidal_tip", "centroidal_tip"):
         row(name, skyarm.load_scenario("case3_wind", controller=name).controller)
     for seed, (envs, policy, _) in zip(seeds, runs, strict=True):
         row(f"learned, seed {seed}", learn.as_law(policy, envs, name="learned"))

@@ -37,16 +37,12 @@ ARRAYS = (
 )
 """Arrays of a log as they were when the digests were taken; later ones do not count."""
 
-BATCHED = ("paper_ct", "paper_pd", "centroidal_tip_robust", "centroidal_joint_stiff", "l1_adaptive", "indi", "kim2013")
+BATCHED = ("paper_ct", "paper_pd", "centroidal_tip", "centroidal_joint", "l1_adaptive", "indi", "kim2013")
 LANES, SECONDS = 64, 6.0
 MODES = ("bit_exact", "double", "single")
 
 
 AS_TAKEN = {
-    "centroidal_joint_robust": "exact_joint",
-    "centroidal_joint_stiff": "exact_joint_stiff",
-    "centroidal_tip_robust": "exact_ee",
-    "centroidal_tip_stiff": "exact_ee_stiff",
     "centroidal": "exact",
     "ct_ladder": "ct_lag_inversion",
     "rotors_sim_position": "rotors_position",
@@ -66,8 +62,8 @@ def as_taken(controller: str) -> str:
     return AS_TAKEN.get(law, law) + controller[len(law) :]
 
 
-YOUNGER = ("hybrid_ct", "admittance_pd", "centroidal_joint_gusts", "centroidal_tip_gusts")
-"""Laws and presets that there were not yet when the digests were taken; the two laws, without a push, fly as others."""
+YOUNGER = ("hybrid_ct", "admittance_pd")
+"""Laws that there were not yet when the digests were taken; without a push they fly as others."""
 
 
 OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -191,7 +187,7 @@ GUSTS: dict[str, Any] = {
 }
 """Moving air with a gust of each shape, which begins between two control instants."""
 
-GUSTED = ("paper_ct", "centroidal_tip_robust")
+GUSTED = ("paper_ct", "centroidal_tip")
 
 VARIED = {
     "plant.vehicle.base.mass": (0.6, 0.9),

@@ -16,7 +16,7 @@ def beside_a_box(phases, duration=9.0, **law):
     return {
         "schema": 1, "name": "push_a_box", "duration": duration,
         "plant": {"vehicle": "hummingbird_arm2_rotors"}, "model": {"vehicle": "hummingbird_arm2"},
-        "controller": {"law": "centroidal", "mode": "tip", "preset": "robust", "interaction": [0.3, 0.1]} | law,
+        "controller": {"law": "centroidal", "mode": "tip", "interaction": [0.3, 0.1]} | law,
         "sensors": dict(NOISE), "delays": {"measurement": 0.005},
         "environment": {"wind": {"mode": "force_wind", "force": [0.1, 0.1, 0.0]}},
         "reference": {"tip": {

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from skyarm.control.catalogue import LAWS
-from skyarm.control.laws.centroidal.presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES, RETIRED
+from skyarm.control.laws.centroidal.adaptation import FRICTION
+from skyarm.control.laws.centroidal.options import ENTRIES, PERIODS, RANGES, RETIRED, VALUES
 from skyarm.records.leaves import leaves
 from skyarm.scenario.controller_table import law_words, option_words
 from skyarm.scenario.scenario_file import scenario_from
@@ -22,12 +23,6 @@ LAW_ROWS = [row for row in ROWS if "`" in row[0] and "`" in row[1]]
 EXACT_ROWS = {row[0].strip("`"): row for row in ROWS if "`" in row[0] and "`" not in row[1]}
 
 
-def of_presets(cell):
-    """Preset -> what a cell of defaults states for it; the first value is that of "robust"."""
-    first, *others = cell.split("; ")
-    return dict([("robust", first), *(each.split(" ", 1) for each in others)])
-
-
 def laws_of(cell):
     """Laws that a row is about."""
     named = re.findall(r"`(\w+)`", cell)
@@ -36,7 +31,7 @@ def laws_of(cell):
 
 def documented(law):
     if law == "centroidal":
-        return {option: of_presets(row[2])["robust"] for option, row in EXACT_ROWS.items()}
+        return {option: row[2] for option, row in EXACT_ROWS.items()}
     return {row[1].strip("`"): row[3] for row in LAW_ROWS if law in laws_of(row[0])}
 
 
@@ -73,8 +68,8 @@ def test_a_default_on_the_page_changes_nothing_when_it_is_written_out(law):
         assert option in NO_LIMITS or other_or_refused(law, {option: made_other(value)}, plain), option
 
 
-NO_LIMITS = ("joint_limits", "preview")
-"""Options without an effect on a vehicle without limits of its joints, and in mode "joint"."""
+NO_LIMITS = ("preview",)
+"""Options without an effect in mode "joint"."""
 
 
 def made_other(value):
@@ -104,13 +99,9 @@ def test_the_weights_on_the_page_are_the_laws():
     assert set(weights) == set(made("nmpc").controller.par.weights.__slots__)
 
 
-@pytest.mark.parametrize("name", PRESETS)
-def test_defaults_of_the_centroidal_law_are_those_of_its_presets(name):
-    base = {"robust": (), "adaptive": ("robust",), "gusts": ("adaptive", "robust"), "stiff": ("robust",)}[name]
+def test_defaults_of_the_centroidal_law_are_those_that_it_has():
     for entry in ENTRIES:
-        shown = of_presets(EXACT_ROWS[entry][2])
-        text = next(shown[each] for each in (name, *base) if each in shown)
-        value, held = tomllib.loads(f"x = {text.strip('`')}")["x"], PRESETS[name][entry]
+        value, held = tomllib.loads(f"x = {EXACT_ROWS[entry][2].strip('`')}")["x"], VALUES[entry]
         assert value == (list(held) if isinstance(held, tuple) else held), entry
 
 
@@ -121,13 +112,12 @@ def test_ranges_on_the_page_are_those_that_are_checked():
         assert EXACT_ROWS[entry][3].startswith("{:g} to {:g}".format(*PERIODS)), entry
 
 
-def test_numbers_on_the_page_of_the_centroidal_law_are_those_of_its_presets():
+def test_numbers_on_the_page_of_the_centroidal_law_are_those_that_it_has():
     text = " ".join((DOCS / "centroidal_law.md").read_text("utf-8").split())
-    assert f"`reach` ({COMMON['reach']:g} m," in text
-    assert f"`damping` ({COMMON['damping']:g} m," in text
-    assert f"`adaptation` ({COMMON['adaptation']:g} 1/s) estimates" in text
-    assert f"`friction_adaptation` ({COMMON['friction_adaptation']:g} 1/s) the damping" in text
-    assert PRESETS["stiff"]["lag_inversion"] == 1.0, '"stiff" inverts the motor lag in full'
+    assert f"`reach` ({VALUES['reach']:g} m," in text
+    assert f"`damping` ({VALUES['damping']:g} m," in text
+    assert f"`adaptation` ({VALUES['adaptation']:g} 1/s) estimates" in text
+    assert f"{FRICTION:g} 1/s is the rate of the damping" in text
 
 
 def test_the_centroidal_law_shown_is_made():
@@ -135,7 +125,7 @@ def test_the_centroidal_law_shown_is_made():
     (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     names = {}
     exec(compile(code, "centroidal_law.md", "exec"), names)
-    assert (names["controller"].name, names["controller"].par.delay_periods) == ("centroidal_tip_robust", 1)
+    assert (names["controller"].name, names["controller"].par.delay_periods) == ("centroidal_tip", 1)
 
 
 def test_a_scenario_tells_the_laws_its_clocks_and_its_delay():

@@ -8,9 +8,11 @@ from functools import cache
 import numpy as np
 
 import skyarm
+from skyarm.control.catalogue import make_controller, suitable_options
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.reference import Constant, Product, Ramp, Sine, Sum, Trajectory
+from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_record import Delays, Rates
 from skyarm.studies.tune.excitation import of_vehicle
 from skyarm.vehicle.vehicle_records import MountedDrive
@@ -62,13 +64,20 @@ def path(vehicle, swing=0.8, pace=1.0):
     )
 
 
+def unheard(base):
+    """The centroidal law of a scenario without its accelerometer: the data stay those of noisier commands."""
+    facts = suitable_options("centroidal", loop_facts(base.rates, base.delays))
+    mode = "tip" if base.plant.vehicle.end_effector else "joint"
+    return make_controller("centroidal", base.controller.par.model, mode=mode, accelerometer=(0.0, 0.0), **facts)
+
+
 @cache
 def flown(vehicle, duration, rotors=0.0, joints=0.0, swing=0.8, pace=1.0):
     """Log of a closed loop at 500 Hz whose commands reach rotors and joints late, s."""
     base = of_vehicle(dataclasses.replace(vehicle, drives=()))
     scenario = dataclasses.replace(
         base,
-        controller=_by_setpoints(base.controller) if vehicle.drives else base.controller,
+        controller=_by_setpoints(unheard(base)) if vehicle.drives else unheard(base),
         plant=dataclasses.replace(base.plant, vehicle=vehicle),
         reference=path(vehicle, swing, pace),
         duration=duration,

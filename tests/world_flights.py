@@ -16,7 +16,7 @@ DOCUMENT: dict[str, Any] = {
     "duration": 1.2,
     "plant": {"vehicle": "hummingbird_arm2_rotors"},
     "model": {"vehicle": "hummingbird_arm2"},
-    "controller": {"law": "centroidal", "mode": "tip", "preset": "robust", "interaction": [0.3, 0.1]},
+    "controller": {"law": "centroidal", "mode": "tip", "interaction": [0.3, 0.1]},
     "reference": {
         "base": {"kind": "signals", "z": 1.0},
         "joints": [-0.45, -0.9],

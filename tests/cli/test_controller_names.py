@@ -21,7 +21,6 @@ from skyarm.control.catalogue import (
     preset,
     tuned_factors,
 )
-from skyarm.control.laws.centroidal.presets import without_preset
 from skyarm.control.model import Model
 from skyarm.records.leaves import leaves
 from skyarm.simulate import Log
@@ -63,22 +62,22 @@ def test_a_controller_is_told_of_its_loop(name: str, periods: int) -> None:
     assert make_named(name, MODEL).par.delay_periods == 0
 
 
-@pytest.mark.parametrize(
-    ("name", "law"), [("centroidal", "centroidal_joint_robust"), ("indi", "indi"), ("kim2013", "")]
-)
+@pytest.mark.parametrize(("name", "law"), [("centroidal", "centroidal_joint"), ("indi", "indi"), ("kim2013", "")])
 def test_run_takes_any_law(folder: Path, name: str, law: str) -> None:
     assert skyarm("run", "case1", "--duration", "0.1", "--laws", name).code == 0
     assert Log.load_npz(folder / "out" / "run" / "case1.npz").info["controller"] == (law or name)
 
 
-@pytest.mark.parametrize("mode", ["joint", "tip"])
-def test_a_controller_tells_its_preset_by_its_name(mode: str) -> None:
-    """As the catalogue names it; without the preset's word all of a mode are one law."""
-    for words in ("", "_robust", "_stiff"):
-        made = make_named(f"centroidal_{mode}{words}", MODEL)
-        assert made.name == f"centroidal_{mode}{words}"
-        assert without_preset(made.name) == f"centroidal_{mode}"
-    assert without_preset("my_robust") == "my_robust"
+@pytest.mark.filterwarnings("default::skyarm.control.controller.FormerNameWarning")
+@pytest.mark.parametrize("former", ["centroidal_tip_robust", "centroidal_joint_stiff"])
+def test_a_former_name_is_run_under_a_note_and_no_other_command_s_name(folder: Path, former: str) -> None:
+    found = skyarm("run", "case1", "--duration", "0.1", "--laws", former)
+    now = former.rsplit("_", 1)[0]
+    assert found.code == 0
+    assert f"controller.preset = '{former}': is gone, '{now}' flies; there is one" in found.err
+    assert Log.load_npz(folder / "out" / "run" / "case1.npz").info["controller"] == now
+    assert is_named(former)
+    assert not is_named("my_robust")
 
 
 def test_run_takes_tuned_gains(folder: Path) -> None:

@@ -35,6 +35,7 @@ from skyarm.studies.identify.unknowns import second_moments
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
 from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.vehicle.vehicle_text import vehicle_text
+from window_flights import unheard
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
@@ -65,7 +66,9 @@ def flights(tmp_path_factory):
     plant = dataclasses.replace(base.plant, vehicle=library.load_vehicle(folder / "truth.toml"))
     delays = Delays(measurement=0.005, command=0.004)
     log = library.run(
-        dataclasses.replace(base, plant=plant, reference=path, duration=6.4, delays=delays, sensors=(imu,))
+        dataclasses.replace(
+            base, controller=unheard(base), plant=plant, reference=path, duration=6.4, delays=delays, sensors=(imu,)
+        )
     )
     assert log.status == "completed"
     half = int(np.searchsorted(log.time, 3.4))

@@ -44,15 +44,10 @@ class Flown:
         return float(getattr(self, name)[:, at].mean())
 
 
-def planned(
-    case: str, *, noisy: bool = False, preset: str | None = None, mode: str = "joint", **options: Any
-) -> Scenario:
-    """A case of the paper flown by the centroidal law: presets and noise as they are asked for."""
+def planned(case: str, *, noisy: bool = False, mode: str = "joint", **options: Any) -> Scenario:
+    """A case of the paper flown by the centroidal law, with noise and its known delay if asked for."""
     loaded = load_scenario(case)
-    name = preset or ("robust" if noisy else "stiff")
-    law = make_centroidal(
-        loaded.controller.par.model, mode=mode, preset=name, delay=PERIOD if noisy else 0.0, **options
-    )
+    law = make_centroidal(loaded.controller.par.model, mode=mode, delay=PERIOD if noisy else 0.0, **options)
     changed = dataclasses.replace(loaded, controller=law, duration=20.0)
     if not noisy:
         return changed

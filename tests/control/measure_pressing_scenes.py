@@ -24,7 +24,7 @@ def scene_document(name, *, noisy=True, friction=0.3, slide=0.0, ahead=0.04, nor
     up = {"kind": "ramp", "start": 4.0, "duration": slide / 0.1, "height": slide, "shape": "linear"}
     found = {
         "schema": 1, "name": "press", "duration": duration, "plant": {"vehicle": plant}, "model": {"vehicle": model},
-        "controller": {"law": "centroidal", "mode": "tip", "preset": "robust", **options},
+        "controller": {"law": "centroidal", "mode": "tip", **options},
         "reference": {
             "base": {"kind": "signals", "z": [height, up] if slide else height},
             "joints": joints,

@@ -122,7 +122,7 @@ def loads(seeds, seed):
             document = {
                 "schema": 1, "name": "carry", "duration": 11.0,
                 "plant": {"vehicle": plant}, "model": {"vehicle": model},
-                "controller": {"law": "centroidal", "mode": "tip", "preset": "robust", "load": largest, **options},
+                "controller": {"law": "centroidal", "mode": "tip", "load": largest, **options},
                 "reference": {
                     "base": {"kind": "signals", "x": along, "z": [height, *path]}, "joints": joints,
                     "load": {"kind": "windowed", "signal": 1.0, "start": PICK, "stop": DROP},

@@ -98,7 +98,7 @@ def test_a_law_on_servos_may_have_its_safety_layer_inside():
     model = Model(vehicle=dataclasses.replace(vehicle, drives=drives))
     guarded = with_safety_layer(make_controller("centroidal", model), {"stiffness": 8.0, "damping": 4.0})
     made = with_actuators(guarded, model, 0.005)
-    assert made.name == "guarded_centroidal_joint_robust"
+    assert made.name == "guarded_centroidal_joint"
     assert made.par.inner.inner.model is None
 
 
@@ -177,7 +177,7 @@ LIMITS = {"stiffness": 8.0, "damping": 4.0}
 def layered(kind, **options):
     """A guarded law that adapts, on rotors that tilt or on servos or on both."""
     vehicle = skyarm.load_vehicle("voliro_like")
-    options = {"mode": "tip", "preset": "adaptive", "sideways": 0.9 * ("tilts" in kind)} | options
+    options = {"mode": "tip", "sideways": 0.9 * ("tilts" in kind)} | options
     law = with_safety_layer(make_centroidal(Model(vehicle=vehicle), **options), LIMITS)
     if "servos" not in kind:
         return law

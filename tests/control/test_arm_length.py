@@ -1,4 +1,4 @@
-"""Gains of the tip's task go with the arm of the vehicle, in the preset adaptive alone."""
+"""Gains of the tip's task go with the arm of the vehicle."""
 
 import dataclasses
 
@@ -7,7 +7,7 @@ import pytest
 
 import skyarm
 from skyarm.control.laws.centroidal.make import make_centroidal
-from skyarm.control.laws.centroidal.presets import arm_length, tip_lightness
+from skyarm.control.laws.centroidal.options import arm_length, tip_lightness
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, link_poses
 from skyarm.dynamics.workspace import reach
@@ -29,15 +29,14 @@ def test_where_the_first_joint_sits_does_not_count_and_an_arm_of_no_length_is_fl
     moved = dataclasses.replace(link, joint=dataclasses.replace(link.joint, position=(0.5, 0.0, 0.0)))
     assert arm_length(dataclasses.replace(vehicle, links=(moved,))) == arm_length(vehicle)
     none = dataclasses.replace(vehicle, frames=(dataclasses.replace(tip, position=(0.0, 0.0, 0.0)),))
-    assert (arm_length(none), damping(none, preset="adaptive") > 0.0) == (0.0, True)
+    assert (arm_length(none), damping(none) > 0.0) == (0.0, True)
 
 
-def test_only_adaptive_asks_for_the_arm_and_a_number_that_is_given_is_kept():
+def test_the_damping_goes_with_the_root_of_the_arms_length_and_a_number_that_is_given_is_kept():
     paper, small = skyarm.load_vehicle("hummingbird_arm2"), skyarm.load_vehicle("crazyflie_arm1")
-    assert damping(paper, preset="adaptive") == damping(paper, preset="robust") == 0.03
-    assert damping(small, preset="adaptive") == pytest.approx(0.03 * (0.06 / 0.3) ** 0.5)
-    assert damping(small, preset="robust") == 0.03
-    assert damping(small, preset="adaptive", damping=0.02) == 0.02
+    assert damping(paper) == 0.03
+    assert damping(small) == pytest.approx(0.03 * (0.06 / 0.3) ** 0.5)
+    assert damping(small, damping=0.02) == 0.02
 
 
 def least_inertia(vehicle, h=1e-6):
@@ -84,13 +83,11 @@ def test_a_light_tip_is_less_stiff_and_its_joints_are_observed_faster():
     arm = Model(vehicle=skyarm.load_vehicle("hexarotor_arm6"))
 
     def gains(model, **options):
-        par = make_centroidal(model, mode="tip", **({"preset": "adaptive"} | options)).par
+        par = make_centroidal(model, mode="tip", **options).par
         return par.tip.position, par.tip.velocity, par.observer.joints
 
-    usual = gains(arm, preset="robust")
-    assert usual == (700.0, 53.0, 34.0)
-    for preset in ("adaptive", "gusts"):
-        assert gains(arm, preset=preset) == pytest.approx((700.0 / 1.6, 53.0, 51.0))
+    usual = (700.0, 53.0, 34.0)
+    assert gains(arm) == pytest.approx((700.0 / 1.6, 53.0, 51.0))
     for options in ({"interaction": (0.3, 0.1)}, {"load": 0.6}):
         assert gains(arm, **options) == usual
     assert gains(arm, tip=usual[:2], observer=(27.0, 31.0, 34.0, 60.0)) == usual

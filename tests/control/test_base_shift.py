@@ -12,7 +12,7 @@ from law_parts import step_of
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Posture, posture, upright
-from skyarm.control.controller import ControllerError
+from skyarm.control.controller import ControllerError, FormerNameWarning
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.base_shift import (
     FIRST_SHIFT,
@@ -29,7 +29,6 @@ from skyarm.control.laws.centroidal.base_shift import (
 )
 from skyarm.control.laws.centroidal.demands import _course
 from skyarm.control.laws.centroidal.parameters import FOLLOWING
-from skyarm.control.laws.centroidal.presets import DeprecatedOptionWarning
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.kinematics import link_poses
@@ -49,7 +48,7 @@ G, DT = 9.81, 0.005
 LEAST, HELD = 0.02, 0.02
 """Height (m) and square of a rotation of the page."""
 ZERO = Vec3(0.0, 0.0, 0.0)
-STILL = Acting(force=ZERO, rate=ZERO, drift=ZERO, drag=0.0)
+STILL = Acting(force=ZERO, rate=ZERO, drag=0.0)
 AHEAD = Taylor((0.0,) * 5)
 """The heading of a vehicle that does not turn."""
 
@@ -97,7 +96,7 @@ def on_a_sine(par, w, level, share, begin=0.0):
             still = (0.0, 0.0, 0.0)
             ahead.append((lead, [still, (0.0, along(t + lead, 1), along(t + lead, 2)), *[still] * 4]))
         before = shift
-        moved, _, shift = bounded_shift(par, shift, base, AHEAD, level, STILL, ahead, DT)
+        moved, shift = bounded_shift(par, shift, base, AHEAD, level, STILL, ahead, DT)
     return before.place, moved, base
 
 
@@ -112,7 +111,7 @@ def hanging(model):
 @pytest.mark.parametrize("begin", [0.0, 0.3])
 def test_on_a_sine_the_shift_is_that_of_the_closed_form(model, hanging, w, begin):
     """y = (l / g) a / (1 + l w^2 / g): of a motion so small that the lever hardly turns."""
-    par, (level, lever) = make_centroidal(model, mode="tip", preset="adaptive").par, hanging
+    par, (level, lever) = make_centroidal(model, mode="tip").par, hanging
     share = (lever / G) / (1.0 + lever * w * w / G)
     place, moved, base = on_a_sine(par, w, level, share, begin)
     size = share * 0.6
@@ -125,7 +124,7 @@ def test_on_a_sine_the_shift_is_that_of_the_closed_form(model, hanging, w, begin
 
 
 def test_every_derivative_is_that_of_the_one_before(model, hanging):
-    par, (level, lever) = make_centroidal(model, mode="tip", preset="adaptive").par, hanging
+    par, (level, lever) = make_centroidal(model, mode="tip").par, hanging
     share = (lever / G) / (1.0 + lever * 4.0 / G)
     rows = [on_a_sine(par, 2.0, level, share, 0.2 + k * 0.01)[1] for k in range(3)]
     for k in range(2):
@@ -155,7 +154,7 @@ def on_a_turning_circle(par, level, place, begin, turn=0.0):
         ahead = [(lead, [*(seen(t + lead, i) for i in range(4)), *[(0.0, 0.0, 0.0)] * 2]) for lead in par.preview[2:]]
         yaw, before = Taylor((0.3 + TURNING * t + turn, TURNING, 0.0, 0.0, 0.0)), shift
         base = [at(t, i) for i in range(5)]
-        moved, _, shift = bounded_shift(par, shift, base, yaw, level, STILL, ahead, DT)
+        moved, shift = bounded_shift(par, shift, base, yaw, level, STILL, ahead, DT)
     return before.place, moved, t
 
 
@@ -177,7 +176,7 @@ def turning_solution(lever, t):
 
 def test_under_a_heading_that_turns_the_shift_is_that_of_the_closed_form(model, hanging):
     """Joints take back the tilts in their plane: the force that is left turns with the heading."""
-    par, (level, lever) = make_centroidal(model, mode="tip", preset="adaptive").par, hanging
+    par, (level, lever) = make_centroidal(model, mode="tip").par, hanging
     for begin in (0.0, 0.7, 1.9):
         place, _, _ = turning_solution(lever, begin)
         shift, moved, t = on_a_turning_circle(par, level, Vec3(*place, 0.0), begin)
@@ -188,7 +187,7 @@ def test_under_a_heading_that_turns_the_shift_is_that_of_the_closed_form(model, 
 
 
 def test_a_world_that_is_turned_turns_the_shift(model, hanging):
-    par, (level, _) = make_centroidal(model, mode="tip", preset="adaptive").par, hanging
+    par, (level, _) = make_centroidal(model, mode="tip").par, hanging
     c, s = np.cos(0.9), np.sin(0.9)
     _, plain, _ = on_a_turning_circle(par, level, Vec3(0.02, -0.01, 0.0), 0.4)
     _, turned, _ = on_a_turning_circle(par, level, Vec3(0.02 * c + 0.01 * s, 0.02 * s - 0.01 * c, 0.0), 0.4, turn=0.9)
@@ -197,7 +196,7 @@ def test_a_world_that_is_turned_turns_the_shift(model, hanging):
 
 
 def test_derivatives_are_those_of_the_ones_before_while_the_heading_turns(model, hanging):
-    par, (level, lever) = make_centroidal(model, mode="tip", preset="adaptive").par, hanging
+    par, (level, lever) = make_centroidal(model, mode="tip").par, hanging
     rows = []
     for k in range(3):
         begin = 0.6 + 0.01 * k
@@ -218,14 +217,14 @@ def without_joints():
 def test_a_steady_force_shifts_by_the_lever_below_the_base_and_above(model, lever):
     """y = -(l / g) d / m of an arm whose joints do not help: here a vehicle that has none."""
     vehicle = without_joints()
-    par = make_centroidal(model, mode="tip", preset="adaptive").par
+    par = make_centroidal(model, mode="tip").par
     par = dataclasses.replace(par, model=Model(vehicle=vehicle, gravity=G))
     force = Vec3(0.2, -0.3, 0.0)
     acting = dataclasses.replace(STILL, force=force)
     shift, base = FIRST_SHIFT, [Vec3(0.0, 0.0, 1.0), ZERO, ZERO, ZERO, ZERO]
     for _ in range(200):
         before = shift.place
-        moved, _, shift = bounded_shift(par, shift, base, Taylor((0.4, 0, 0)), level_of(lever), acting, (), DT)
+        moved, shift = bounded_shift(par, shift, base, Taylor((0.4, 0, 0)), level_of(lever), acting, (), DT)
         gone = moved[0] * DT + moved[1] * (0.5 * DT**2)  # of the way in a period, with its acceleration
         np.testing.assert_allclose([*shift.place][:2], [*(before + gone)][:2], rtol=1e-9, atol=1e-15)
     expected = force * (-lever / (G * float(vehicle.mass)))
@@ -236,22 +235,13 @@ def test_a_steady_force_shifts_by_the_lever_below_the_base_and_above(model, leve
 def test_without_a_preview_the_shift_goes_with_a_force_that_grows(model):
     """y = -(l / g) d / m at a force and y' at its rate: the bounded solution of one that grows evenly."""
     vehicle, lever = without_joints(), 0.3
-    par = make_centroidal(model, mode="tip", preset="adaptive").par
+    par = make_centroidal(model, mode="tip").par
     par = dataclasses.replace(par, model=Model(vehicle=vehicle, gravity=G))
     force, rate, share = Vec3(0.02, -0.03, 0.0), Vec3(0.05, 0.04, 0.0), -lever / (G * float(vehicle.mass))
     acting, base = dataclasses.replace(STILL, force=force, rate=rate), [Vec3(0.0, 0.0, 1.0), ZERO, ZERO, ZERO, ZERO]
     shift = dataclasses.replace(FIRST_SHIFT, place=force * share)
-    moved, _, _ = bounded_shift(par, shift, base, AHEAD, level_of(lever), acting, (), DT)
+    moved, _ = bounded_shift(par, shift, base, AHEAD, level_of(lever), acting, (), DT)
     np.testing.assert_allclose([*moved[0]][:2], [*(rate * share)][:2], rtol=0.01)
-
-
-def test_what_was_not_foretold_accelerates_the_shift_towards_its_new_place(model, hanging):
-    par = make_centroidal(model, mode="tip", preset="adaptive").par
-    level, lever = hanging
-    base = [Vec3(0.0, 0.0, 1.0), ZERO, ZERO, ZERO, ZERO]
-    acting = dataclasses.replace(STILL, drift=Vec3(0.0, 0.5, 0.0))
-    _, drifting, _ = bounded_shift(par, FIRST_SHIFT, base, AHEAD, level, acting, (), DT)
-    assert drifting.y == pytest.approx(-0.5 / float(model.vehicle.mass) * np.sqrt(lever / G), rel=0.02)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.0])
@@ -321,14 +311,14 @@ def test_thrusts_to_come_are_means_with_the_shifts_own_and_never_below_a_floor()
 def test_a_lever_near_zero_shifts_in_proportion(model):
     """As an arm turns past the horizontal: no step, and nothing at a lever of zero."""
     vehicle = without_joints()
-    par = make_centroidal(model, mode="tip", preset="adaptive").par
+    par = make_centroidal(model, mode="tip").par
     par = dataclasses.replace(par, model=Model(vehicle=vehicle, gravity=G))
     base = [Vec3(0.0, 0.0, 1.0), ZERO, Vec3(0.5, 0.0, 0.0), ZERO, ZERO]
     found = []
     for lever in (0.0, 0.5 * LEAST, LEAST):
         shift = FIRST_SHIFT
         for _ in range(100):
-            _, _, shift = bounded_shift(par, shift, base, AHEAD, level_of(lever), STILL, (), DT)
+            _, shift = bounded_shift(par, shift, base, AHEAD, level_of(lever), STILL, (), DT)
         found.append(shift.place.x)
     assert found[0] == pytest.approx(0.0, abs=1e-9)
     assert found[1] == pytest.approx(0.5 * found[2], rel=0.02)
@@ -337,7 +327,7 @@ def test_a_lever_near_zero_shifts_in_proportion(model):
 def test_the_drag_that_is_answered_is_that_of_the_base_as_it_shifts():
     """A base that shifts beside a reference at rest leans against the drag."""
     model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2_rotors"), gravity=G)
-    made = make_centroidal(model, mode="tip", preset="adaptive")
+    made = make_centroidal(model, mode="tip")
     state = State(position=ZERO, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=ZERO, rate=ZERO,
                   joints=(0.3, -0.4), joint_rates=(0.0, 0.0), rotor_speeds=(500.0,) * 4)  # fmt: skip
 
@@ -355,22 +345,6 @@ def test_the_drag_that_is_answered_is_that_of_the_base_as_it_shifts():
     assert leans(Vec3(0.0, -0.03, 0.0), True) - leans(Vec3(0.0, -0.03, 0.0), False) > 1e-4
 
 
-def test_the_reference_of_the_centre_of_mass_accelerates_with_what_was_not_foretold(model):
-    made = make_centroidal(model, mode="tip", preset="gusts")
-    state = State(position=ZERO, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=ZERO, rate=ZERO,
-                  joints=(0.0, 0.0), joint_rates=(0.0, 0.0), rotor_speeds=(500.0,) * 4)  # fmt: skip
-    signals = [Taylor((c, 0.0, 0.0, 0.0, 0.0)) for c in (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)]
-
-    def course(drift):
-        step = step_of(made.par, state, signals, DT, following=made.memory.following, drift=drift)
-        return _course(step)
-
-    still, gust = course(ZERO), course(Vec3(0.0, 2.0, 0.0))
-    assert gust.base[2].y - still.base[2].y < -0.2
-    assert gust.still == still.still
-    assert gust.base[3:] == still.base[3:]
-
-
 def test_low_thrust_keeps_the_direction_of_the_plan():
     """A force of the plan's direction turns no attitude; what is off it counts less the more the force is raised."""
     plan = Vec3(Taylor((1.2, 0.4, -0.3)), Taylor((-0.8, 0.2, 0.5)), Taylor((3.0, -1.0, 0.7)))
@@ -386,7 +360,7 @@ def test_low_thrust_keeps_the_direction_of_the_plan():
 def flown(scenario, reference, wind=ZERO, duration=7.0, **options):
     """Tip error (mm), jitter of the rotors' commands (rad/s) and share of periods with one at its limit, at the end."""
     model = Model(vehicle=scenario.plant.vehicle, gravity=scenario.plant.gravity)
-    controller = make_centroidal(model, mode="tip", preset="adaptive", **options)
+    controller = make_centroidal(model, mode="tip", **options)
     scenario = dataclasses.replace(scenario, reference=reference, controller=controller)
     log = skyarm.run(dataclasses.replace(scenario, wind=ForceWind(force_W=wind), duration=duration))
     assert log.status == "completed"
@@ -439,20 +413,18 @@ def test_the_tip_stays_on_a_circle_while_the_vehicle_turns(case3):
 
 
 def test_options_of_the_version_before_are_read_once_more(model):
-    now = make_centroidal(model, mode="tip", preset="adaptive").par
-    with pytest.warns(DeprecatedOptionWarning, match=r"^controller\.path_rate = 2\.0: .*; write preview, s$"):
-        assert make_centroidal(model, mode="tip", preset="adaptive", path_rate=2.0).par == now
-    with pytest.warns(DeprecatedOptionWarning, match=r"controller\.shift_bandwidth = 0\.0"):
-        assert make_centroidal(model, mode="tip", preset="adaptive", shift_bandwidth=0.0).par.tip.shift is None
+    now = make_centroidal(model, mode="tip").par
+    with pytest.warns(FormerNameWarning, match=r"^controller\.path_rate = 2\.0: .*; write preview, s$"):
+        assert make_centroidal(model, mode="tip", path_rate=2.0).par == now
+    with pytest.warns(FormerNameWarning, match=r"controller\.shift_bandwidth = 0\.0"):
+        assert make_centroidal(model, mode="tip", shift_bandwidth=0.0).par.tip.preview is None
     with pytest.raises(ControllerError, match=r"controller\.swing_rate = -1\.0"):
         make_centroidal(model, mode="tip", swing_rate=-1.0)
 
 
 def test_a_preview_in_the_law_is_that_of_the_trajectory(case3):
     """What a flight's rows bring: samples of the reference at the times that the law asks for."""
-    scenario = dataclasses.replace(
-        case3, controller=make_centroidal(case3.controller.par.model, mode="tip", preset="adaptive")
-    )
+    scenario = dataclasses.replace(case3, controller=make_centroidal(case3.controller.par.model, mode="tip"))
     inputs, par = episode_inputs(scenario), scenario.controller.par
     row = inputs.row_at(1301, first_loop_state(scenario))
     held = 1300 / 200.0
@@ -464,7 +436,7 @@ def test_a_preview_in_the_law_is_that_of_the_trajectory(case3):
 
 
 def test_before_it_starts_to_track_a_law_is_shown_a_reference_at_rest(case3):
-    law = make_centroidal(case3.controller.par.model, mode="tip", preset="adaptive")
+    law = make_centroidal(case3.controller.par.model, mode="tip")
     late = dataclasses.replace(case3, controller=law, tracking_start=2.0)
     row = episode_inputs(late).row_at(100, first_loop_state(late))
     shown = samples_ahead(joined_reference(late, row.reference, 0.5))
@@ -477,7 +449,7 @@ def test_before_it_starts_to_track_a_law_is_shown_a_reference_at_rest(case3):
 
 def test_a_reference_that_waits_is_previewed_as_far_as_it_is_certain_to_go(case3):
     """Up to the guard's time, where it stands until the guard lets it on."""
-    law = make_centroidal(case3.controller.par.model, mode="tip", preset="adaptive")
+    law = make_centroidal(case3.controller.par.model, mode="tip")
     x = minimum_snap((0.0, 4.0), (0.0, 1.0))
     guard = Guard(at=1.5, begin=1.0, phase=0, error=0.01, timeout=9.0)
     motion = dataclasses.replace(
@@ -496,5 +468,5 @@ def test_a_reference_that_waits_is_previewed_as_far_as_it_is_certain_to_go(case3
 def test_laws_without_a_preview_are_shown_none(case3):
     plain = skyarm.load_scenario("case3", controller="paper_ct", duration=0.1)
     assert episode_inputs(plain).row_at(3, first_loop_state(plain)).reference.ahead == ()
-    robust = make_centroidal(case3.controller.par.model, mode="tip", preset="robust")
-    assert robust.par.preview == (0.02, 0.04)
+    unmoved = make_centroidal(case3.controller.par.model, mode="tip", preview=0.0)
+    assert unmoved.par.preview == (0.02, 0.04)

@@ -133,7 +133,7 @@ HANGING = {
     "name": "hanging",
     "duration": 0.7,
     "plant": {"vehicle": "hummingbird_arm2_rotors"},
-    "controller": {"law": "centroidal", "mode": "tip", "preset": "robust", "load": 0.3},
+    "controller": {"law": "centroidal", "mode": "tip", "load": 0.3},
     "reference": {"base": {"kind": "signals", "z": 1.0}, "joints": [-0.45, -0.9]},
     "world": {
         "objects": [{"name": "box", "size": [0.06] * 3, "mass": 0.1, "position": [0.2126, 0.0, 0.7965]}],
@@ -205,7 +205,7 @@ def boxes(size, mass, across, kind="magnet"):
     phase = {"gripper": "hand", "approach": [0.0, 0.0, 0.1], "dwell": 0.8}
     return scenario_from({
         "schema": 1, "name": "boxes", "duration": 9.0, "plant": {"vehicle": "hexarotor_arm6"},
-        "controller": {"law": "centroidal", "mode": "tip", "preset": "adaptive", "load": 0.8},
+        "controller": {"law": "centroidal", "mode": "tip", "load": 0.8},
         "sensors": {"position": 1e-3, "velocity": 1e-2, "attitude": 2e-3, "rate": 1e-2, "joints": 1e-3,
                     "joint_rates": 1e-2},
         "delays": {"measurement": 0.005},

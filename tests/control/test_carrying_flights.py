@@ -25,7 +25,7 @@ DOCUMENT = {
     "duration": 2.6,
     "plant": {"vehicle": "hummingbird_arm2_rotors"},
     "model": {"vehicle": "hummingbird_arm2"},
-    "controller": {"law": "centroidal", "mode": "tip", "preset": "robust", "load": 0.3},
+    "controller": {"law": "centroidal", "mode": "tip", "load": 0.3},
     "reference": {
         "base": {"kind": "signals", "z": 1.0},
         "joints": [0.5, -1.0],

@@ -55,6 +55,8 @@ def carried(par, memory, told, on, alone=PULLED, unknown=None, steps=None):
         unknown=none if unknown is None else unknown,
         force=none.force,
         free=memory.free,
+        past=None,
+        acted=None,
         pressing=on,
     )
     if steps is not None:

@@ -48,7 +48,7 @@ def motion(angles, rates=(0.0, 0.0), accelerations=(0.0, 0.0)):
 
 
 def law(**options):
-    return make_centroidal(MODEL, mode="tip", **options).par
+    return make_centroidal(MODEL, **options).par
 
 
 def adapted(par, *told):
@@ -105,7 +105,7 @@ def test_the_mass_moves_by_the_normalised_gradient():
 
 def test_each_joint_moves_by_the_normalised_gradient():
     """With e = d - level - slope q: damping -rate dt e qd / (qd^2 + s), level dt e, slope dt e q / (q^2 + s)."""
-    par, q, qd = law(adaptation=0.0, friction_adaptation=2.0), (0.3, -0.2), (0.9, -0.4)
+    par, q, qd = law(adaptation=0.0), (0.3, -0.2), (0.9, -0.4)
     plan, left = motion(q, qd), (-0.004, 0.001)
     known = {"damping": (0.002, 0.003), "level": (0.001, -0.002), "slope": (0.004, 0.002)}
     before = hearing(par, plan, AdaptationGains.start(None, 2), **known)
@@ -136,7 +136,7 @@ def test_a_plan_is_heard_as_late_as_the_observer_hears(periods):
 
 def test_what_an_actuator_at_its_limit_would_teach_is_not_learned():
     plan, left = motion((0.3, -0.5), (0.9, -0.4)), (-0.4, 0.3)
-    par = law(friction_adaptation=2.0)
+    par = law()
     before = hearing(
         par, plan, dataclasses.replace(AdaptationGains.start(None, 2), tip_mass=0.02), damping=(0.004, 0.003)
     )
@@ -163,7 +163,7 @@ def test_a_joint_that_does_not_follow_teaches_next_to_nothing():
 def test_what_is_learned_stays_within_its_bounds():
     plan, qd = motion((0.3, -0.5), (0.9, 0.9)), (0.9, 0.9)
     known = Model(vehicle=TRUTH.with_joints(damping=0.003), gravity=9.8)
-    par = make_centroidal(known, mode="tip", adaptation=5.0, friction_adaptation=5.0, tip_mass_limit=0.2).par
+    par = make_centroidal(known, adaptation=5.0, tip_mass_limit=0.2).par
     y = [float(each) for each in unit_load(TRUTH, plan).efforts]
     for sign, end in ((1.0, 0), (-1.0, 1)):
         load, friction = AdaptationGains.start(None, 2), AdaptationGains.start(None, 2)
@@ -221,7 +221,7 @@ def test_the_plan_is_the_references_motion_at_the_attitude_its_force_asks_for():
 @pytest.mark.parametrize("mode", sampled(["tip", "joint"], 2))
 def test_what_is_learned_acts_as_what_is_observed(mode):
     """A disturbance moved from the observer's memory to what is fed forward changes nothing of a command."""
-    scenario = planned("case3_wind", mode=mode, preset="robust")
+    scenario = planned("case3_wind", mode=mode)
     law, par = scenario.controller.law, scenario.controller.par
     flown = fly(scenario).memory
     observed = flown.observed
@@ -245,7 +245,7 @@ def test_what_is_learned_acts_as_what_is_observed(mode):
 
 def test_what_is_learned_is_what_the_observer_finds_in_this_period():
     """A joint that is faster than foreseen, from a memory that knows of no disturbance."""
-    scenario = planned("case3_wind", preset="robust")
+    scenario = planned("case3_wind")
     flown = fly(scenario).memory
     still = AdaptationGains.start(None, 2)
     calm = dataclasses.replace(flown.observed, efforts=(0.0, 0.0))
@@ -312,7 +312,7 @@ def test_without_a_payload_the_mass_stays_near_zero():
 def test_damping_is_found_and_no_longer_carries_the_joints_away(noisy):
     """0.02 N m s/rad cost 11 mrad without, and 40 for the slower observer under noise."""
     scenario = sticky(planned("case2", noisy=noisy), 0.02)
-    found, plain = fly(scenario), fly(without(scenario, friction=None))
+    found, plain = fly(scenario), fly(without(scenario, friction=False))
     np.testing.assert_allclose(dampings(found), 0.02, atol=0.003)
     # means from 10 s on, which 4 s of learning precede
     assert found.mean("joint") < (11.0 if noisy else 2.5)
@@ -328,7 +328,7 @@ def test_a_load_that_nobody_knows_is_hardly_taken_for_friction():
 
 @pytest.mark.parametrize("mode", ["joint", "tip"])
 def test_an_oscillation_of_the_loop_teaches_nothing(mode):
-    """10 ms of unknown delay make the stiff preset swing; in the planned motion nothing swings."""
+    """10 ms of unknown delay make it swing; in the planned motion nothing swings."""
     scenario = planned("case3_wind", mode=mode)
     flown = fly(dataclasses.replace(scenario, delays=dataclasses.replace(scenario.delays, command=0.010)))
     assert abs(flown.memory.parts.adaptation.tip_mass) < 0.01
@@ -351,7 +351,7 @@ def test_slow_motion_under_a_load_is_no_friction(noisy):
 def test_fast_motion_under_a_load_stays_what_it_is_without_learning():
     """At 3 Hz the arm does not follow its plan, and what it does says nothing about it: only the joints err more."""
     fast = loaded(swinging(planned("case2", mode="tip", noisy=True), 0.06, 3.0, 20.0, phase=1.0), 0.05)
-    learning, plain = fly(fast), fly(without(fast, load=None, friction=None))
+    learning, plain = fly(fast), fly(without(fast, load=None, friction=False))
     for what, most in (("base", 1.1), ("joint", 1.9), ("tip", 1.1)):
         assert learning.mean(what) < most * plain.mean(what)
 
@@ -360,7 +360,7 @@ def test_fast_motion_under_a_load_stays_what_it_is_without_learning():
 def test_a_load_that_is_believed_and_not_there_is_taken_off():
     scenario = planned("case2", noisy=True)
     believed = Model(vehicle=scenario.controller.par.model.vehicle.with_payload(0.05), gravity=9.81)
-    controller = make_centroidal(believed, preset="robust", delay=0.005)
+    controller = make_centroidal(believed, delay=0.005)
     flown = fly(dataclasses.replace(scenario, controller=controller))
     assert flown.memory.parts.adaptation.tip_mass == pytest.approx(-0.05, abs=0.005)
     assert flown.mean("joint") < 10.0

@@ -10,8 +10,8 @@ import pytest
 
 import skyarm
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal import PRESETS, make_centroidal
-from skyarm.control.laws.centroidal.presets import check_entry, periods_of
+from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.options import VALUES, check_entry, periods_of
 from skyarm.control.model import Model
 from skyarm.records.files import Fields
 from skyarm.reference import Reference
@@ -32,12 +32,11 @@ ARMLESS = dataclasses.replace(
 @pytest.mark.parametrize(
     ("vehicle", "load", "friction"), [(ARM, True, True), (HANDLESS, False, True), (ARMLESS, False, False)]
 )
-@pytest.mark.parametrize("preset", PRESETS)
-def test_a_load_is_learned_by_an_arm_that_has_a_tip_and_friction_by_any_arm(preset, vehicle, load, friction):
-    controller = make_centroidal(Model(vehicle=vehicle), preset=preset)
+def test_a_load_is_learned_by_an_arm_that_has_a_tip_and_friction_by_any_arm(vehicle, load, friction):
+    controller = make_centroidal(Model(vehicle=vehicle))
     found = controller.par.parts.adaptation
-    rates = (None, None) if found is None else (found.load, found.friction)
-    assert rates == (PRESETS[preset]["adaptation"] if load else None, 2.0 if friction else None)
+    learned = (None, False) if found is None else (found.load, found.friction)
+    assert learned == (0.6 if load else None, friction)
     # and it flies: a step from the first memory has a command
     n = vehicle.n
     rest = dict.fromkeys(("joints", "joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps"), (0.0,) * n)
@@ -48,7 +47,10 @@ def test_a_load_is_learned_by_an_arm_that_has_a_tip_and_friction_by_any_arm(pres
 
 
 def test_what_shall_not_be_learned_is_not():
-    assert make_centroidal(MODEL, adaptation=0.0, friction_adaptation=0.0).par.parts.adaptation is None
+    """Friction in mode "tip" neither: there the observer is better alone."""
+    assert make_centroidal(MODEL, mode="tip", adaptation=0.0).par.parts.adaptation is None
+    assert make_centroidal(MODEL, mode="tip").par.parts.adaptation.friction is False
+    assert make_centroidal(MODEL, adaptation=0.0).par.parts.adaptation.load is None
 
 
 @pytest.mark.parametrize("vehicle", [HANDLESS, dataclasses.replace(ARMLESS, end_effector="")])
@@ -61,12 +63,12 @@ def test_a_vehicle_without_a_tip_refuses_what_needs_one(vehicle):
     )
 
 
-ROWS = [name for name, value in PRESETS["robust"].items() if isinstance(value, tuple)]
+ROWS = [name for name, value in VALUES.items() if isinstance(value, tuple)]
 
 
 @pytest.mark.parametrize("name", ROWS)
-def test_a_row_of_gains_is_as_many_numbers_as_the_preset_has(name):
-    count = len(PRESETS["robust"][name])
+def test_a_row_of_gains_is_as_many_numbers_as_the_usual_one_has(name):
+    count = len(VALUES[name])
     assert check_entry(name, [1.0] * count) == check_entry(name, (1,) * count) == (1.0,) * count
     wrong = (
         *((1.0,) * other for other in (0, count - 1, count + 1)),
@@ -89,7 +91,7 @@ def test_a_row_of_gains_is_as_many_numbers_as_the_preset_has(name):
 @pytest.mark.parametrize("name", ROWS)
 @pytest.mark.parametrize("bad", [-1e-9, float("nan"), float("inf"), True, "1", None])
 def test_each_number_of_a_row_is_refused_by_its_place(name, bad):
-    count = len(PRESETS["robust"][name])
+    count = len(VALUES[name])
     for i in range(count):
         row = [1.0] * count
         # an attitude may be to either side

@@ -148,14 +148,15 @@ def test_the_laws_memory_flags_are_ones_too():
 @pytest.mark.parametrize("applied", [1.0, 0.0])
 def test_the_trim_moves_by_what_the_motors_miss_of_the_mean_square(applied):
     """Rate 3 per second of wanted less reached squares, a share of the lag undone; at most a tenth of the highest."""
-    par = make_centroidal(MODEL, lag_inversion=0.0).par
+    par = make_centroidal(MODEL).par
     speeds, trim = (430.0, 520.0, 470.0, 500.0), (900.0, -400.0, 0.0, 200.0)
     # level hover: each rotor carries a quarter but for the arm's and the parts' offsets, of which there are none
     square = WEIGHT / (4 * 8.54858e-6)
     found = done(par, demand(), trim, applied, speeds)
     for before, after, speed in zip(trim, found.trim, speeds, strict=True):
-        told = np.sqrt(square + before)
-        reached = told + (speed - told) * np.exp(-DT / (0.0125 if told > speed else 0.025))
+        wanted, lag = np.sqrt(square + before), np.exp(-DT / (0.0125 if square + before > speed**2 else 0.025))
+        told = wanted + 0.1 * (wanted - speed) * (1.0 / (1.0 - lag) - 1.0)
+        reached = told + (speed - told) * lag
         expected = before + applied * 3.0 * DT * (square - reached**2)
         assert after == pytest.approx(expected, rel=1e-9)
     full = tuple(TRIM * top for top in par.mixer.highest)

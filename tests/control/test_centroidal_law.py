@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -14,16 +15,19 @@ from flown import MODEL, G, cases, changed, hovering, stacked
 from flying_engines import jax_doubles
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import trace
-from skyarm.control.catalogue import ControllerError, preset
-from skyarm.control.laws.centroidal import PRESETS, make_centroidal
-from skyarm.control.laws.centroidal.presets import periods_of
+from skyarm.control.catalogue import ControllerError, make_controller, make_named, preset
+from skyarm.control.controller import FormerNameWarning
+from skyarm.control.laws.centroidal import make_centroidal, torques
+from skyarm.control.laws.centroidal.options import VALUES, periods_of
 from skyarm.control.laws.centroidal.torques import TRIM
 from skyarm.control.model import Model
 from skyarm.control.onboard.export_c import export_c
 from skyarm.plant.interface import Truth
+from skyarm.records.files import Fields
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import hover
 from skyarm.reference.signals import Sine
+from skyarm.scenario.controller_table import controller_from
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.measurement import measurement_of
 from skyarm.simulate import run
@@ -33,9 +37,11 @@ CASES = cases(4, seed=77, pitch=np.radians(60.0))
 INPUTS = [(case.measurement(), case.reference()) for case in CASES]
 LAWS = {
     "joint": make_centroidal(MODEL),
-    "tip": make_centroidal(MODEL, mode="tip", preset="stiff"),
+    "tip": make_centroidal(MODEL, mode="tip"),
     "late": make_centroidal(MODEL, mode="tip", delay=0.010),
-    "adapting": make_centroidal(MODEL, mode="tip", adaptation=1.0),
+    "unmoved": make_centroidal(
+        MODEL, mode="tip", adaptation=1.0, preview=0.0, lag=(0.0, 0.0), accelerometer=(0.0, 0.0)
+    ),
 }
 
 
@@ -68,7 +74,7 @@ def test_numpy_lanes_equal_a_loop(name):
 
 def test_jax_agrees_with_floats():
     jax = pytest.importorskip("jax")
-    flown = LAWS["adapting"]
+    flown = LAWS["unmoved"]
     with jax_doubles():
         measured, reference = (stacked(records) for records in zip(*INPUTS, strict=True))
         values = [jax.numpy.asarray(leaf) for leaf in (*leaves(measured), *leaves(reference))]
@@ -107,10 +113,7 @@ def test_gains_masses_and_gravity_may_be_inputs_of_a_traced_program():
         lambda par, memory, m, r: flown.law(memory, m, r, 0.005, par=par), flown.par, flown.memory, *INPUTS[0]
     )
     model = Model(vehicle=MODEL.vehicle.with_payload(0.05), gravity=9.7)
-    # whether the tip mass is adapted is structure: the stiff preset is asked for it
-    other = dataclasses.replace(
-        make_centroidal(MODEL, mode="tip", preset="stiff", delay=0.010, adaptation=0.3).par, model=model
-    )
+    other = dataclasses.replace(make_centroidal(MODEL, mode="tip", delay=0.010, adaptation=0.3).par, model=model)
     for par in (flown.par, other):
         plain = flown.law(flown.memory, *INPUTS[1], 0.005, par=par)
         close(leaves(program(par, flown.memory, *INPUTS[1])), leaves(plain))
@@ -186,7 +189,7 @@ def windy():
     loaded = planned("case2")
     truth = loaded.plant.vehicle.with_joints(damping=0.0)
     force = ForceWind(force_W=Vec3(0.6, -0.4, 0.3), point_B=Vec3(0.03, -0.02, 0.0))
-    law = make_centroidal(Model(vehicle=truth, gravity=9.8), preset="robust")
+    law = make_centroidal(Model(vehicle=truth, gravity=9.8))
     return fly(
         dataclasses.replace(
             loaded,
@@ -247,15 +250,14 @@ def test_any_vehicle_flies(name, mode):
     assert np.linalg.norm(error[log.time >= 2.0], axis=1).mean() < 2e-3
 
 
-@pytest.mark.parametrize("preset_name", list(PRESETS))
-def test_an_arm_beside_the_tips_is_no_lever(preset_name):
+def test_an_arm_beside_the_tips_is_no_lever():
     """Ten centimetres off at the start: another arm and the torso's slide must not swing to move the tip."""
     vehicle = skyarm.load_vehicle("octo_coaxial_two_arms")
     scenario = Scenario(
         name="beside",
         duration=4.0,
         plant=Truth(vehicle=vehicle),
-        controller=make_centroidal(Model(vehicle=vehicle), mode="tip", preset=preset_name),
+        controller=make_centroidal(Model(vehicle=vehicle), mode="tip"),
         reference=hover((0.0, 0.0, 2.0), joints=(0.0,) * vehicle.n),
         ground=False,
     )
@@ -304,9 +306,10 @@ def test_dry_friction_that_the_model_knows_costs_little():
     assert found[0] < 0.6 * found[1]
 
 
-def test_the_trim_stays_within_its_bound_whatever_is_sent():
+def test_the_trim_stays_within_its_bound_whatever_is_sent(monkeypatch):
     """A vehicle that someone else holds: the modelled rotors never do what is wanted."""
-    flown = make_centroidal(MODEL, trim_rate=50.0)
+    monkeypatch.setattr(torques, "TRIM_RATE", 50.0)
+    flown = make_centroidal(MODEL)
     case = hovering()
     memory = flown.memory
     program = trace(lambda memory, m, r: step(flown, memory, m, r), memory, case.measurement(), case.reference())
@@ -316,7 +319,7 @@ def test_the_trim_stays_within_its_bound_whatever_is_sent():
     for _ in range(400):
         memory, command = program(memory, case.measurement(), far.reference())
         stopped = dataclasses.replace(command, rotor_speeds=(0.0,) * len(command.rotor_speeds))
-        memory = dataclasses.replace(memory, sent=(*memory.sent[:-1], stopped))
+        memory = dataclasses.replace(memory, sent=stopped)
         assert all(abs(t) <= top for t, top in zip(memory.trim, bound, strict=True))
         worst = max(worst, *(abs(t) / top for t, top in zip(memory.trim, bound, strict=True)))
     assert worst == pytest.approx(1.0)
@@ -346,9 +349,8 @@ def test_mujocos_plant_sees_the_same_tip():
         *(({"reference_period": value}, "reference_period") for value in (0.0, -0.02, np.nan)),
         *(({"tip_mass_limit": value}, "tip_mass_limit") for value in (-0.1, np.nan, np.inf)),
         *(({"adaptation": value}, "adaptation") for value in (-0.1, np.nan, True, "x")),
-        *(({name: 0.0}, name) for name in ("pull", "reach", "damping", "posture", "tilt")),
-        *(({name: 1.1}, name) for name in ("lag_inversion",)),
-        *(({name: 1e6}, name) for name in ("trim_rate", "tilt")),
+        *(({name: 0.0}, name) for name in ("reach", "damping", "posture", "tilt")),
+        ({"tilt": 1e6}, "tilt"),
         ({"observer": (1.0, 2.0)}, "observer"),
         ({"observer": (1.0, 2.0, 3.0, -4.0)}, "observer"),
         ({"stiffness": 3.0}, "stiffness"),
@@ -361,9 +363,61 @@ def test_a_wrong_option_is_refused_by_its_name(options, message):
     assert "\n" not in str(caught.value)
 
 
-def test_every_preset_lies_within_the_ranges_of_its_entries():
-    for entries in PRESETS.values():
-        make_centroidal(MODEL, mode="tip", **entries)
+def test_what_is_usual_lies_within_the_ranges_and_may_be_stated():
+    stated = make_centroidal(MODEL, mode="tip", **VALUES)
+    assert stated.par == make_centroidal(MODEL, mode="tip").par
+
+
+GONE = (
+    *("approach", "arm_turn", "friction_adaptation", "gust_rate", "gust_shift", "joint_limits", "lag_inversion"),
+    *("low_thrust", "pull", "shift_limit", "thrust_lead", "trim_rate", "velocity_noise", "yaw_slack"),
+)
+
+
+@pytest.mark.parametrize("name", GONE)
+def test_an_option_that_is_gone_says_what_to_write(name):
+    with pytest.raises(ControllerError, match=rf"^controller\.{name}: leave it out: .*\S$"):
+        make_centroidal(MODEL, mode="tip", **{name: 1.0})
+    with pytest.raises(ControllerError, match=rf"^controller\.{name} = 1\.0: is gone; leave it out: .*\S$"):
+        make_controller("centroidal", MODEL, **{name: 1.0})
+    with pytest.raises(ControllerError, match=rf"controller\.{name} = 1\.0: law 'indi' has no such option; "):
+        make_controller("indi", MODEL, **{name: 1.0})
+
+
+@pytest.mark.parametrize("former", ["adaptive", "gusts", "robust", "stiff"])
+def test_a_former_preset_flies_the_one_with_one_note(former):
+    with pytest.warns(FormerNameWarning, match=rf"^controller\.preset = '{former}': there is one; bandwidth ") as notes:
+        found = make_centroidal(MODEL, mode="tip", preset=former)
+    assert len(notes) == 1
+    assert found == make_centroidal(MODEL, mode="tip")
+
+
+@pytest.mark.parametrize("mode", ["joint", "tip"])
+@pytest.mark.parametrize("former", ["gusts", "robust", "stiff"])
+def test_the_name_of_a_former_preset_flies_the_one_with_one_note(mode, former):
+    name = f"centroidal_{mode}_{former}"
+    for make in (preset, make_named):
+        with pytest.warns(FormerNameWarning, match=rf"^controller\.preset = '{name}': is gone, .*flies; ") as notes:
+            found = make(name, MODEL)
+        assert len(notes) == 1
+        assert found == preset(f"centroidal_{mode}", MODEL)
+
+
+def test_a_file_that_names_the_law_alone_is_told_that_its_gains_are_others():
+    """Once; a file that states its bandwidth knows, and one that names a preset is told of that."""
+    known = {"control_period": 0.005, "delay": 0.0, "age": 0.0}
+
+    def notes(table):
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            controller_from(Fields({"law": "centroidal", **table}, "controller"), MODEL, None, known)
+        return [str(each.message) for each in found]
+
+    (only,) = notes({"mode": "tip"})
+    assert only.startswith("controller.law = 'centroidal': has other gains than 'robust'")
+    assert notes({"mode": "tip", "bandwidth": 1.0}) == []
+    (other,) = notes({"mode": "tip", "preset": "robust"})
+    assert other.startswith("controller.preset = 'robust': there is one")
 
 
 def test_the_oldest_known_delay_is_a_hundred_periods():
@@ -378,14 +432,9 @@ def test_tip_mode_needs_an_end_effector():
         make_centroidal(Model(vehicle=skyarm.load_vehicle("hummingbird")), mode="tip")
 
 
-def test_presets_differ_only_in_numbers():
-    first, *others = PRESETS.values()
-    assert all(set(other) <= set(first) | {"shift_rate"} for other in others)
-
-
 def test_the_exported_c_file_names_every_gain():
     text = export_c(make_centroidal(MODEL, mode="tip"), name="law", period=0.005).text
-    for word in ("base_position", "tip_damping", "observer_force", "lag_inversion"):
+    for word in ("base_position", "tip_damping", "observer_force", "accelerometer_force"):
         assert word in text
 
 
@@ -400,10 +449,10 @@ def test_members_in_c_are_named_after_the_memory():
 
 
 def test_the_law_is_found_by_name():
-    for name in ("centroidal_joint", "centroidal_joint_stiff", "centroidal_tip", "centroidal_tip_stiff"):
+    for name in ("centroidal_joint", "centroidal_tip"):
         found = preset(name, MODEL)
         assert found.name == name
-        assert (found.par.rotors.lag_inversion == 1.0) == name.endswith("stiff")
+        assert found.keeps_tip == (name == "centroidal_tip")
 
 
 def test_a_measurement_of_integers_is_one_of_numbers():

@@ -50,11 +50,11 @@ def vec(a):
     return Vec3(*(float(x) for x in a))
 
 
-def felt_in(turn, specific_force, velocity, before=STILL, joints=(), linear=ZERO3, rotors=ZERO3):
+def felt_in(turn, specific_force, velocity, before=STILL, free=(1.0,), linear=ZERO3, rotors=ZERO3):
     """What one period tells; ``before`` also stands for what the velocity alone tells."""
     measured = dataclasses.replace(blank_measurement(0, 4), velocity=vec(velocity), specific_force=vec(specific_force))
     R = Mat3(*(vec(row) for row in turn.as_matrix()))
-    return measure_translation(ARM, GAINS, before.velocity, before, measured, R, linear, rotors, joints, DT)
+    return measure_translation(ARM, GAINS, before.velocity, before, measured, R, linear, rotors, free, DT)
 
 
 def felt_along(turn, accelerations, bias, start=0.0):
@@ -100,16 +100,28 @@ def test_what_the_model_knows_is_not_felt_as_a_force():
     assert list(felt.velocity) == pytest.approx(believed * DT, abs=1e-12)
 
 
-def test_a_joint_at_its_limit_leaves_the_force_to_the_velocity_and_rotors_at_theirs_hold_nothing():
-    seen = dataclasses.replace(STILL, change=Vec3(7.0, 8.0, 9.0), learns=0.0)
+@pytest.mark.parametrize("limited", [(0.0, 1.0, 1.0), (1.0, 0.0, 1.0), (1.0, 1.0, 0.0)])
+def test_any_actuator_at_its_limit_leaves_the_force_to_the_velocity(limited):
+    seen = dataclasses.replace(STILL, change=Vec3(7.0, 8.0, 9.0), learns=0.25)
     y = (1.0, 0.0, G)
-    free, stuck = (felt_in(LEVEL, y, (0.0,) * 3, seen, joints) for joints in ((1.0, 1.0), (1.0, 0.0)))
+    free, stuck = (felt_in(LEVEL, y, (0.0,) * 3, seen, each) for each in ((1.0, 1.0, 1.0), limited))
     assert free.change.x == pytest.approx(1.0 - np.exp(-40.0 * DT))
     assert free.learns == 1.0
-    assert (list(stuck.change), stuck.learns) == ([7.0, 8.0, 9.0], 0.0)
+    assert (list(stuck.change), stuck.learns) == ([7.0, 8.0, 9.0], 0.25)
     # the velocity goes on with what is felt in either case
     assert list(free.velocity) == list(stuck.velocity)
     assert free.velocity.x > 0.0
+
+
+def test_three_zeros_are_no_reading():
+    """Whoever measures no specific force leaves it at 0: velocity, force and bias are those of the velocity alone."""
+    bias = Vec3(0.1, 0.2, 0.3)
+    seen = dataclasses.replace(STILL, velocity=Vec3(0.4, 0.5, 0.6), change=Vec3(7.0, 8.0, 9.0), learns=1.0, bias=bias)
+    none = felt_in(LEVEL, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), seen)
+    assert (list(none.velocity), list(none.change), none.learns) == ([0.4, 0.5, 0.6], [7.0, 8.0, 9.0], 1.0)
+    assert list(none.bias) == list(bias)
+    least = felt_in(LEVEL, (1e-12, 0.0, 0.0), (1.0, 0.0, 0.0), seen)
+    assert least.change.z < -1.0
 
 
 def test_thrust_across_that_changes_within_a_period_is_no_unknown_force():
@@ -153,7 +165,7 @@ def test_thrust_along_the_axis_is_counted_by_its_mean_and_across_by_the_speed_am
 
 
 @pytest.mark.parametrize("pair", [None, GAINS])
-def test_rotors_at_their_limit_hold_a_force_that_is_computed_and_not_one_that_is_felt(pair):
+def test_rotors_at_their_limit_hold_the_force_with_and_without_an_accelerometer(pair):
     speeds = (500.0,) * 4
     readings = blank_measurement(2, 4)
     measured = dataclasses.replace(readings, velocity=Vec3(0.1, 0.0, 0.0), specific_force=Vec3(2.0, 0.0, G))
@@ -168,14 +180,14 @@ def test_rotors_at_their_limit_hold_a_force_that_is_computed_and_not_one_that_is
         (0.0, 1.0, 1.0),
         DT,
     )
-    assert (observed.force.x > 0.1) == (pair is not None)
+    assert list(observed.force) == [0.0] * 3
     assert list(observed.torque) == [0.0] * 3
 
 
 def test_the_part_is_left_out_by_twice_zero_and_its_force_goes_with_the_bandwidth():
     off, on = (make_centroidal(ARM, accelerometer=pair) for pair in ((0.0, 0.0), (40.0, 5.0)))
     assert off.par.observer.accelerometer is None
-    assert off.memory == make_centroidal(ARM).memory
+    assert off.memory.parts.noise.accelerometer == ()
     assert off.memory.observed.bias == ()
     assert on.par.observer.accelerometer == GAINS
     # what the trend of the force adds: two poles of the velocity's observer, one of the accelerometer's
@@ -277,13 +289,18 @@ def test_a_true_model_feels_nothing_beside_itself_on_a_moving_vehicle():
     assert np.linalg.norm(list(observed.force)) < 0.03
 
 
-def test_a_measurement_without_a_specific_force_is_refused_in_one_line():
-    with pytest.raises(ControllerError, match=r"controller\.accelerometer: must be left out") as error:
-        skyarm.run(hover(accelerometer=(40.0, 5.0), estimator=WithoutAccelerometer()))
-    assert "\n" not in str(error.value)
+def test_without_a_specific_force_the_law_is_that_without_an_accelerometer():
+    """To the bit: structural zeros leave no trace of it in the law's program, and a flight's numbers are the same."""
+    with_it, without = (
+        skyarm.run(hover(accelerometer=pair, estimator=WithoutAccelerometer())) for pair in ((40.0, 5.0), (0.0, 0.0))
+    )
+    assert with_it.status == "completed"
+    assert np.array_equal(with_it.position, without.position)
+    felt = skyarm.run(hover(accelerometer=(40.0, 5.0)))
+    assert not np.array_equal(felt.position, without.position)
 
 
 def test_whole_numbers_are_a_specific_force():
     measured = dataclasses.replace(blank_measurement(0, 4), velocity=ZERO3, specific_force=Vec3(0, 0, 10))
-    felt = measure_translation(ARM, GAINS, ZERO3, STILL, measured, Mat3.identity(), ZERO3, ZERO3, (), DT)
+    felt = measure_translation(ARM, GAINS, ZERO3, STILL, measured, Mat3.identity(), ZERO3, ZERO3, (1.0,), DT)
     assert felt.change.z == pytest.approx((10.0 - G) * (1.0 - np.exp(-40.0 * DT)))

@@ -19,7 +19,8 @@ def test_the_centroidal_law_begins_with_free_actuators_and_a_command_for_every_p
     memory = make_controller("centroidal", model, delay=delay * 0.005).memory
     n = model.vehicle.n
     assert memory.free == (1.0,) * (1 + n)
-    assert len(memory.sent) == delay + 1
+    # and eight steps of the bank of lags
+    assert len(memory.past.speeds) == len(memory.past.efforts) == delay + 1 + 8
     assert len(memory.channels) == 4 + n
     assert memory.trim == (0.0,) * len(model.vehicle.rotors)
     assert (memory.started, memory.age) == (0.0, 0.0)

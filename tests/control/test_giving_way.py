@@ -40,7 +40,7 @@ DOCUMENT: dict[str, Any] = {
     "duration": 4.75,
     "plant": {"vehicle": "hummingbird_arm2_rotors"},
     "model": {"vehicle": "hummingbird_arm2"},
-    "controller": {"law": "centroidal", "mode": "tip", "preset": "robust", "admittance": SOFT},
+    "controller": {"law": "centroidal", "mode": "tip", "admittance": SOFT},
     "reference": {"base": {"kind": "signals", "z": 1.5}, "joints": [-0.45, -0.9]},
     "environment": {
         "forces": [
@@ -111,7 +111,6 @@ def hexarotor(**entries):
         "controller": {
             "law": "centroidal",
             "mode": "tip",
-            "preset": "robust",
             "reach": 0.24,
             "damping": 0.06,
             "observer": [27.0, 31.0, 60.0, 60.0],
@@ -305,7 +304,7 @@ def test_nothing_is_learned_and_nothing_foretold_while_a_force_is_heard(scenario
 
 @pytest.mark.parametrize("heard", [0.0, 1.0])
 def test_a_trend_of_a_force_that_is_heard_moves_nothing(scenario, heard):
-    law = make_centroidal(scenario.controller.par.model, mode="tip", preset="adaptive", admittance=SOFT)
+    law = make_centroidal(scenario.controller.par.model, mode="tip", admittance=SOFT)
     first = dataclasses.replace(law.memory.parts.admittance, age=2.0, detected=heard)
     seen = dataclasses.replace(blank_measurement(2, 4), joints=JOINTS)
     still = dict.fromkeys(("joint_rates", "joint_accelerations"), (0.0, 0.0))

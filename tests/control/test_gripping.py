@@ -67,7 +67,7 @@ def scenario(**push):
         "duration": 3.0,
         "plant": {"vehicle": "hummingbird_arm2_rotors"},
         "model": {"vehicle": "hummingbird_arm2"},
-        "controller": {"law": "centroidal", "mode": "tip", "preset": "robust", "interaction": [0.3, 0.1]},
+        "controller": {"law": "centroidal", "mode": "tip", "interaction": [0.3, 0.1]},
         "reference": {
             "base": {"kind": "signals", "x": spline(0), "z": spline(2)},
             "joints": list(JOINTS),

@@ -268,7 +268,7 @@ def test_the_lag_is_estimated_before_the_first_contact_of_a_flight():
     document = {
         "schema": 1, "name": "late", "duration": 0.45, "plant": {"vehicle": "hummingbird_arm2_rotors"},
         "model": {"vehicle": "hummingbird_arm2"},
-        "controller": {"law": "centroidal", "mode": "tip", "preset": "adaptive", "interaction": [0.3, 0.1]},
+        "controller": {"law": "centroidal", "mode": "tip", "interaction": [0.3, 0.1]},
         "reference": {
             "base": {"kind": "signals", "z": 1.0}, "joints": [-0.45, -0.9],
             "push": {"force": {"kind": "constant", "value": 1.0, "start": 1.0}, "normal": [-1.0, 0.0, 0.0]},

@@ -32,6 +32,7 @@ from thorough import sampled
 
 DT = 0.005
 GAINS = LagGains(base=0.02, joints=0.012, stride=1)
+ZERO = Vec3(0.0, 0.0, 0.0)
 MODEL = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
 
 
@@ -46,7 +47,9 @@ class Rates:
 def told_by(angular, joints, *corrections):
     """What the model tells: accelerations of the commands sent, and corrections of the disturbance."""
     amid = SimpleNamespace(accelerations=lambda model, squares, efforts: (None, angular, joints))
-    return Told(amid=amid, angular_correction=corrections[0], joint_corrections=corrections[1])
+    return Told(
+        amid=amid, innovation=None, beside=(), angular_correction=corrections[0], joint_corrections=corrections[1]
+    )
 
 
 def learn(gains, memory, told, measurement, started, free, isolated, dt):
@@ -232,7 +235,9 @@ def test_the_model_answers_the_command_that_a_measurement_is_of(periods):
     heard = []
     amid = SimpleNamespace(accelerations=lambda *told: heard.append(told) or (None, Vec3(0.0, 0.0, 0.0), (0.0, 0.0)))
     step = SimpleNamespace(
-        told=Told(amid=amid, angular_correction=Vec3(0.0, 0.0, 0.0), joint_corrections=(0.0, 0.0)),
+        told=Told(
+            amid=amid, innovation=None, beside=(), angular_correction=ZERO, joint_corrections=(0.0, 0.0)
+        ),
         measurement=Rates(rate=Vec3(0.0, 0.0, 0.0), joint_rates=(0.0, 0.0)),
         memory=SimpleNamespace(started=1.0, free=(1.0,) * 3), isolated=1.0, dt=DT,
         par=SimpleNamespace(model="model", delay_periods=periods),
@@ -407,7 +412,9 @@ def test_a_lag_is_two_lengths():
 def test_the_observer_tells_by_how_much_its_disturbance_changes():
     """The innovation of the rates times L2 / dt, and the model's acceleration that they were foretold with."""
     par = make_centroidal(MODEL, mode="tip").par
-    before = dataclasses.replace(first_observed(2, (500.0,) * 4), rate=Vec3(0.1, -0.2, 0.3), joint_rates=(0.2, -0.1))
+    before = dataclasses.replace(
+        first_observed(2, (500.0,) * 4, True), rate=Vec3(0.1, -0.2, 0.3), joint_rates=(0.2, -0.1)
+    )
     measured = Measurement(
         **{**{name: getattr(before, name) for name in ("position", "quaternion", "velocity", "joints")}},
         rate=Vec3(0.4, 0.1, 0.2),

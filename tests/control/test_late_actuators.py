@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import skyarm
+from law_parts import in_small_steps
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.extrapolation import extrapolate
 from skyarm.control.blocks.late_actuators import first_past
-from skyarm.control.blocks.prediction import no_disturbance, predict, predict_across
+from skyarm.control.blocks.prediction import no_disturbance, predict_across
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -94,10 +95,10 @@ def test_one_step_across_a_lag_is_the_flight_under_the_late_commands(periods):
     begun = dataclasses.replace(turning(), rotor_speeds=behind.speeds[-1 - periods])
     exact, jolts = begun, []
     for command in COMMANDS[-periods:]:
-        before, exact = exact, predict(MODEL, exact, command, none, DT)
+        before, exact = exact, in_small_steps(MODEL, exact, command, none, DT)
         jolts.append(np.abs(np.subtract(exact.joint_rates, before.joint_rates)).max() / DT)
     span = periods * DT
-    found = predict_across(MODEL, begun, behind.since(float(periods)), none, span, False, begun.joints)
+    found = predict_across(MODEL, begun, behind.since(float(periods)), none, span, False)
     moved = np.array([*exact.velocity]) - np.array([*begun.velocity])
     turned = np.array([*exact.rate]) - np.array([*begun.rate])
     # a tenth of what changed: without the prediction all of it is missing
@@ -119,7 +120,7 @@ def test_thrust_that_turns_with_the_base_is_that_amid_the_step():
         joint_rates=(), rotor_speeds=speeds,
     )  # fmt: skip
     done = first_past(Command(rotor_speeds=speeds, efforts=()), PERIODS).since(h / DT)
-    found = predict_across(model, begun, done, no_disturbance(0), h, False, ())
+    found = predict_across(model, begun, done, no_disturbance(0), h, False)
     push = 4.0 * float(model.vehicle.rotors[0].thrust_coefficient) * 480.0**2 / float(model.vehicle.mass)
     exact = [0.0, -push * (1.0 - np.cos(w * h)) / w, push * np.sin(w * h) / w - 9.81 * h]
     assert [*found.velocity] == pytest.approx(exact, abs=5e-4)
@@ -127,7 +128,7 @@ def test_thrust_that_turns_with_the_base_is_that_amid_the_step():
 
 def test_across_no_time_nothing_changes():
     begun = dataclasses.replace(turning(), rotor_speeds=past().speeds[-1])
-    found = predict_across(MODEL, begun, past().since(0.0), no_disturbance(2), 0.0, False, begun.joints)
+    found = predict_across(MODEL, begun, past().since(0.0), no_disturbance(2), 0.0, False)
     for name in ("position", "velocity", "rate", "joints", "joint_rates", "rotor_speeds"):
         assert [*getattr(found, name)] == pytest.approx([*getattr(begun, name)], rel=1e-12), name
 

@@ -123,8 +123,8 @@ def test_the_compensated_force_and_torque_of_l1_are_half_of_the_weight_and_that_
 
 def test_a_controller_is_named_as_its_law():
     for law in LAWS:
-        # the centroidal law says which of its two modes and of its presets flies
-        assert make_controller(law, MODEL).name == (f"{law}_joint_robust" if law == "centroidal" else law)
+        # the centroidal law says which of its two modes flies
+        assert make_controller(law, MODEL).name == (f"{law}_joint" if law == "centroidal" else law)
 
 
 def test_the_files_factors_are_of_laws_and_constants_that_there_are():

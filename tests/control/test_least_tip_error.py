@@ -21,6 +21,7 @@ from least_tip_error import (
 )
 from least_tip_error import sensors as measured_by
 from scipy.integrate import quad
+from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_are, solve_discrete_lyapunov
 
 SPEED, DEVIATION = 3.0, 0.44
 """m/s of air, m/s^2 of force."""
@@ -127,3 +128,54 @@ def test_the_plane_is_that_of_the_vehicle(plane):
     assert plane.torque == pytest.approx(0.17 * 8.54858e-6 * 838.0**2)
     assert (plane.lag, plane.mass) == (0.0125, pytest.approx(0.82103))
     assert plane.lever + plane.height == pytest.approx(0.3, abs=1e-9)
+
+
+def least_error(lever, airspeed, length, deviation, late=0, dt=2.5e-3, effort=1e-7):
+    """Root mean square of the tip, m, under Dryden's lateral gusts of the force, which a law knows.
+
+    c'' = g theta + d and tip = c - lever theta; the discrete linear quadratic optimum of theta', ``late`` steps old.
+    """
+    time, n = length / airspeed, 5 + late
+    A = np.zeros((5, 5))
+    A[0, 1], A[1, 2] = 1.0, G
+    A[3, 4], A[4, 3], A[4, 4] = 1.0, -1.0 / time**2, -2.0 / time
+    gust, white = np.array([1.0, np.sqrt(3.0) * time]), np.diag([0.0, 0.0, 0.0, 0.0, 1.0])
+    P = solve_continuous_lyapunov(A[3:, 3:], -white[3:, 3:])
+    A[1, 3:] = gust * deviation / np.sqrt(gust @ P @ gust)
+    B = np.array([0.0, 0.0, 1.0, 0.0, 0.0])
+    step = expm(np.block([[A, B[:, None]], [np.zeros((1, 6))]]) * dt)
+    F, H, C = np.zeros((n, n)), np.zeros((n, 1)), np.zeros((1, n))
+    F[:5, :5] = step[:5, :5]
+    if late:
+        F[:5, 5] = step[:5, 5]
+        F[5:-1, 6:] = np.eye(late - 1)
+        H[-1] = 1.0
+    else:
+        H[:5, 0] = step[:5, 5]
+    C[0, 0], C[0, 2] = 1.0, -lever
+    S, Q = solve_discrete_are(F, H, C.T @ C, [[effort]]), np.zeros((n, n))
+    K = (H.T @ S @ F) / (effort + (H.T @ S @ H)[0, 0])
+    Q[4, 4] = dt
+    return float(np.sqrt((C @ solve_discrete_lyapunov(F - H @ K, Q) @ C.T)[0, 0]))
+
+
+def foretold_share(pace, airspeed, length):
+    """D(p) per deviation: what a pulse of the white noise that makes d adds to the integral of exp(-p t) d(t) to come.
+
+    Dryden's lateral spectrum: d = k (1 + sqrt(3) T s) / (1 + T s)^2 w, T = length / airspeed.
+    """
+    T = length / airspeed
+    answer = lambda s: (1.0 + np.sqrt(3.0) * T * s) / (1.0 + T * s) ** 2  # noqa: E731
+    variance = quad(lambda w: abs(answer(1j * w)) ** 2 / np.pi, 0.0, np.inf)[0]
+    return answer(pace) / np.sqrt(variance)
+
+
+@pytest.mark.parametrize("late", [0, 4, 20])
+@pytest.mark.parametrize(("airspeed", "deviation"), [(3.0, 0.39), (6.0, 0.99)])
+def test_the_least_error_of_a_hanging_tip_has_a_closed_form(airspeed, deviation, late):
+    """E tip^2 = 2 D(p)^2 exp(2 p late) / p^3, p^2 = g / lever: the page's table has it."""
+    lever, dt = 0.282, 2.5e-3
+    p = np.sqrt(G / lever)
+    # tip = (2 / p) eta with eta' = -p eta + D(p) w; what comes later has grown by exp(p late)
+    closed = (2.0 / p) * foretold_share(p, airspeed, 3.0) * deviation / np.sqrt(2.0 * p) * np.exp(p * late * dt)
+    assert least_error(lever, airspeed, 3.0, deviation, late, dt) == pytest.approx(closed, rel=0.05)

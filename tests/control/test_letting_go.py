@@ -136,7 +136,7 @@ def test_a_release_does_not_jab(name, joints, force, noisy):
     wall = {"name": "wall", "shape": "box", "size": [0.1, 2.0, top], "position": [ahead + 0.1, 0.0, 0.5 * top]}
     document = {
         "schema": 1, "name": "release", "duration": 4.5, "plant": {"vehicle": name},
-        "controller": {"law": "centroidal", "mode": "tip", "preset": "robust", "interaction": [0.3, 0.1]},
+        "controller": {"law": "centroidal", "mode": "tip", "interaction": [0.3, 0.1]},
         "reference": {"tip": {"posture": list(joints), "path": path}}, "world": {"surfaces": [wall]},
     }  # fmt: skip
     if name == "hummingbird_arm2_rotors":

@@ -98,7 +98,6 @@ def hexarotor(force, **entries):
         "controller": {
             "law": "centroidal",
             "mode": "tip",
-            "preset": "robust",
             "interaction": [0.5, 0.15],
             "reach": 0.24,
             "damping": 0.06,

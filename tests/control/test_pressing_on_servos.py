@@ -22,7 +22,7 @@ FLIGHTS = 4
 def test_servos_hold_the_force(name, joints, force):
     """Their layer observed no contact before: 18 and 21 % less force, which the law did not notice."""
     batch = Batch(
-        before_a_wall(name, joints, force, friction=0.3, preset="robust", interaction=[0.5, 0.15]),
+        before_a_wall(name, joints, force, friction=0.3, interaction=[0.5, 0.15]),
         (),
         metrics=("contact",),
         effort=0,

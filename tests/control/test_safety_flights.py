@@ -321,7 +321,7 @@ def test_a_rotor_and_both_drives_lost_at_once_are_survived_by_a_guard_that_trust
 def test_a_law_that_keeps_the_tip_may_take_the_joints_far_from_their_references():
     """6 N of wind lean the base by 0.65 rad, and the first joint against it; trusted as a tracker it is given up."""
     base = skyarm.load_scenario("case3_wind", duration=10.0)
-    law = make_controller("centroidal", base.controller.par.model, mode="tip", preset="stiff")
+    law = make_controller("centroidal", base.controller.par.model, mode="tip")
     wind = dataclasses.replace(base.wind, force_W=Vec3(6.0, 0.0, 0.0))
     kept, stowed = (
         run(dataclasses.replace(base, wind=wind, controller=with_safety_layer(law, limits)))

@@ -150,7 +150,7 @@ def test_a_law_whose_commands_are_changed_knows_it_winds_nothing_up_and_comes_ba
 @pytest.mark.parametrize("changed", ["rotor", "joint"])
 def test_the_centroidal_law_trim_and_what_it_learns_stand_still_while_what_was_sent_is_not_what_it_wished(changed):
     scenario = skyarm.load_scenario("case1", duration=0.05)
-    law = make_controller("centroidal", scenario.controller.par.model, mode="tip", adaptation=1.0)
+    law = make_controller("centroidal", scenario.controller.par.model, adaptation=1.0)
     reading = reading_of(run(dataclasses.replace(scenario, reference=MOVED)))
     wanted = MOVED.at(0.0).dense()
     memory, command = law.law(law.memory, reading, wanted, 0.005, par=law.par)

@@ -261,9 +261,7 @@ def test_a_vehicle_without_sideways_force_is_refused_by_the_options_name():
 @pytest.mark.parametrize("mode", [pytest.param("joint", marks=pytest.mark.thorough), "tip"])
 def test_every_engine_computes_the_same(mode):
     """A trace bit for bit, NumPy lanes up to rounding; with delay, at attitudes and speeds far from hover."""
-    flown = make_centroidal(
-        Model(vehicle=ARM), mode=mode, sideways=0.9, delay=0.005, preset="adaptive", attitude=(0.1, -0.2)
-    )
+    flown = make_centroidal(Model(vehicle=ARM), mode=mode, sideways=0.9, delay=0.005, attitude=(0.1, -0.2))
     turning = (300.0, 520.0, 480.0, 610.0, 0.0, 700.0)
     inputs = [
         (dataclasses.replace(case.measurement(), rotor_speeds=turning), case.reference()) for case in cases(3, seed=8)

@@ -80,20 +80,19 @@ def test_the_estimate_and_its_deviation_are_those_of_the_draws():
     assert unsettled == pytest.approx(np.hypot(settled.deviation, weight), rel=1e-9)
 
 
-def in_flight(wanted=0.0, holds=(), sent=((0.1, 0.2), (0.7, 0.9)), **memory):
+def in_flight(wanted=0.0, holds=(), acted=(0.1, 0.2), **memory):
     """Squares and flag of contact after a period of a flight in which no contact was for a second."""
     law = make_centroidal(Model(vehicle=ARM), mode="tip", interaction=(0.3, 0.1), tolerances=[0.1, 0.05]).par
     part, zero = law.parts.interaction, Vec3(0.0, 0.0, 0.0)
     observed = SimpleNamespace(force=zero, torque=zero, efforts=(0.0, 0.0))
-    queue = SimpleNamespace(sent=[SimpleNamespace(efforts=each) for each in sent])
-    step = SimpleNamespace(observed=observed, memory=queue, holds=holds, dt=DT)
+    step = SimpleNamespace(observed=observed, acted=SimpleNamespace(efforts=acted), holds=holds, dt=DT)
     before = dataclasses.replace(first_interaction(2), free=1.0, scale=first_scale(2), **memory)
     after = part._at_scale(before, step, AT, wanted_of((wanted, 0.0, *N)))[1].scale
     return after.squares, after.met
 
 
 def test_the_scale_is_learned_of_the_command_that_acted_while_the_tip_is_free_and_empty():
-    """Of the oldest in the queue; the touch of the period before is remembered."""
+    """Of the period before the measurement; the touch of the period before is remembered."""
     assert in_flight()[0] == pytest.approx([DT * 0.01, DT * 0.04])
     assert in_flight(wanted=1.0)[0] == in_flight(holds=(1.0,))[0] == (0.0, 0.0)
     assert [in_flight(touching=each)[1] for each in (0.0, 1.0)] == [0.0, 1.0]

@@ -22,7 +22,7 @@ DT = 0.005
 LAWS = {
     "centroidal": lambda: make_centroidal(MODEL, delay=DT),
     "centroidal_tip": lambda: make_centroidal(MODEL, mode="tip", delay=DT),
-    "centroidal_tip_stiff": lambda: make_centroidal(MODEL, mode="tip", preset="stiff"),
+    "unmoved": lambda: make_centroidal(MODEL, mode="tip", preview=0.0, lag=(0.0, 0.0)),
     **{name: lambda name=name: make_law(name, MODEL) for name in ("hybrid_computed_torque", *STEPS)},
 }
 

@@ -329,7 +329,7 @@ def test_servos_of_another_lag_than_believed_cost_little(seconds):
 
 def test_a_safety_layer_goes_around_the_law_of_pairs():
     guarded = with_safety_layer(make_centroidal(Model(vehicle=BARE), sideways=0.9), LIMITS)
-    assert guarded.name == "guarded_centroidal_joint_robust"
+    assert guarded.name == "guarded_centroidal_joint"
     assert turns_rotors(guarded)
     assert len(guarded.memory.inner.sent.rotor_speeds) == 12
     with pytest.raises(ControllerError, match="has a safety layer already"):

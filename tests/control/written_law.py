@@ -1,7 +1,7 @@
-"""The centroidal law in mode "tip", preset "adaptive", written again from docs/centroidal_law.md and the files alone.
+"""The centroidal law in mode "tip" written again from docs/centroidal_law.md and the files alone.
 
 NumPy and the files of vehicle and scenario, nothing of the library. Numbers are those that the page states in
-parentheses; sections are the page's. For vehicles of turning joints without limits, and no option beside the preset.
+parentheses; sections are the page's. For vehicles of turning joints without limits, and no option beside.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from written_parts import NUMBERS, SHARES, WrittenParts
+from written_parts import FELT, NUMBERS, SEEN, SHARES, WrittenParts
 from written_vehicle import (
     E_Z,
     Vehicle,
@@ -60,7 +60,7 @@ class WrittenLaw(WrittenParts):
         self.adapted = (np.zeros(3), np.zeros(3), np.zeros(n))
         self.W = W
         self.free = np.ones(1 + n)
-        self.slow, self.drift, self.change = np.zeros(3), np.zeros(3), np.zeros(3)
+        self.slow, self.bias = np.zeros(3), np.zeros(3)
         self.trim = np.zeros(len(W))
         self.size, self.mean = 0.0, np.zeros(3)
         self.y, self.sinks = np.zeros(3), np.zeros(3)
@@ -88,18 +88,9 @@ class WrittenLaw(WrittenParts):
             B=np.full(2, 0.05),
         )
         self.noise = SimpleNamespace(o=np.zeros(3), c=np.zeros(3), V=0.0)
-        self.learned = SimpleNamespace(
-            m=0.0,
-            b=np.zeros(n),
-            c=np.zeros(n),
-            k=np.zeros(n),
-            once=np.zeros((3, n)),
-            twice=np.zeros((3, n)),
-            u=np.zeros(n),
-            o=np.zeros(n),
-        )
-        M = v.mass_matrix(np.zeros(n))
-        self.slack, self.stickiest = self.par.yaw_slack * M[5, 5], 50.0 * np.diag(M)[6:]
+        self.shaking = SimpleNamespace(o=np.zeros(3), c=np.zeros(3), V=0.0)
+        self.learned = SimpleNamespace(m=0.0, once=np.zeros(n), twice=np.zeros(n), u=np.zeros(n), o=np.zeros(n))
+        self.slack = self.par.yaw_slack * v.mass_matrix(np.zeros(n))[5, 5]
 
     def step(self, x: Any, held: Any, ahead: Any) -> tuple[Any, Any]:
         """Rotor speeds and joint torques.
@@ -131,21 +122,21 @@ class WrittenLaw(WrittenParts):
         # 3. gains
         r = par.lag[0] / (par.lag[0] + max(L[0] * (1 - self._delay_share()) - 0.002, 0.0))
         j = par.lag[1] / (par.lag[1] + max(L[1] - L[0] - 0.002, 0.0))
-        # joint_limits: all joints without limits
-        room = max(1 - L[0] / 0.02, 0.0)
+        bend = 9 * par.damping**2
+        room = max(1 - L[0] / 0.02, 0.0) * bend / (bend + (v.tip_jacobian(self.pose[2])[2] ** 2).sum())
         braced = 1.0 + room * np.clip(9 * (self.d[0][2] / (m * g) - 0.05), 0.0, 2.2)
+        quicker = 1.0 + room * np.clip(3 * (self.d[0][2] / (m * g) - 0.15), 0.0, 1.0)
         kp, kv = par.base[0] * r * r, par.base[1] * r
-        stiff = par.base[2] * self._stiffness()
-        KR = np.array([stiff, stiff, par.yaw[0]]) * r * r
+        KR = np.array([par.base[2], par.base[2], par.yaw[0]]) * r * r
         Kw = np.array([par.base[3], par.base[3], par.yaw[1]]) * r
         arm = par.arm[0] * j**2 * braced**1.5, par.arm[1] * j * braced
         tip = par.tip[0] * j**2 * braced**1.5, par.tip[1] * j * braced
-        N2 = par.velocity_noise**2
-        quiet = (N2 / max(self.noise.V * dt, N2)) ** 0.25
-        observer = par.observer[0] * r * quiet, par.observer[1] * r, par.observer[2] * j * self._quicker(room)
-        earlier = self.d
+        quiet = self._share(self.noise, par.velocity_noise)
+        observer = par.observer[0] * r * quiet, par.observer[1] * r, par.observer[2] * j * quicker
+        calm, seen = self._share(self.shaking, FELT), self._share(self.noise, SEEN)
+        heard = par.accelerometer[0] * r * calm, np.clip(par.accelerometer[1] * (seen / calm) ** 2, 2.0, 60.0)
         # 4. observer
-        told = self._observe(x, then, observer)
+        told = self._observe(x, then, observer, heard)
         # 5. prediction
         R = matrix(self.pose[1])
         side = v.side(self.W, R.T @ self.rates[0], self.rates[1])
@@ -155,16 +146,15 @@ class WrittenLaw(WrittenParts):
         R, omega = matrix(now.quaternion), now.rate
         # 6. force
         rate = self._trend()
-        lateness = self._lateness(observer)
+        lateness = 1 / max(heard[0], 1.0)
         unknown[0] = unknown[0] + rate * lateness
-        self._gusts(earlier, observer)
-        self.slow = self.slow + low(self._pace(), dt) * (self.d[0] - self.slow)
+        self.slow = self.slow + low(par.shift_rate, dt) * (self.d[0] - self.slow)
         F = self.slow + self.adapted[0] + rate * (lateness + 1 / par.shift_rate)
         # 7. shift and quasi-static attitude
         base, psi, q = np.array([derivatives(s) for s in signals[:3]]).T, signals[3], signals[4:]
         com, point = v.com_tip(q)
         drag = (v.cd * now.W).sum()
-        *moved, drifting = self._shift(base, psi, q, com, point, F, rate, drag, lead, ahead[2:])
+        moved = self._shift(base, psi, q, com, point, F, rate, drag, lead, ahead[2:])
         going = [base[0], *(b + y for b, y in zip(base[1:], moved, strict=True))]
         D = [R @ v.side(now.W, R.T @ p, np.zeros(3))[0] for p in going[1:4]]
         changes = D[1] + rate, D[2]
@@ -176,7 +166,7 @@ class WrittenLaw(WrittenParts):
         qt = self._turned(q, goal, Rq, wq, aq)
         com, turned = v.com_tip(qt)
         s = self._offset(goal.arm, turned, Rq, wq, aq)
-        base = [base[0] + s[0], base[1] + s[1], base[2] + s[2] + drifting, base[3] + moved[2], base[4] + moved[3]]
+        base = [base[0] + s[0], base[1] + s[1], base[2] + s[2], base[3] + moved[2], base[4] + moved[3]]
         # 9. centre of mass
         h = self._arm_turn(derivatives(com))
         carried = [
@@ -191,9 +181,7 @@ class WrittenLaw(WrittenParts):
         c, p = v.com_tip(own)
         c, p = derivatives(c), derivatives(p)
         position, velocity = now.position + R @ c[0], now.velocity + R @ (vector(omega, c[0]) + c[1])
-        f, ac = self._force(
-            pc, position, velocity, R, omega, unknown[0], (changes[0] + self.change, changes[1]), kp, kv
-        )
+        f, ac = self._force(pc, position, velocity, R, omega, unknown[0], changes, kp, kv)
         Fz = f[:, 0] @ R[:, 2]
         # 10. attitude
         Rd, wd, ad = self._attitude(self._upright(f, fq), psi)
@@ -253,7 +241,8 @@ class WrittenLaw(WrittenParts):
             )
         # 13. lag, noise and adaptation
         self._learn_lag(x, told, before, weights)
-        self._learn_noise(x.velocity - self.rates[0], observer[0])
+        self._learn_noise(self.noise, told.missed - self.noise.o, x.velocity - self.rates[0], par.velocity_noise)
+        self._learn_noise(self.shaking, told.beside - self.shaking.o, told.beside, FELT)
         self._adapt(qt, Rq, wq, aq, base[2] + g * E_Z, observer, before)
         self.command, self.started = (speeds, given), True
         return speeds, given
@@ -285,7 +274,7 @@ class WrittenLaw(WrittenParts):
         a = np.linalg.solve(v.mass_matrix(q), right)
         return R @ a[:3] - self.g * E_Z, a[3:6], a[6:]
 
-    def _observe(self, x: Any, done: Any, bandwidths: Any) -> Any:
+    def _observe(self, x: Any, done: Any, bandwidths: Any, heard: Any) -> Any:
         """Pose filter and observer; what the lag estimate takes from them."""
         v, dt = self.v, self.dt
         share = low(self.par.observer[3], dt) if self.started else 1.0
@@ -306,9 +295,10 @@ class WrittenLaw(WrittenParts):
         poles = [np.exp(-each * dt) for each in bandwidths]
         slow = [(1 - b) ** 2 * e / dt for b, e in zip(poles, errors, strict=True)]
         translation = ahead[0] + (1 - poles[0] ** 2) * errors[0], slow[0], self.free[0]
-        translation = self._hear(x, R, linear, done, bandwidths[0], translation)
+        translation, beside = self._hear(x, R, linear, done, heard, translation)
         force, torque, efforts = v.rnea(amid, np.zeros(3), np.zeros(v.n), slow[1], R.T @ translation[1], slow[2])
         told = SimpleNamespace(R=R, w=w, q=amid, qd=qd, unknown=unknown, corrections=np.array([*slow[1][:2], *slow[2]]))
+        told.missed, told.beside = errors[0], beside
         if self.started:
             self.rates = tuple(a + (1 - b * b) * e for a, b, e in zip(ahead, poles, errors, strict=True))
             self.rates = (translation[0], *self.rates[1:])
@@ -464,8 +454,7 @@ class WrittenLaw(WrittenParts):
             far = dot(error, error) / e0**2
             chi = power(one_plus(mul(far, far)), -1 / 8)
             x = kp * mul(error, chi[None]) + kv * series(*e[1 : k + 2])
-            sigma = mul(x, power(one_plus(dot(x, x) / par.pull**2), -1 / 2)[None])
-            return derivatives(sigma)[k]
+            return derivatives(mul(x, power(one_plus(dot(x, x) / par.pull**2), -1 / 2)[None]))[k]
 
         e = [p - pc[0], v - pc[1]]
         f = m * (pc[2] + g * E_Z - feedback(e, 0)) - d

@@ -1,7 +1,8 @@
-"""Parts of the law that is written again: lag, velocity noise, force trend, shift of the base, adaptation."""
+"""Parts of the law that is written again: lag, noises, accelerometer, force trend, shift of the base, adaptation."""
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -42,12 +43,16 @@ NUMBERS = SimpleNamespace(
     trim_rate=3.0,
     preview=0.6,
     lag=(0.020, 0.012),
+    accelerometer=(30.0, 8.0),
+    force_trend=20.0,
     velocity_noise=0.0018,
     adaptation=0.6,
-    friction_adaptation=2.0,
     tip_mass_limit=0.2,
 )
-"""Of the preset "adaptive", as the page states them."""
+"""As the page states them."""
+
+SEEN, FELT = 0.01 * math.sqrt(0.005), 0.05 * math.sqrt(0.005)
+"""Noises of velocity and accelerometer that the bandwidths of the latter are for: of the bench, at 200 Hz."""
 
 SHARES = (1 / 8, 1 / 4, 7 / 16, 11 / 16, 1.0)
 """Of the preview."""
@@ -67,7 +72,9 @@ class WrittenParts:
     d: Any
     rates: Any
     slack: float
-    drift: Any
+    bias: Any
+    free: Any
+    started: bool
 
     # lag
 
@@ -91,7 +98,7 @@ class WrittenParts:
     def _trend(self) -> Any:
         """Rate of the observed force."""
         t, dt, d, m = self.trend, self.dt, self.d[0], self.v.mass
-        b = np.exp(-10.0 * dt)
+        b = np.exp(-self.par.force_trend * dt)
         e = d - t.level - t.rate * dt
         t.level = t.level + t.rate * dt + (1 - b * b) * e
         t.rate = t.rate + (1 - b) ** 2 * e / dt
@@ -137,7 +144,7 @@ class WrittenParts:
     def _shift(
         self, base: Any, psi: Any, q: Any, com: Any, tip: Any, F: Any, rate: Any, drag: float, lead: Any, ahead: Any
     ) -> list[Any]:
-        """First to fourth derivative of the shift, and what its drift adds to the second; the memory goes on."""
+        """First to fourth derivative of the shift; the memory goes on."""
         m, g, dt = self.v.mass, self.g, self.dt
         left = self._left(q[:, 0])
 
@@ -232,29 +239,22 @@ class WrittenParts:
         self.y = self.y + step * [1.0, 1.0, 0.0]
         self.sinks = np.array(heights[1:])
         self.secants, self.falls, self.first = np.array(secants), falling, lead[0]
-        drifting = factor[0] * on(psi[0], self.drift[:2]) / -(m * sweep[0][0])
-        return [*moved, np.array([*drifting, 0.0])]
+        return moved
 
-    # gusts: none
+    # the accelerometer
 
-    def _stiffness(self) -> float:
-        return 1.0
-
-    def _quicker(self, room: float) -> float:
-        return 1.0
-
-    def _lateness(self, observer: Any) -> float:
-        return float(2 / observer[0])
-
-    def _pace(self) -> float:
-        return float(self.par.shift_rate)
-
-    def _gusts(self, earlier: Any, observer: Any) -> None:
-        """``change`` and ``drift`` stay 0."""
-
-    def _hear(self, x: Any, R: Any, linear: Any, done: Any, bandwidth: float, seen: Any) -> Any:
-        """Velocity, change of the force's acceleration, and how much of it counts."""
-        return seen
+    def _hear(self, x: Any, R: Any, linear: Any, done: Any, heard: Any, seen: Any) -> Any:
+        """Velocity, change of the force's acceleration and how much of it counts; what is beyond the model."""
+        dt = self.dt
+        more = (self.v.A @ (done.speeds**2 - done.squares))[-1]
+        beside = R @ (x.specific_force - self.bias - R.T @ (linear + self.g * E_Z) - E_Z * more / self.v.mass)
+        guess = self.rates[0] + dt * (linear + beside)
+        e, beta = x.velocity - guess, np.exp(-heard[1] * dt)
+        if self.started:
+            self.bias = self.bias - (1 - beta) ** 2 * R.T @ e / dt
+        trust = self.free.prod()
+        change = trust * low(heard[0], dt) * beside + (1 - trust) * seen[1]
+        return (guess + (1 - beta**2) * e, change, trust + (1 - trust) * seen[2]), beside
 
     # 12.
 
@@ -320,33 +320,28 @@ class WrittenParts:
         a.own = a.own + told.corrections * [free[0], free[0], *free[1:]]
         a.rates, a.past, a.count = rates, [band, *a.past[:-1]], a.count + 1
 
-    def _learn_noise(self, o: Any, bandwidth: float) -> None:
-        """Variance of the measured velocity's noise."""
-        a, dt = self.noise, self.dt
-        c = o / max(np.exp(-bandwidth * dt) ** 2, 1e-3) - a.o
-        most = 20 * (max(a.V, 0.0) + self.par.velocity_noise**2 / dt)
-        a.V += 2.0 * dt * (np.clip(-(c @ a.c) / 3, -most, most) - a.V)
-        a.o, a.c = o, c
+    def _share(self, noise: Any, density: float) -> float:
+        return float((density**2 / max(noise.V * self.dt, density**2)) ** 0.25)
+
+    def _learn_noise(self, a: Any, c: Any, left: Any, density: float) -> None:
+        """Variance of a sensor's white noise, from its changes beyond the model."""
+        most = 20 * (max(a.V, 0.0) + density**2 / self.dt)
+        a.V += 2.0 * self.dt * (np.clip(-(c @ a.c) / 3, -most, most) - a.V)
+        a.o, a.c = left, c
 
     def _adapt(self, qt: Any, Rq: Any, wq: Any, aq: Any, proper: Any, observer: Any, free: Any) -> None:
-        """Mass at the tip and damping of the joints, and what they need in the next period."""
+        """Mass at the tip, and what it needs in the next period."""
         par, v, dt, a = self.par, self.v, self.dt, self.learned
         q, qd = qt[:, 0], qt[:, 1]
         r = derivatives(v.com_tip(qt[:, :3])[1])
         push = -(Rq.T @ proper + vector(aq, r[0]) + vector(wq, vector(wq, r[0])) + 2 * vector(wq, r[1]) + r[2])
         Y = v.tip_jacobian(q).T @ push
         share = low(1 / (1 / observer[2] + self.delay * dt / 2), dt)
-        a.once = a.once + share * (np.array([Y, q, qd]) - a.once)
+        a.once = a.once + share * (Y - a.once)
         a.twice = a.twice + share * (a.once - a.twice)
         slow = low(2.0, dt)
         a.u, a.o = a.u + slow * (qd**2 - a.u), a.o + slow * ((self.rates[2] - qd) ** 2 - a.o)
         weight = free[1:] * (1 + 2 * a.o / (a.u + 0.1)) ** -2.0
-        load, place, rate = a.twice
-        d = self.d[2]
-        a.m += par.adaptation * dt * (weight * load * d).sum() / (0.001 + (load**2).sum())
+        a.m += par.adaptation * dt * (weight * a.twice * self.d[2]).sum() / (0.001 + (a.twice**2).sum())
         a.m = np.clip(a.m, -par.tip_mass_limit, par.tip_mass_limit)
-        e = weight * (d - a.c - a.k * place)
-        a.b = a.b - par.friction_adaptation * dt * e * rate / (0.1 + rate**2)
-        a.b = np.clip(a.b, -v.damping, self.stickiest)
-        a.c, a.k = a.c + dt * e, a.k + dt * e * place / (0.01 + place**2)
-        self.adapted = Rq @ push * a.m, vector(r[0], push) * a.m, Y * a.m - a.b * qd
+        self.adapted = Rq @ push * a.m, vector(r[0], push) * a.m, Y * a.m

@@ -21,7 +21,7 @@ from skyarm.view.pages import markdown
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"<!-- the envelope: make envelope -->\n(.*?)<!-- /the envelope -->", re.S)
-LEFT_OUT = ("paper_pd", "l1_adaptive", "centroidal_tip_robust")
+LEFT_OUT = ("paper_pd", "l1_adaptive")
 """Laws that the figure shows and the page's table has no room for."""
 PAGE = "docs/comparing_laws.md"
 PICTURE = "docs/images/envelope.png"

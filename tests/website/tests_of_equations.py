@@ -96,7 +96,7 @@ TESTS = {
     "skyarm.control.blocks.actuators.command_for": (
         "tests/control/test_centroidal_parts.py::test_the_inverted_lag_reaches_the_wanted_speed_within_one_period"
     ),
-    "skyarm.control.blocks.prediction.predict": (
+    "skyarm.control.blocks.prediction.predict_across": (
         "tests/control/test_centroidal_parts.py::test_the_prediction_is_what_mujoco_does_in_that_time"
     ),
     "skyarm.control.laws.published.guo.guo_center_of_inertia": (

@@ -12,6 +12,7 @@ import inspect
 import re
 import sys
 import tomllib
+import warnings
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from functools import lru_cache
 from importlib import resources
@@ -19,10 +20,11 @@ from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import mul
-from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.controller import Controller, ControllerError, FormerNameWarning
 from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
+from skyarm.records.files.messages import present_names
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, part, rebuild, replace_at
 from skyarm.records.registry.plugins import law_of_file_key
@@ -149,14 +151,6 @@ class Preset:
     options: Mapping[str, Any]
 
 
-_KINDS: Mapping[str, tuple[str, str]] = {
-    "": ("adaptive", "the centroidal law"),
-    "_robust": ("robust", "the centroidal law of constant gains, which estimates no lag"),
-    "_gusts": ("gusts", "the centroidal law for gusts, which needs an accelerometer"),
-    "_stiff": ("stiff", "the centroidal law of higher gains for perfect state"),
-}
-"""Ending of a preset's name: gains of the centroidal law, and what it is for."""
-
 PRESETS: Mapping[str, Preset] = {
     "paper_ct": Preset(
         "the paper's computed torque, gains of its Table A1",
@@ -176,13 +170,22 @@ PRESETS: Mapping[str, Preset] = {
     "rotors_sim_hummingbird": Preset(
         "RotorS's controller with its Hummingbird's gains, joints free", "rotors_sim_position", {"gains": HUMMINGBIRD}
     ),
-    **{
-        f"centroidal_{mode}{ending}": Preset(f"{title}, {led}", "centroidal", {"mode": mode, "preset": gains})
-        for mode, led in (("joint", "base and joints on their references"), ("tip", "the tip on its reference"))
-        for ending, (gains, title) in _KINDS.items()
-    },
+    "centroidal_joint": Preset(
+        "the centroidal law, base and joints on their references", "centroidal", {"mode": "joint"}
+    ),
+    "centroidal_tip": Preset("the centroidal law, the tip on its reference", "centroidal", {"mode": "tip"}),
 }
-"""The paper's controllers with its gains, and the centroidal law with its own."""
+"""The paper's controllers with its gains, and the centroidal law in both modes."""
+
+
+def named_now(name: str) -> str:
+    """Name of the preset that flies in the place of a former one, with a warning in one line; others unchanged."""
+    now = present_names("preset").get(name) if isinstance(name, str) else None
+    if now is None:
+        return name
+    words = f"controller.preset = {name!r}: is gone, {now!r} flies; {present_names('option')['centroidal.preset']}"
+    warnings.warn(words, FormerNameWarning, stacklevel=3)
+    return now
 
 
 def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> Controller:
@@ -197,6 +200,7 @@ def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> C
     Raises:
         ControllerError: unknown name, or gains for another number of joints.
     """
+    name = named_now(name)
     if not is_one_of(name, PRESETS):
         raise ControllerError(f"controller.preset = {shown(name)}: {must_be_one_of(PRESETS, name, SEE)}")
     law, options = PRESETS[name].law, PRESETS[name].options
@@ -258,6 +262,7 @@ def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) 
         ControllerError: unknown name, or a controller that does not fit the model.
         AllocationError: the model's rotors do not span torque and thrust.
     """
+    name = named_now(name)
     if not is_named(name):
         raise ControllerError(f"controller = {shown(name)}: {must_be_named(name)}")
     if name in PRESETS:
@@ -268,8 +273,8 @@ def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) 
 
 
 def is_named(name: Any) -> bool:
-    """True if a value is the name of a preset, law, law with tuned gains or autopilot."""
-    return is_one_of(name, every_name()) or is_one_of(name, AUTOPILOTS)
+    """True if a value is the name of a preset, a former one too, of a law, law with tuned gains or autopilot."""
+    return any(is_one_of(name, names) for names in (every_name(), AUTOPILOTS, present_names("preset")))
 
 
 def is_one_of(name: Any, names: Container[str]) -> bool:
@@ -319,7 +324,9 @@ def must_be_named(name: Any, others: str = "") -> str:
 
 
 def no_option(law: str, options: Sequence[str], option: str) -> str:
-    """Error text for an option that a law does not have."""
+    """Error text for an option that a law does not have, or has no more."""
+    if gone := present_names("option").get(f"{law}.{option}"):
+        return f"is gone; {gone}"
     return (
         f"{'autopilot' if law in AUTOPILOTS else 'law'} {law!r} has no such option; "
         f"{did_you_mean(option, options)}it has {', '.join(options)}"

@@ -100,6 +100,10 @@ def with_innermost(record: Any, own: Any) -> Any:
     return dataclasses.replace(record, inner=with_innermost(inner, own)) if is_record(inner) else own
 
 
+class FormerNameWarning(UserWarning):
+    """An option or a name of an earlier version that the next one does not read."""
+
+
 def with_applied_command(memory: Any, sent: Command) -> Any:
     """Internal state of a law with the applied command in place of the desired one, where a law stores commands.
 

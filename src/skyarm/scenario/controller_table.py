@@ -18,6 +18,7 @@ import dataclasses
 import inspect
 import math
 import os
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeGuard, get_args
@@ -36,7 +37,7 @@ from skyarm.control.catalogue import (
     suitable_options,
     tuned_factors,
 )
-from skyarm.control.controller import Controller, ControllerError, autopilot_of
+from skyarm.control.controller import Controller, ControllerError, FormerNameWarning, autopilot_of
 from skyarm.control.model import Model, Options
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import (
@@ -49,6 +50,7 @@ from skyarm.records.files import (
     shown,
     unreadable,
 )
+from skyarm.records.files.messages import present_names
 from skyarm.records.files.names import require_kind
 from skyarm.records.leaves import Place, field_names, is_leaf, is_record, parts, replace_at, walk
 from skyarm.records.read_table import value_from
@@ -258,7 +260,16 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mappin
         # a delay that is stated shorter than the loop's is the measurement's alone
         options["age"] = min(options["age"], number(fields.table["delay"], fields.at("delay"), low=0.0))
     _require_clock(fields, known)
+    _note_change(fields, law)
     return (make_tuned if best else make_controller)(law, model, **options)
+
+
+def _note_change(fields: Fields, law: str) -> None:
+    """Warn of a law whose usual gains are others than an earlier version's, but where its table states the new word."""
+    for key, note in present_names("law").items():
+        changed, word = key.split(".")
+        if law == changed and not {"preset", word} & fields.table.keys():
+            warnings.warn(f"{fields.at('law')} = {law!r}: {note}", FormerNameWarning, stacklevel=4)
 
 
 def _require_clock(fields: Fields, known: Mapping[str, float]) -> None:

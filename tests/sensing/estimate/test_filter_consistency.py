@@ -61,7 +61,7 @@ CHOSEN = {
 
 def with_gains(gains, **changes):
     """Case 3 on estimates; chosen gains are those of the preset that they were chosen for."""
-    preset = {"controller__preset": "centroidal_tip_robust"} if gains else {}
+    preset = {"controller__preset": "centroidal_tip"} if gains else {}
     return skyarm.with_numbers(estimated(**CASE3, **changes, **preset), gains)
 
 

@@ -90,7 +90,7 @@ def test_the_lines_to_paste_fly_the_scenario_that_was_found(found):
         "name": "found",
         "duration": 0.1,
         "plant": {"vehicle": "hummingbird_arm2_rotors", **tables["plant"]},
-        "controller": {"law": "centroidal", "mode": "tip", "preset": "robust", "delay": 0.015},
+        "controller": {"law": "centroidal", "mode": "tip", "delay": 0.015},
         "delays": tables["delays"],
         "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "joints": [0.0, 0.0]},
     }

@@ -39,7 +39,7 @@ def test_gains_that_are_off_lead_to_the_same_search_to_the_bit(factor):
     row = dict(zip((knob.path for knob in found.knobs), found.starts[GIVEN], strict=True))
     assert set(np.round(list(row.values()), 12)) == {round(math.log(factor), 12)}
     # the same candidates in the same places, also where the given gains are those of the catalogue
-    assert list(found.starts) == list(usual.starts) == [GIVEN, LABEL, "centroidal_tip_stiff"]
+    assert list(found.starts) == list(usual.starts) == [GIVEN, LABEL]
     assert usual.starts[GIVEN] == (0.0,) * len(usual.knobs)
     for name in list(usual.starts)[1:]:
         assert found.starts[name] == usual.starts[name]
@@ -48,16 +48,15 @@ def test_gains_that_are_off_lead_to_the_same_search_to_the_bit(factor):
     np.testing.assert_array_equal(scatter(found.knobs, 240, 0, found.rows)[1:], off[1:])
 
 
-def test_a_start_has_the_numbers_of_its_preset():
-    robust = load_scenario("case3", controller="centroidal_tip_robust").controller.par
-    found = about(FLIGHT)
-    tuned = with_gains(found.flight.controller, found.knobs, found.starts["centroidal_tip_stiff"]).par
-    stiff = load_scenario("case3", controller="centroidal_tip_stiff").controller.par
-    assert tuned.tip.position == pytest.approx(stiff.tip.position)
-    assert tuned.observer.force == pytest.approx(stiff.observer.force)
-    # the presets robust and gusts have the same gains: they are no further starts
-    assert robust.tip.position == FLIGHT.controller.par.tip.position
-    assert "centroidal_tip_robust" not in found.starts
+def test_a_start_has_the_numbers_of_its_law():
+    """Of two kinds of gains, the law's own and the tuned ones."""
+    flight = tuning_flight(load_scenario("case3", controller="indi"))
+    found = about(flight, "indi")
+    assert list(found.starts) == [GIVEN, "indi_tuned", "indi"] or list(found.starts) == [GIVEN, "indi", "indi_tuned"]
+    tuned = with_gains(found.flight.controller, found.knobs, found.starts["indi_tuned"]).par
+    catalogue = load_scenario("case3", controller="indi_tuned").controller.par
+    assert [*tuned.gains.position] == pytest.approx([*catalogue.gains.position])
+    assert tuned.joint_gains.stiffness == pytest.approx(catalogue.joint_gains.stiffness)
 
 
 def test_numbers_of_other_ratios_stay_where_they_are():

@@ -141,7 +141,7 @@ def test_the_examples_fly_as_their_first_lines_say():
 
 def test_the_chamfer_of_the_example_leads_its_peg_into_the_hole():
     """In the posture of the flight the rim lies level, and it is the chamfer that moves the tip, before the bottom."""
-    log = skyarm.run(skyarm.load_scenario(EXAMPLES / "insert_a_peg.toml", duration=3.5))
+    log = skyarm.run(skyarm.load_scenario(EXAMPLES / "insert_a_peg.toml", duration=5.0))
     (plate,) = log.scenario.world.surfaces
     _, depth, chamfer, *_ = plate.size
     mouth = plate.position.z
@@ -149,7 +149,7 @@ def test_the_chamfer_of_the_example_leads_its_peg_into_the_hole():
     assert on_chamfer.sum() > 3
     assert abs(log.tip[: on_chamfer.argmax(), 1]).max() < 1e-4, "1.5 mm beside the hole's axis"
     inside = (log.tip[:, 2] < mouth - chamfer) & (log.tip[:, 2] > mouth - 0.9 * depth)
-    assert log.tip[inside, 1].min() > 4e-4, "within the 1 mm of clearance"
+    assert log.tip[inside, 1].min() > 3e-4, "within the 1 mm of clearance"
     assert log.tip[-1, 2] == pytest.approx(mouth - depth, abs=1e-3)
     assert ((log.contact_force[-1] > 0.01).sum(), log.status) == (pytest.approx(3, abs=1), "completed")
 

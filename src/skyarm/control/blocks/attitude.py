@@ -187,11 +187,9 @@ class BaseGains:
     Attributes:
         position: 1/s^2. velocity: 1/s. Of the centre of mass, world axes.
         attitude: 1/s^2. rate: 1/s. Body axes.
-        pull: m/s^2, largest acceleration that errors of the centre of mass can request.
     """
 
     position: Annotated[Vec3, Unit("1/s^2", "acceleration of the centre of mass per error")]
     velocity: Annotated[Vec3, Unit("1/s")]
     attitude: Annotated[Vec3, Unit("1/s^2", "angular acceleration per error")]
     rate: Annotated[Vec3, Unit("1/s")]
-    pull: Annotated[Scalar, Unit("m/s^2", "the most that errors of the centre of mass ask for")]

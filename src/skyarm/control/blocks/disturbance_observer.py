@@ -28,7 +28,7 @@ from typing import Annotated, Any
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Motion, Quaternion, Vec3
-from skyarm.algebra.scalars import Scalar, data, divide, mul, same, where
+from skyarm.algebra.scalars import Scalar, data, divide, mul, where
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.prediction import (
     Actuation,
@@ -39,7 +39,6 @@ from skyarm.control.blocks.prediction import (
     with_side,
 )
 from skyarm.control.blocks.select import choose_each, vector_data
-from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import option_numbers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -57,12 +56,10 @@ class AccelerometerGains:
     Attributes:
         force: at which the unknown force follows the accelerometer.
         velocity: below which the measured velocity outweighs the accelerometer.
-        share: weight of force and velocity so found against those of the measured velocity alone.
     """
 
     force: Annotated[Scalar, Unit("rad/s", "at which the unknown force follows the accelerometer")]
     velocity: Annotated[Scalar, Unit("rad/s", "below which velocities are believed more than the accelerometer")]
-    share: Annotated[Scalar, Unit("", "0 to 1, weight against the measured velocity alone")] = 1
 
 
 @immutable
@@ -73,12 +70,14 @@ class Felt:
         velocity: of the base origin, world axes, m/s. bias: of the accelerometer, base axes, m/s^2; empty without one.
         change: acceleration by which the unknown force varies, world axes, m/s^2.
         learns: 1 where that change is taken, 0 where the force is held.
+        beside: acceleration beyond the model by the accelerometer, world axes, m/s^2; empty without one.
     """
 
     velocity: Vec3
     bias: Any
     change: Vec3
     learns: Any
+    beside: Vec3 | tuple[()] = ()
 
 
 def measure_translation(
@@ -90,14 +89,13 @@ def measure_translation(
     R: Mat3,
     linear: Vec3,
     rotors: Vec3,
-    joints: Sequence[Scalar],
+    free: Sequence[Scalar],
     dt: Scalar,
 ) -> Felt:
     """Accelerometer-based estimate of the base's velocity and of the change of the external force in one period.
 
-    A joint at its limit shakes the base by what the model lacks, because the disturbance of that joint is held: the
-    force is then estimated from the measured velocity alone. Rotors at their limit are no such case: the model has
-    their thrust.
+    An actuator at its limit shakes the base by what the model lacks, because its disturbance is held: the force is then
+    estimated from the measured velocity alone. So it is where the specific force is three zeros: none was measured.
 
     Args:
         model: the controller's model.
@@ -110,31 +108,25 @@ def measure_translation(
         rotors: thrust at the end of the period, where it was measured, less that in ``linear``; N, base axes. The
             corresponding torque is left out: by way of the offset of the common centre of mass it accelerates
             the base origin too, for a part of a period.
-        joints: 1 for each that is not at its limit, else 0.
+        free: 1 for rotors and each joint that are not at their limit, else 0.
         dt: s.
-
-    Raises:
-        ControllerError: the measurement has no specific force.
     """
     felt = measurement.specific_force
-    if all(same(c, 0) for c in felt):
-        raise ControllerError(
-            "controller.accelerometer: must be left out, the measurement has no specific_force (m/s^2, base axes)"
-        )
     modelled = R.apply_T(linear + E_Z * model.gravity) + rotors * divide(1.0, model.vehicle.mass)
     beside = R.apply(felt - seen.bias - modelled)
     ahead = velocity + (linear + beside) * dt
     e = measurement.velocity - ahead
     fast, slow = double_pole(gains.velocity, dt)
-    share: Scalar = gains.share
-    moving = share
-    for each in joints:
-        moving = mul(moving, each)
+    there: Scalar = where(felt.dot(felt) > 0.0, 1.0, 0.0)
+    share = there
+    for each in free:
+        share = mul(share, each)
     return Felt(
-        velocity=(ahead + e * fast) * share + seen.velocity * (1.0 - share),
-        bias=vector_data(seen.bias - R.apply_T(e) * divide(slow, dt)),
-        change=beside * mul(moving, low_pass_share(gains.force, dt)) + seen.change * (1.0 - moving),
-        learns=moving + mul(1.0 - moving, seen.learns),
+        velocity=(ahead + e * fast) * there + seen.velocity * (1.0 - there),
+        bias=vector_data(seen.bias - R.apply_T(e) * mul(there, divide(slow, dt))),
+        change=beside * mul(share, low_pass_share(gains.force, dt)) + seen.change * (1.0 - share),
+        learns=share + mul(1.0 - share, seen.learns),
+        beside=beside,
     )
 
 
@@ -205,7 +197,7 @@ def observe(
     if gains.accelerometer is not None:
         rotors = unmodelled_thrust(model, squares, half, speeds)
         base = measure_translation(
-            model, gains.accelerometer, memory.velocity, base, measurement, R, linear, rotors, free[1:], dt
+            model, gains.accelerometer, memory.velocity, base, measurement, R, linear, rotors, free, dt
         )
     push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
     learned = Observed(
@@ -230,7 +222,13 @@ def observe(
         rate=vector_data(measurement.rate),
         joint_rates=tuple(map(data, measurement.joint_rates)),
     )
-    told = Told(amid=amid, angular_correction=turning, joint_corrections=tuple(bending))
+    told = Told(
+        amid=amid,
+        innovation=ev,
+        beside=base.beside,
+        angular_correction=turning,
+        joint_corrections=tuple(bending),
+    )
     return blend(started > 0.5, learned, begun), told
 
 
@@ -296,10 +294,14 @@ class Told:
 
     Attributes:
         amid: state, and the disturbance estimated before the measurement.
+        innovation: measured less modelled velocity, world axes, m/s.
+        beside: acceleration beyond the model by the accelerometer, world axes, m/s^2; empty without one.
         angular_correction, joint_corrections: accelerations by which that disturbance varies with the measurement.
     """
 
     amid: Amid
+    innovation: Vec3
+    beside: Vec3 | tuple[()]
     angular_correction: Vec3
     joint_corrections: tuple[Scalar, ...]
 

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 from skyarm import dynamics
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, ZERO3_DATA, Force, Mat3, Quaternion, Vec3, inner_product
 from skyarm.algebra.scalars import Scalar, add, data, mul, neg, sub
-from skyarm.compile.tracing.lower import repeat
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -54,10 +53,6 @@ class Disturbance:
 def no_disturbance(joints: int) -> Disturbance:
     """Disturbance of zero force, torque and joint efforts."""
     return Disturbance(force=ZERO3_DATA, torque=ZERO3_DATA, efforts=(0.0,) * joints)
-
-
-SUBSTEPS = 5
-"""Model steps per control period across the delay: 1 ms at 200 Hz."""
 
 
 def rotor_wrench(model: Model, squares: Sequence[Scalar], sideways: bool = False) -> Force:
@@ -216,23 +211,6 @@ def predict_across(
     applied = rotor_wrench(model, done.squares, sideways)
     moved = acceleration(model, R, x.rate, joints, x.joint_rates, applied, done.efforts, unknown)
     return _integrate(x, moved, done.speeds, h)
-
-
-def predict(
-    model: Model, state: State, command: Command, unknown: Disturbance, dt: Scalar, sideways: bool = False
-) -> State:
-    """Vehicle state after one control period of a held command, by symplectic integration of the model."""
-    h = dt / SUBSTEPS
-
-    def step(x: State) -> State:
-        R = x.quaternion.rotation()
-        speeds = motor_speeds(model, x.rotor_speeds, command, h)
-        squares = [0.5 * (a * a + b * b) for a, b in zip(x.rotor_speeds, speeds, strict=True)]
-        applied = rotor_wrench(model, squares, sideways)
-        moved = acceleration(model, R, x.rate, x.joints, x.joint_rates, applied, command.efforts, unknown)
-        return _integrate(x, moved, speeds, h)
-
-    return repeat(SUBSTEPS, step, state)
 
 
 def _integrate(x: State, moved: tuple[Vec3, Vec3, Sequence[Scalar]], speeds: tuple[Scalar, ...], h: Scalar) -> State:

@@ -92,7 +92,7 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
 
 @cache
 def present_names(kind: str) -> dict[str, str]:
-    """Table old name -> text on what it is now: of a ``module``, ``command``, ``option`` of a law, ``word`` of a file."""
+    """Table old name -> text on what it is now: of a module, command, option, law, preset or word of a file."""
     renamed: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("renamed.toml").read_text("utf-8"))
     return renamed[kind]
 

@@ -32,7 +32,7 @@ from skyarm.view.pages import Report
 
 ENVELOPE = "envelope-suite"
 
-LAWS = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "centroidal_tip_robust")
+LAWS = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip")
 """What flies where nobody chooses; nmpc takes a quarter of an hour more (--laws nmpc)."""
 
 TUNED_LAWS = tuple(TUNED.get(law, law) for law in LAWS)

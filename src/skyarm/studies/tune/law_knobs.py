@@ -25,7 +25,6 @@ from skyarm.algebra import Vec3
 from skyarm.control.actuator_layer import plain_model
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, make_named, tuned_factors
 from skyarm.control.controller import Controller, ControllerError
-from skyarm.control.laws.centroidal.presets import without_preset
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.arrays import Array
 from skyarm.records.files import did_you_mean, shown
@@ -233,7 +232,7 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, N
     found: dict[str, Numbers] = {}
     for name in [*names, *PRESETS]:
         made = _make(name, model, facts)
-        if made is None or without_preset(made.name) != without_preset(law):
+        if made is None or made.name != law:
             continue
         try:
             theirs = {knob.path: knob for knob in find_knobs(made, law)}

@@ -1,4 +1,4 @@
-"""Adaptive feed-forward of an unknown load at the tip and of the joints' friction.
+"""Adaptive feed-forward of an unknown load at the tip and, where joints are to be on their references, of friction.
 
 A mass m at the tip pushes with -m Y on base and joints, Y that of 1 kg in the *planned* motion; damping b takes
 b qd_d of a joint's torque. Both move along normalised gradients of the observer's effort at the joints, within bounds;
@@ -34,6 +34,9 @@ SMALL = 1e-3
 
 SLOW = {"revolute": (0.01, 0.1), "prismatic": (1e-4, 1e-3)}
 """Squared position and rate (rad, m) of a joint, by its kind, below which its friction is adapted slowly."""
+
+FRICTION = 2.0
+"""1/s, rate of the adapted damping of the joints."""
 
 WEIGHT = 1.0
 """Adaptation rate, 1/s, of the constant part of the observer's efforts and of that proportional to the position."""
@@ -100,7 +103,6 @@ class JointLearned:
 
     def learned(
         self,
-        friction: Scalar,
         left: Scalar,
         weight: Scalar,
         least: tuple[Scalar, Scalar],
@@ -114,7 +116,7 @@ class JointLearned:
         turn = divide(mul(error, place), add(mul(place, place), small))
         return dataclasses.replace(
             self,
-            damping=clip(sub(self.damping, mul(friction * dt, step)), low, high),
+            damping=clip(sub(self.damping, mul(FRICTION * dt, step)), low, high),
             level=add(self.level, mul(WEIGHT * dt, error)),
             slope=add(self.slope, mul(WEIGHT * dt, turn)),
         )
@@ -131,11 +133,15 @@ class Learned:
 
 @immutable
 class AdaptationGains(Part):
-    """Rates and bounds of the tip-mass and friction adaptation; a rate of None disables that estimate."""
+    """Rates and bounds of the tip-mass and friction adaptation; a rate of None leaves the mass out.
+
+    ``friction`` is that of joints that keep their references. In tip mode the observer is better alone: the arm's own
+    motion answers the base's, and dampings that are learned from it are not those of the joints.
+    """
 
     load: Annotated[Scalar, Unit("1/s", "rate of the adapted tip mass")] | None
     mass_limit: Annotated[Scalar, Unit("kg", "largest adapted tip mass")]
-    friction: Annotated[Scalar, Unit("1/s", "rate of the adapted damping of the joints")] | None
+    friction: bool
     damping_limits: Annotated[
         tuple[tuple[Scalar, Scalar], ...], Unit("N m s/rad or N s/m", "least and largest adapted damping of each joint")
     ]
@@ -159,10 +165,10 @@ class AdaptationGains(Part):
         )
 
 
-def adaptation_gains(vehicle: Vehicle, gains: Mapping[str, Any], limit: float) -> AdaptationGains | None:
+def adaptation_gains(vehicle: Vehicle, gains: Mapping[str, Any], mode: str, limit: float) -> AdaptationGains | None:
     """Adaptation constants from the law's options; None if neither tip mass nor friction is adapted."""
     load = gains["adaptation"] if vehicle.n and vehicle.end_effector and not gains["load"] else 0.0
-    friction = gains["friction_adaptation"] if vehicle.n else 0.0
+    friction = vehicle.n > 0 and mode == "joint"
     if not load and not friction:
         return None
     # damping is learned back to none, and up to a share of the joint's inertia at rest
@@ -171,7 +177,7 @@ def adaptation_gains(vehicle: Vehicle, gains: Mapping[str, Any], limit: float) -
     return AdaptationGains(
         load=load or None,
         mass_limit=limit,
-        friction=friction or None,
+        friction=friction,
         damping_limits=tuple((-float(q.damping), STICKIEST * float(M[6 + i][6 + i])) for i, q in enumerate(joints)),
         slow=tuple(SLOW[q.kind] for q in joints),
     )
@@ -212,9 +218,9 @@ def adapt(
             y = joint.twice.load
             match, size = add(match, mul(weight, mul(y, d))), add(size, mul(y, y))
         mass = clip(add(mass, mul(gains.load * dt, divide(match, size))), -gains.mass_limit, gains.mass_limit)
-    if gains.friction is not None:
+    if gains.friction:
         rows = zip(joints, left, weights, gains.slow, gains.damping_limits, strict=True)
-        joints = [joint.learned(gains.friction, *row, dt) for joint, *row in rows]
+        joints = [joint.learned(*row, dt) for joint, *row in rows]
     taken = [mul(joint.damping, rate) for joint, rate in zip(joints, wanted, strict=True)]
     feedforward = Disturbance(
         force=vector_data(unit.force * mass),

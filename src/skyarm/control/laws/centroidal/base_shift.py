@@ -83,13 +83,11 @@ class Acting:
     """Forces on the vehicle beside those of rotors and weight, world axes.
 
     Attributes:
-        force: steady, N. rate: of it as it is foretold, N/s. drift: the rate that was not foretold, N/s.
-        drag: of the rotors, N s/m.
+        force: steady, N. rate: of it as it is foretold, N/s. drag: of the rotors, N s/m.
     """
 
     force: Vec3
     rate: Vec3
-    drift: Vec3
     drag: Scalar
 
 
@@ -254,11 +252,8 @@ def bounded_shift(
     acting: Acting,
     ahead: Sequence[tuple[Scalar, Sequence[Sample]]],
     dt: Scalar,
-) -> tuple[list[Vec3], Vec3, Shift]:
+) -> tuple[list[Vec3], Shift]:
     """Rate to fourth derivative of the centre of mass's shift (m, world axes), and the shift one period later.
-
-    Between them what the drift adds to the acceleration, m/s^2: nobody knew of it, so that the attitude that keeps the
-    tip does not have it, and its own derivatives would require more torque than rotors have.
 
     Args:
         par: of the law.
@@ -272,7 +267,7 @@ def bounded_shift(
     """
     vehicle, gravity = par.model.vehicle, par.model.gravity
     shares, per_mass = tilt_shares(vehicle, level), divide(1.0, vehicle.mass)
-    push, rate, drift = (each * per_mass for each in (acting.force, acting.rate, acting.drift))
+    push, rate = acting.force * per_mass, acting.rate * per_mass
     slow = acting.drag * per_mass
     lever = Taylor.of_derivatives([derivative(level.com, k).z - derivative(level.tip, k).z for k in range(3)])
 
@@ -319,7 +314,6 @@ def bounded_shift(
     )
     moved = [Vec3(y.x, y.y, lowered * z) for y, z in zip((velocity, second, third, fourth), squares, strict=True)]
     coming, secants = coming_thrusts(rows, line, now) if ahead else (shift.coming, shift.secants)
-    drifting = shares.left(drift, yaw.derivative(0)) * divide(-height * per0, b)
     after = Shift(
         place=vector_data(going),
         sinking=tuple(data(each.z) for each in moved[1:]),
@@ -327,7 +321,7 @@ def bounded_shift(
         coming=coming,
         first=rows[1].time if ahead else shift.first,
     )
-    return moved, drifting, after
+    return moved, after
 
 
 def _later(shift: Shift, rows: Sequence[Instant], dt: Scalar) -> Shift:

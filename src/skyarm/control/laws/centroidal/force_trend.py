@@ -14,7 +14,7 @@ import dataclasses
 from typing import Annotated
 
 from skyarm.algebra import ZERO3_DATA, Vec3
-from skyarm.algebra.scalars import Scalar, data, divide, exp, maximum, minimum, mul
+from skyarm.algebra.scalars import Scalar, data, divide, exp, maximum, minimum
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
@@ -30,9 +30,6 @@ HORIZON, FORGET = 0.25, 0.7
 
 CHANCE = 0.5
 """Slope up to which a rate is not believed: turbulence reaches it by chance."""
-
-KNOWN = 3.0
-"""Of the weight of the rate: how much less of the force is a gust."""
 
 AHEAD = 1.0
 """rad/s; no force is predicted further ahead than filters of this bandwidth are late."""
@@ -61,11 +58,9 @@ class TrendGains(Part):
         """Predict the observed disturbance force over the observer's delay, by its rate unless pushed."""
         trend = update_trend(self, memory, step.observed.force, step.dt)
         rate = weighted_rate(self, trend)
-        free: Scalar = 1.0
         if type(step.external) is not int:
-            free = 1.0 - step.external
-            rate = rate * free
-        step.rate, step.gust = rate, maximum(1.0 - KNOWN * mul(rate_weight(self, trend), free), 0.0)
+            rate = rate * (1.0 - step.external)
+        step.rate = rate
         step.unknown = dataclasses.replace(step.unknown, force=step.unknown.force + rate * lateness(step.par))
         return trend
 
@@ -137,11 +132,20 @@ def weighted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
 
 def lateness(par: CentroidalParameters) -> Scalar:
     """Delay (s) of the observer's force estimate behind a steadily changing force."""
-    accelerometer, velocity = par.observer.accelerometer, divide(2.0, maximum(par.observer.force, AHEAD))
-    if accelerometer is None:
-        return velocity
-    share, quicker = accelerometer.share, divide(1.0, maximum(accelerometer.force, AHEAD))
-    return mul(share, quicker) + mul(1.0 - share, velocity)
+    if par.observer.accelerometer is None:
+        return divide(2.0, maximum(par.observer.force, AHEAD))
+    return divide(1.0, maximum(par.observer.accelerometer.force, AHEAD))
+
+
+def steady_force(par: CentroidalParameters, step: Step, slow: Vec3, adapted: Vec3) -> Vec3:
+    """Force that the attitude balances as it will be, N, world axes; ``slow`` is the observed one, slowly filtered."""
+    steady = (slow if par.mode == "tip" else step.force) + adapted
+    if par.parts.trend is None:
+        return steady
+    late = lateness(par)
+    if par.mode == "tip":
+        late = late + divide(1.0, maximum(par.tip.shift_rate, AHEAD))
+    return steady + step.rate * late
 
 
 def _no_step(gains: TrendGains, rate: Vec3) -> Scalar:

@@ -73,7 +73,7 @@ class Interaction(InteractionGains, Part):
         course = Vec3(*(signal.derivative(1) for signal in step.signals[:3]))
         across = course - wanted.normal * wanted.normal.dot(course)
         slides: Scalar = across.dot(across) > SLIDES * SLIDES
-        effort = where(slides, 0.0, _effort(vehicle, step.memory.sent[-1]))
+        effort = where(slides, 0.0, _effort(vehicle, step.memory.sent))
         felt, reading, load = None, step.measurement.tip_force, step.memory.parts.load
         if memory.felt and reading:
             # the sensor measures the weight of a load too, which the surface does not carry
@@ -103,7 +103,7 @@ class Interaction(InteractionGains, Part):
         if not scale or by is None:
             return seen, memory
         # not on the way to the surface either: an observer is late, and would learn of the touch
-        efforts, alone = step.memory.sent[0].efforts, logical_not(wanted.requests_contact)
+        efforts, alone = step.acted.efforts, logical_not(wanted.requests_contact)
         for held in step.holds:
             alone = logical_and(alone, held < 0.5)
         free = logical_and(alone, logical_or(memory.free > self.rest, scale.met < 0.5))

@@ -11,21 +11,23 @@ Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, add, divide, maximum, mul, where
+from skyarm.algebra.scalars import Scalar, add, divide, maximum, same, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import Channel, extrapolate
+from skyarm.control.blocks.filters import low_pass
 from skyarm.control.blocks.late_actuators import Past
-from skyarm.control.blocks.prediction import Disturbance, actuation, predict, predict_across, with_side
+from skyarm.control.blocks.prediction import Disturbance, predict_across, with_side
 from skyarm.control.controller import all_applied
-from skyarm.control.laws.centroidal.demands import demands
+from skyarm.control.laws.centroidal.demands import Following, demands
+from skyarm.control.laws.centroidal.force_trend import steady_force
 from skyarm.control.laws.centroidal.parameters import FOLLOWING, CentroidalParameters, brace_joints
 from skyarm.control.laws.centroidal.part import Step
-from skyarm.control.laws.centroidal.shift_motion import Following, slow_force, steady_force
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -46,7 +48,6 @@ class PartMemories:
     admittance: Any = ()
     load: Any = ()
     trend: Any = ()
-    gusts: Any = ()
     adaptation: Any = ()
 
 
@@ -56,22 +57,21 @@ class CentroidalMemory:
 
     Attributes:
         channels: samples of x, y, z, yaw and joints.
-        sent: the last commands, oldest first, one more than the delay has periods.
+        sent: the last command. past: of the actuators, as long as delay and lag may be.
         following: of the demands. parts: of the parts.
-        past: of the actuators; empty without an estimate of the lag.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]
     age: Annotated[Scalar, Unit("s", "since the held reference sample appeared")]
     channels: tuple[Channel, ...]
     observed: Observed
-    sent: tuple[Command, ...]
+    sent: Command
+    past: Past
     applied: Annotated[tuple[Scalar, ...], Unit("", "1 for rotors and joints whose last command was applied unchanged")]
     free: Annotated[tuple[Scalar, ...], Unit("", "1 for base and joints whose actuators are not at their limit")]
     slow_force: Annotated[Vec3, Unit("N", "the observer's force, slowly filtered")]
     trim: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "added to the squared speeds that the mixer asks for")]
     following: Following = Following()
-    past: Past | tuple[()] = ()
     parts: PartMemories = PartMemories()
 
 
@@ -79,23 +79,21 @@ def centroidal(
     memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: CentroidalParameters
 ) -> tuple[CentroidalMemory, Command]:
     """One control step of the centroidal law: computed torque on the centre of mass with a disturbance observer."""
-    late: Scalar = 0
-    past, lag = memory.past or None, par.parts.lag
-    if past is None or lag is None:
-        done = actuation(par.model, memory.observed.rotor_speeds, memory.sent[0], dt)
-    else:
-        late, past = lag.delay(memory.parts.lag, dt), past.after(par.model, memory.sent[-1], dt)
-        done = past.period(_age(par, late, dt))
+    lag, past = par.parts.lag, memory.past.after(par.model, memory.sent, dt)
+    late = 0 if lag is None else lag.delay(memory.parts.lag, dt)
+    acted = past.period(_age(par, late, dt))
     ahead, lead = samples_ahead(reference), _lead(par, late, dt)
     signals, channels, age = extrapolate(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, ahead, lead
     )
+    if all(same(each, 0) for each in measurement.specific_force):
+        par = dataclasses.replace(par, observer=dataclasses.replace(par.observer, accelerometer=None))
     parts = par.parts.present()
     memories = {name: getattr(memory.parts, name) for name, _ in parts}
     for name, part in parts:
         par = part.adjust_gains(memories[name], par, dt)
     if par.braces:
-        par = brace_joints(par, memory.observed.force, lead)
+        par = brace_joints(par, memory.observed.force, memory.observed.joints, lead)
     adapted = Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
     if par.parts.adaptation is not None:
         adapted = memories["adaptation"].feedforward
@@ -104,7 +102,7 @@ def centroidal(
         par.observer,
         memory.observed,
         measurement,
-        done,
+        acted,
         disturbance(memory.observed) + adapted,
         memory.started,
         memory.free,
@@ -121,6 +119,7 @@ def centroidal(
         dt=dt,
         late=late,
         past=past,
+        acted=acted,
         signals=signals,
         ahead=_coming(par, ahead, add(age, lead), dt),
         observed=observed,
@@ -141,9 +140,7 @@ def centroidal(
     step.state = _present(step)
     for name, part in parts:
         memories[name] = part.adjust_reference(memories[name], step)
-    slow = slow_force(par, memory.slow_force, step.force, dt, step.gust, step.rough)
-    if par.tip.shift is not None and par.tip.shift.gust is not None:
-        step.drift = (slow - memory.slow_force) * mul(step.gust, divide(1.0, dt))
+    slow = low_pass(memory.slow_force, step.force, par.tip.shift_rate, dt)
     step.steady = steady_force(par, step, slow, adapted.force)
     step.demand = demands(step)
     output = actuate(step, step.demand)
@@ -154,8 +151,8 @@ def centroidal(
         age=age,
         channels=channels,
         observed=observed,
-        sent=(*memory.sent[1:], output.command),
-        past=() if past is None else past,
+        sent=output.command,
+        past=past,
         applied=all_applied(par.model.vehicle.n),
         free=output.free,
         slow_force=slow,
@@ -172,12 +169,10 @@ def _present(step: Step) -> State:
     That is now, after the measurement's delay, and later by a delay of the commands that is found in flight.
     """
     par, state, sideways = step.par, step.observed.state(), step.par.center.sideways is not None
-    if step.past is not None:
-        age = _age(par, step.late, step.dt)
-        return predict_across(par.model, state, step.past.since(age), step.unknown, age * step.dt, sideways)
-    for command in step.memory.sent[1:]:
-        state = predict(par.model, state, command, step.unknown, step.dt, sideways)
-    return state
+    if type(step.late) is int and not par.delay_periods:
+        return state
+    age = _age(par, step.late, step.dt)
+    return predict_across(par.model, state, step.past.since(age), step.unknown, age * step.dt, sideways)
 
 
 def _age(par: CentroidalParameters, late: Scalar, dt: Scalar) -> Scalar:

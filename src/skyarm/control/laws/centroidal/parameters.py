@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, sqrt
+from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, mul, sqrt, total
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.laws.centroidal.part import Part
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics.actuators import Mixer
+from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
 from skyarm.records.units import Unit
@@ -32,6 +34,9 @@ BRACES, QUICKER = (0.05, 9.0, 3.2), (0.15, 3.0, 2.0)
 """Upward force over the weight from which the joints' damping grows, by how much with what exceeds it, and the most.
 The same of their observer's bandwidth with an accelerometer, where a tenth of the thrust is too little to tell."""
 
+BENT = 3.0
+"""Levers over ``damping`` at which half of that is left."""
+
 
 @immutable
 class SidewaysGains:
@@ -43,50 +48,18 @@ class SidewaysGains:
 
 @immutable
 class CenterGains:
-    """Bounds and shaping of the desired force on the centre of mass; a field of None disables that bound."""
+    """Bounds of the desired force on the centre of mass; ``sideways`` is None where rotors give it along z alone."""
 
     tilt: Annotated[Scalar, Unit("", "largest tangent of the commanded tilt")]
     floor: Annotated[Scalar, Unit("N", "smallest commanded vertical force")]
-    approach: Annotated[Scalar, Unit("m/s^2", "rate at which a base that comes back from afar slows down")] | None
-    arm_turn: Annotated[Scalar, Unit("rad/s^2", "the most that the base turns with for the arm's motion")] | None
-    low_thrust: Annotated[Scalar, Unit("", "share of the weight below which a force turns the attitude less")] | None
     sideways: SidewaysGains | None
-
-
-@immutable
-class RotorGains:
-    """Constants of the rotor commands.
-
-    Attributes:
-        leads_thrust: commands the planned force ahead by the motors' lag.
-    """
-
-    lag_inversion: Annotated[Scalar, Unit("", "0 to 1, share of the motor lag that commands invert")]
-    trim_rate: Annotated[Scalar, Unit("1/s", "correction of the rotors' mean squared speeds")]
-    leads_thrust: bool
-
-
-@immutable
-class GustGains:
-    """Constants of the base offset under gusts: pace of the offset, and force change that counts as large."""
-
-    pace: Annotated[Scalar, Unit("rad/s", "pace of the base's shift where the force changes by much", low=0.0)]
-    size: Annotated[Scalar, Unit("N", "change of the force below which the base shifts slowly", low=0.0, strict=True)]
-
-
-@immutable
-class ShiftGains:
-    """Constants of the base's shift that keeps the tip in place; ``gust`` is None without the filter for gusts."""
-
-    preview: Annotated[Scalar, Unit("s", "of the reference, by which the base shifts")]
-    gust: GustGains | None
 
 
 @immutable
 class TipGains:
     """Gains of tip control, and constants of the base offset that keeps the tip in place.
 
-    ``damping`` over ``reach`` weighs the references of sliding joints.
+    ``damping`` over ``reach`` weighs the references of sliding joints; without a ``preview`` the base does not shift.
     """
 
     position: Annotated[Scalar, Unit("1/s^2", "of the tip")]
@@ -95,7 +68,7 @@ class TipGains:
     damping: Annotated[Scalar, Unit("m", "singular values below this leave their direction to the link orientations")]
     posture: Annotated[Scalar, Unit("m", "weight of the joints' own references")]
     shift_rate: Annotated[Scalar, Unit("rad/s", "filter of the disturbance that the base's shift follows")]
-    shift: ShiftGains | None = None
+    preview: Annotated[Scalar, Unit("s", "of the reference, by which the base shifts")] | None = None
     links: Annotated[tuple[Scalar, ...], Unit("", "bandwidth of each link's orientation over the tip's; () for 1")] = ()
 
 
@@ -109,7 +82,6 @@ class Parts:
     admittance: Part | None = None
     load: Part | None = None
     trend: Part | None = None
-    gusts: Part | None = None
     adaptation: Part | None = None
 
     def present(self) -> list[tuple[str, Part]]:
@@ -124,8 +96,8 @@ class CentroidalParameters:
     Attributes:
         mode: "joint" keeps base and joints on their references, "tip" the tip and the links.
         joint_gains: on accelerations.
-        joint_ends: whether each joint has a lower and an upper limit that it is kept off; empty leaves it out.
-        braces: stiffer and better damped joints where a force pushes the arm from below.
+        joint_ends: whether each joint has a lower and an upper limit that it is kept off; empty without joints.
+        braces: stiffer and better damped joints where a force pushes a straight arm from below.
         delay_periods: known delay from a command to its measurement, in control periods.
         lead_periods: what of it is not the measurement's age, by which the reference is ahead.
     """
@@ -140,7 +112,6 @@ class CentroidalParameters:
     braces: bool = False
     tip: TipGains
     observer: ObserverGains
-    rotors: RotorGains
     delay_periods: int
     lead_periods: int = 0
     reference_period: Annotated[Scalar, Unit("s", "between samples of the reference")]
@@ -150,7 +121,7 @@ class CentroidalParameters:
     def preview(self) -> tuple[Scalar, ...]:
         """Times after the held reference sample at which the law takes samples to come, s."""
         following = tuple((k + 1.0) * self.reference_period for k in range(FOLLOWING))
-        horizon = None if self.tip.shift is None else self.tip.shift.preview
+        horizon = self.tip.preview
         return following if horizon is None else (*following, *(share * horizon for share in SHARES))
 
 
@@ -172,7 +143,9 @@ def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> Cent
     )
 
 
-def brace_joints(par: CentroidalParameters, force: Vec3, late: Scalar) -> CentroidalParameters:
+def brace_joints(
+    par: CentroidalParameters, force: Vec3, joints: Sequence[Scalar], late: Scalar
+) -> CentroidalParameters:
     """Constants of the law with stiffer and better damped joints under an observed upward force (N, world axes).
 
     A force ``F`` that pushes a hanging arm of length ``l`` from below takes the stiffness ``F l`` from its joints, and
@@ -180,20 +153,27 @@ def brace_joints(par: CentroidalParameters, force: Vec3, late: Scalar) -> Centro
     that measures the specific force the joints' observer is wider, too. That of other laws is not, as it would swing
     with an upward wind: on estimated rates 13 of 5000 wrong plants were lost. Stiffness grows with the power 1.5 of the
     damping: with its square 1 of 3000 was lost under such a wind.
+
+    A bent arm has levers by which its joints hold the tip up, and does not buckle: braced, it knocks at what it is set
+    down on, and two of three flights of ``pick_and_carry`` miss their box.
     """
-    share = divide(force.z, par.model.vehicle.mass * par.model.gravity)
-    room = maximum(1.0 - late * (1.0 / LATEST), 0.0)
-    joints, quicker = (
+    vehicle = par.model.vehicle
+    share = divide(force.z, vehicle.mass * par.model.gravity)
+    levers = [column.linear.z for column in jacobian_columns(vehicle, vehicle.frame(), joints)]
+    bend = BENT * BENT * (par.tip.damping * par.tip.damping)
+    straight = divide(bend, total([bend, *(mul(lever, lever) for lever in levers)]))
+    room = maximum(1.0 - late * (1.0 / LATEST), 0.0) * straight
+    damping, quicker = (
         1.0 + room * minimum(maximum((share - least) * growth, 0.0), most - 1.0)
         for least, growth, most in (BRACES, QUICKER)
     )
     # a load at the tip that nobody knows of divides both gains: the loop is to stay damped under its integrator
-    stiffness = joints * sqrt(joints)
+    stiffness = damping * sqrt(damping)
     observer = par.observer if par.observer.accelerometer is None else _times(par.observer, joints=quicker)
     return dataclasses.replace(
         par,
-        joint_gains=_times(par.joint_gains, stiffness=stiffness, damping=joints),
-        tip=_times(par.tip, position=stiffness, velocity=joints),
+        joint_gains=_times(par.joint_gains, stiffness=stiffness, damping=damping),
+        tip=_times(par.tip, position=stiffness, velocity=damping),
         observer=observer,
     )
 

@@ -15,7 +15,8 @@ from skyarm.algebra.scalars import Scalar, maximum, mul
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, Told
 from skyarm.control.blocks.force_control import Pressing
-from skyarm.control.blocks.prediction import Disturbance
+from skyarm.control.blocks.late_actuators import Past
+from skyarm.control.blocks.prediction import Actuation, Disturbance
 from skyarm.dynamics import State
 from skyarm.reference import Reference
 from skyarm.reference.preview import Sample
@@ -34,7 +35,7 @@ class Step:
     Attributes:
         par: constants of this step. memory: of the law, one period earlier. dt: s.
         late: s, after which a command of this step acts, found in flight. The reference and ``state`` are of then.
-        past: of the actuators; None without an estimate of the lag.
+        past: of the actuators. acted: mean actuation over the period before the measurement.
         signals: x, y, z, yaw and the joints of the reference, series in time.
         observed: of the observer, at the measurement's time. told: accelerations of the model over that period.
         alone: observed disturbance with the adapted feed-forward.
@@ -45,10 +46,7 @@ class Step:
         pressing: the push; None without one.
         rate: N/s, world axes, trusted part of the observed force's.
         ahead: samples to come of the reference, each with its time from now, s.
-        steady: force that the attitude balances, N, world axes. drift: its rate by the filter for gusts, N/s.
-        change: rate of gusts on the base, N/s, world axes. gust: share of the force that they are, not the tip's and
-            not predicted.
-        rough: 1 in calm air, growth of the shift's time constant in gusts.
+        steady: force that the attitude balances, N, world axes.
         demand: of the step, once it is known.
     """
 
@@ -64,8 +62,9 @@ class Step:
     unknown: Disturbance
     force: Vec3
     free: tuple[Scalar, ...]
+    past: Past
+    acted: Actuation
     late: Scalar = 0
-    past: Any = None
     state: State = field(init=False)
     isolated: Scalar = 1.0
     external: Scalar = 0
@@ -73,10 +72,6 @@ class Step:
     ahead: Sequence[tuple[Scalar, Sequence[Sample]]] = ()
     rate: Vec3 = ZERO3
     steady: Vec3 = ZERO3
-    drift: Vec3 = ZERO3
-    change: Vec3 = ZERO3
-    gust: Scalar = 1
-    rough: Scalar = 1
     demand: Demand | None = None
 
     @property

@@ -1,6 +1,6 @@
-"""Measure the tip in gusts: the tables of docs/centroidal_law.md, by presets and options of the centroidal law.
+"""Measure what parts are worth: the table of docs/centroidal_law.md, of the law as it is and without one of them.
 
-    python tests/control/measure_gusts.py [--row TRIAL[:VALUE]] [--law NAME] [--vehicle NAME] [--seed 400] [--seeds 4]
+    python tests/control/measure_parts.py [--row TRIAL[:VALUE]] [--law NAME] [--vehicle NAME] [--seed 400] [--seeds 4]
 
 Prints of each trial of the envelope, at each value, the mean error of the tip (mm) over the seeds by every law of
 ``LAWS``, or "lost" with the count of flights that ended early. Sensors of a noisy trial add 0.05 m/s^2 of noise to each
@@ -21,14 +21,13 @@ from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.suite import NOISE
 
 HEARD = dataclasses.replace(NOISE, specific_force=0.05)
-HEARS = {"preset": "adaptive", "accelerometer": (40.0, 5.0)}
 LAWS = {
-    "robust": {"preset": "robust"},
-    "adaptive": {"preset": "adaptive"},
-    "gust_shift": {"preset": "adaptive", "gust_shift": 1.0},
-    "accelerometer": HEARS,
-    "both": {**HEARS, "gust_shift": 1.0},
-    "gusts": {"preset": "gusts"},
+    "usual": {},
+    "velocities": {"accelerometer": (0.0, 0.0)},
+    "calm": {"bandwidth": 0.7},
+    "without lag": {"lag": (0.0, 0.0)},
+    "without preview": {"preview": 0.0},
+    "without trend": {"force_trend": 0.0},
 }
 ROWS = {
     "wind_steps": (1.0, 3.0, 5.0),
@@ -117,7 +116,7 @@ def main():
                 found = [error(name, fly(name, value, law, asked.vehicle, seeds)) for law in laws]
                 print(f"| {name} {value:g} {AXES[name].unit} |", " | ".join(found), "|", flush=True)
                 if name == "turbulence" and only and asked.vehicle == PAPER:
-                    flown = fly(name, value, "accelerometer", PAPER, seeds, log=1)
+                    flown = fly(name, value, "usual", PAPER, seeds, log=1)
                     print(f"  sideways force per mass {sideways_force(flown):.3f} m/s^2", flush=True)
 
 
