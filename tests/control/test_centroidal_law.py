@@ -185,7 +185,7 @@ def test_the_disturbance_is_frozen_while_the_rotors_are_at_their_limit():
 
 @pytest.fixture(scope="module")
 def windy():
-    """Hover for four seconds in a force of known size at a known point, with a model that is the truth."""
+    """Hover for eight seconds in a force of known size at a known point, with a model that is the truth."""
     loaded = planned("case2")
     truth = loaded.plant.vehicle.with_joints(damping=0.0)
     force = ForceWind(force_W=Vec3(0.6, -0.4, 0.3), point_B=Vec3(0.03, -0.02, 0.0))
@@ -193,7 +193,7 @@ def windy():
     return fly(
         dataclasses.replace(
             loaded,
-            duration=4.0,
+            duration=8.0,
             plant=Truth(vehicle=truth, gravity=9.8),
             wind=force,
             controller=law,
