@@ -46,11 +46,10 @@ def test_a_load_is_learned_by_an_arm_that_has_a_tip_and_friction_by_any_arm(vehi
     assert np.all(np.isfinite([*command.rotor_speeds, *command.efforts]))
 
 
-def test_what_shall_not_be_learned_is_not():
-    """Friction in mode "tip" neither: there the observer is better alone."""
-    assert make_centroidal(MODEL, mode="tip", adaptation=0.0).par.parts.adaptation is None
-    assert make_centroidal(MODEL, mode="tip").par.parts.adaptation.friction is False
-    assert make_centroidal(MODEL, adaptation=0.0).par.parts.adaptation.load is None
+@pytest.mark.parametrize("mode", ["joint", "tip"])
+def test_a_load_that_shall_not_be_learned_is_not_and_friction_always_is(mode):
+    found = make_centroidal(MODEL, mode=mode, adaptation=0.0).par.parts.adaptation
+    assert (found.load, found.friction) == (None, True)
 
 
 @pytest.mark.parametrize("vehicle", [HANDLESS, dataclasses.replace(ARMLESS, end_effector="")])

@@ -245,8 +245,7 @@ def test_it_is_left_out_by_default_and_does_nothing_where_nothing_is_held():
     assert off.memory.parts.load == ()
     assert off.par.parts.load is None
     assert off.memory == make_centroidal(model, mode="tip").memory
-    assert off.par.parts.adaptation.load is not None
-    assert on.par.parts.adaptation is None
+    assert (off.par.parts.adaptation.load is None, on.par.parts.adaptation.load is None) == (False, True)
     reading, held = blank_measurement(ARM.n, len(ARM.rotors)), (0.0,) * ARM.n
     reference = Reference(joints=held, joint_rates=held, joint_accelerations=held)
     first = [each.law(each.memory, reading, reference, DT, par=each.par) for each in (off, on)]

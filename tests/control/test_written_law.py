@@ -97,6 +97,7 @@ PHRASES = {
     "accelerometer": "`accelerometer = [force, velocity]` ({}, {} rad/s)",
     "force_trend": "`force_trend`** (`force_trend.py`; {} rad/s = `w`)",
     "adaptation": "`adaptation` ({} 1/s)",
+    "friction_adaptation": "{} 1/s is the rate of the damping",
     "tip_mass_limit": "`tip_mass_limit` ({} kg)",
 }
 

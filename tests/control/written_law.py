@@ -89,8 +89,18 @@ class WrittenLaw(WrittenParts):
         )
         self.noise = SimpleNamespace(o=np.zeros(3), c=np.zeros(3), V=0.0)
         self.shaking = SimpleNamespace(o=np.zeros(3), c=np.zeros(3), V=0.0)
-        self.learned = SimpleNamespace(m=0.0, once=np.zeros(n), twice=np.zeros(n), u=np.zeros(n), o=np.zeros(n))
-        self.slack = self.par.yaw_slack * v.mass_matrix(np.zeros(n))[5, 5]
+        self.learned = SimpleNamespace(
+            m=0.0,
+            b=np.zeros(n),
+            c=np.zeros(n),
+            k=np.zeros(n),
+            once=np.zeros((3, n)),
+            twice=np.zeros((3, n)),
+            u=np.zeros(n),
+            o=np.zeros(n),
+        )
+        M = v.mass_matrix(np.zeros(n))
+        self.slack, self.stickiest = self.par.yaw_slack * M[5, 5], 50.0 * np.diag(M)[6:]
 
     def step(self, x: Any, held: Any, ahead: Any) -> tuple[Any, Any]:
         """Rotor speeds and joint torques.

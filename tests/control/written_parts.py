@@ -47,6 +47,7 @@ NUMBERS = SimpleNamespace(
     force_trend=20.0,
     velocity_noise=0.0018,
     adaptation=0.6,
+    friction_adaptation=2.0,
     tip_mass_limit=0.2,
 )
 """As the page states them."""
@@ -330,18 +331,24 @@ class WrittenParts:
         a.o, a.c = left, c
 
     def _adapt(self, qt: Any, Rq: Any, wq: Any, aq: Any, proper: Any, observer: Any, free: Any) -> None:
-        """Mass at the tip, and what it needs in the next period."""
+        """Mass at the tip and damping of the joints, and what they need in the next period."""
         par, v, dt, a = self.par, self.v, self.dt, self.learned
         q, qd = qt[:, 0], qt[:, 1]
         r = derivatives(v.com_tip(qt[:, :3])[1])
         push = -(Rq.T @ proper + vector(aq, r[0]) + vector(wq, vector(wq, r[0])) + 2 * vector(wq, r[1]) + r[2])
         Y = v.tip_jacobian(q).T @ push
         share = low(1 / (1 / observer[2] + self.delay * dt / 2), dt)
-        a.once = a.once + share * (Y - a.once)
+        a.once = a.once + share * (np.array([Y, q, qd]) - a.once)
         a.twice = a.twice + share * (a.once - a.twice)
         slow = low(2.0, dt)
         a.u, a.o = a.u + slow * (qd**2 - a.u), a.o + slow * ((self.rates[2] - qd) ** 2 - a.o)
         weight = free[1:] * (1 + 2 * a.o / (a.u + 0.1)) ** -2.0
-        a.m += par.adaptation * dt * (weight * a.twice * self.d[2]).sum() / (0.001 + (a.twice**2).sum())
+        load, place, rate = a.twice
+        d = self.d[2]
+        a.m += par.adaptation * dt * (weight * load * d).sum() / (0.001 + (load**2).sum())
         a.m = np.clip(a.m, -par.tip_mass_limit, par.tip_mass_limit)
-        self.adapted = Rq @ push * a.m, vector(r[0], push) * a.m, Y * a.m
+        e = weight * (d - a.c - a.k * place)
+        a.b = a.b - par.friction_adaptation * dt * e * rate / (0.1 + rate**2)
+        a.b = np.clip(a.b, -v.damping, self.stickiest)
+        a.c, a.k = a.c + dt * e, a.k + dt * e * place / (0.01 + place**2)
+        self.adapted = Rq @ push * a.m, vector(r[0], push) * a.m, Y * a.m - a.b * qd

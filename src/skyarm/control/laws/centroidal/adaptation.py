@@ -1,4 +1,4 @@
-"""Adaptive feed-forward of an unknown load at the tip and, where joints are to be on their references, of friction.
+"""Adaptive feed-forward of an unknown load at the tip and of the joints' friction.
 
 A mass m at the tip pushes with -m Y on base and joints, Y that of 1 kg in the *planned* motion; damping b takes
 b qd_d of a joint's torque. Both move along normalised gradients of the observer's effort at the joints, within bounds;
@@ -36,7 +36,8 @@ SLOW = {"revolute": (0.01, 0.1), "prismatic": (1e-4, 1e-3)}
 """Squared position and rate (rad, m) of a joint, by its kind, below which its friction is adapted slowly."""
 
 FRICTION = 2.0
-"""1/s, rate of the adapted damping of the joints."""
+"""1/s, rate of the adapted damping of the joints: without, ten wrong plants err by 1.9 times as much, and a servo's tip
+by 2 mm where it does by 0.1."""
 
 WEIGHT = 1.0
 """Adaptation rate, 1/s, of the constant part of the observer's efforts and of that proportional to the position."""
@@ -135,8 +136,7 @@ class Learned:
 class AdaptationGains(Part):
     """Rates and bounds of the tip-mass and friction adaptation; a rate of None leaves the mass out.
 
-    ``friction`` is that of joints that keep their references. In tip mode the observer is better alone: the arm's own
-    motion answers the base's, and dampings that are learned from it are not those of the joints.
+    Where ``friction`` is left out nothing is learned of the joints.
     """
 
     load: Annotated[Scalar, Unit("1/s", "rate of the adapted tip mass")] | None
@@ -165,10 +165,10 @@ class AdaptationGains(Part):
         )
 
 
-def adaptation_gains(vehicle: Vehicle, gains: Mapping[str, Any], mode: str, limit: float) -> AdaptationGains | None:
+def adaptation_gains(vehicle: Vehicle, gains: Mapping[str, Any], limit: float) -> AdaptationGains | None:
     """Adaptation constants from the law's options; None if neither tip mass nor friction is adapted."""
     load = gains["adaptation"] if vehicle.n and vehicle.end_effector and not gains["load"] else 0.0
-    friction = vehicle.n > 0 and mode == "joint"
+    friction = vehicle.n > 0
     if not load and not friction:
         return None
     # damping is learned back to none, and up to a share of the joint's inertia at rest

@@ -157,9 +157,7 @@ def make_centroidal(
             admittance=None if admittance is None else admittance_gains(admittance, gains, leads, lead),
             load=load_gains(gains["load"], vehicle) if gains["load"] else None,
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,
-            adaptation=adaptation_gains(
-                vehicle, gains, mode, number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)
-            ),
+            adaptation=adaptation_gains(vehicle, gains, number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)),
         ),
     )
     if gains["bandwidth"] != 1.0:
