@@ -36,8 +36,7 @@ SLOW = {"revolute": (0.01, 0.1), "prismatic": (1e-4, 1e-3)}
 """Squared position and rate (rad, m) of a joint, by its kind, below which its friction is adapted slowly."""
 
 FRICTION = 2.0
-"""1/s, rate of the adapted damping of the joints: without, ten wrong plants err by 1.9 times as much, and a servo's tip
-by 2 mm where it does by 0.1."""
+"""1/s, rate of the adapted damping of the joints: without, ten wrong plants err by 1.9 times as much."""
 
 WEIGHT = 1.0
 """Adaptation rate, 1/s, of the constant part of the observer's efforts and of that proportional to the position."""
