@@ -4,10 +4,12 @@ import dataclasses
 from types import SimpleNamespace
 from typing import Any
 
-from skyarm.algebra import Quaternion
+from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.control.blocks.prediction import acceleration, motor_speeds, rotor_wrench
-from skyarm.control.laws.centroidal.demands import Following
-from skyarm.control.laws.centroidal.part import Step
+from skyarm.control.laws.centroidal.demands import Following, demands, plan
+from skyarm.control.laws.centroidal.force_trend import Foreseen
+from skyarm.control.laws.centroidal.part import Effect, ReferenceMotion, Step
+from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 
 
@@ -16,16 +18,27 @@ def with_parts(record: Any, **changes: Any) -> Any:
     return dataclasses.replace(record, parts=dataclasses.replace(record.parts, **changes))
 
 
-def step_of(par: Any, state: Any, signals: Any = (), dt: float = 0.005, **known: Any) -> Step:
-    """A step of the law; its memory's following, trim and applied, and any field of a step, may be given."""
-    kept = {"following": Following(), "trim": (), "applied": (1.0,)}
-    memory = SimpleNamespace(**{name: known.pop(name, value) for name, value in kept.items()})
-    blank: dict[str, Any] = dict.fromkeys(("measurement", "reference", "observed", "told", "alone", "unknown", "force"))
-    step = Step(par=par, memory=memory, dt=dt, signals=signals, free=(), past=None, acted=None, **blank)
-    step.state, step.told = state, SimpleNamespace(amid=state)
-    for name, value in known.items():
-        setattr(step, name, value)
-    return step
+def step_of(par: Any, state: Any, dt: float = 0.005, **known: Any) -> Any:
+    """A step of the law; its memory's following, trim and applied may be given."""
+    memory = SimpleNamespace(**{"following": Following(), "trim": (), "applied": (1.0,), **known})
+    blank: dict[str, Any] = dict.fromkeys(("measurement", "reference", "timing", "seen"))
+    return Step(par=par, memory=memory, dt=dt, motion=ReferenceMotion(signals=()), state=state, **blank)
+
+
+def demanded(par: Any, state: Any, signals: Any, unknown: Any, steady: Vec3 = ZERO3) -> Any:
+    """Demand of a step whose whole disturbance is known, and the part of its force that stays."""
+    effect, coming = Effect(signals=signals, unknown=unknown, force=None), Foreseen(unknown=unknown, steady=steady)
+    return demands(step_of(par, state), effect, coming)
+
+
+def planned(par: Any, state: Any, signals: Any, dt: float, following: Any) -> Any:
+    """Planned course of a step in still air, from a state of the base's shift."""
+    return plan(step_of(par, state, dt, following=following), signals, Foreseen(unknown=None, steady=ZERO3))
+
+
+def commanded(par: Any, state: Any, unknown: Any, demand: Any, dt: float, **memory: Any) -> Any:
+    """Commands of a step for its demand; trim and applied flags of its memory may be given."""
+    return actuate(step_of(par, state, dt, **memory), unknown, demand)
 
 
 def in_small_steps(model: Any, state: State, command: Any, unknown: Any, dt: float, steps: int = 5) -> State:

@@ -14,9 +14,9 @@ from skyarm.control.catalogue import LAWS, make_controller
 from skyarm.control.laws.centroidal.parameters import (
     CenterGains,
     CentroidalParameters,
-    SidewaysGains,
     TipGains,
 )
+from skyarm.control.laws.centroidal.tilting.sideways_force import SidewaysGains
 from skyarm.control.laws.predictive.observer import Bandwidths
 from skyarm.control.model import TORQUE_GAINS, GeometricGains, JointGains, Model
 from skyarm.control.safety.limits import Limits

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_bvp
 
 import skyarm
-from law_parts import step_of
+from law_parts import planned
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Posture, posture, upright
@@ -27,7 +27,6 @@ from skyarm.control.laws.centroidal.base_shift import (
     coming_thrusts,
     tilt_shares,
 )
-from skyarm.control.laws.centroidal.demands import _course
 from skyarm.control.laws.centroidal.parameters import FOLLOWING
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -339,7 +338,7 @@ def test_the_drag_that_is_answered_is_that_of_the_base_as_it_shifts():
             free = [dataclasses.replace(rotor, drag_coefficient=0.0) for rotor in model.vehicle.rotors]
             vehicle = dataclasses.replace(model.vehicle, rotors=tuple(free))
             par = dataclasses.replace(par, model=Model(vehicle=vehicle, gravity=G))
-        return float(_course(step_of(par, state, signals, DT, following=before)).still.R.column(2).y)
+        return float(planned(par, state, signals, DT, before).still.R.column(2).y)
 
     # 0.03 m off its place it comes back with some 0.17 m/s
     assert leans(Vec3(0.0, -0.03, 0.0), True) - leans(Vec3(0.0, -0.03, 0.0), False) > 1e-4

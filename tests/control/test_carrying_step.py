@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from skyarm.control.blocks.force_control import InteractionGains, Pressing, firs
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.part import Step
+from skyarm.control.laws.centroidal.part import Effect, Step
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.reference import Reference
@@ -38,7 +39,7 @@ def mass(told=1.0, on=None, **memory):
     return carried(LAW.par, dataclasses.replace(LAW.memory, **memory), told, on).mass
 
 
-def carried(par, memory, told, on, alone=PULLED, unknown=None, steps=None):
+def carried(par, memory, told, on, alone=PULLED, unknown=None, effects=None):
     """Memory of the load after a period in which the observer holds its pull."""
     zero = Vec3(0, 0, 0)
     none = Disturbance(force=zero, torque=zero, efforts=(0, 0))
@@ -48,20 +49,16 @@ def carried(par, memory, told, on, alone=PULLED, unknown=None, steps=None):
         measurement=blank_measurement(2, 4),
         reference=Reference(load=(told,)),
         dt=DT,
-        signals=(),
-        observed=memory.observed,
-        told=None,
-        alone=alone,
-        unknown=none if unknown is None else unknown,
-        force=none.force,
-        free=memory.free,
-        past=None,
-        acted=None,
-        pressing=on,
+        timing=None,
+        motion=None,
+        seen=SimpleNamespace(observed=memory.observed, alone=alone),
+        state=None,
     )
-    if steps is not None:
-        steps.append(step)
-    return par.parts.load.adjust_reference(memory.parts.load, step)
+    before = Effect(signals=(), unknown=none if unknown is None else unknown, force=none.force, pressing=on)
+    load, effect = par.parts.load.affect(memory.parts.load, step, before)
+    if effects is not None:
+        effects.append(effect)
+    return load
 
 
 def test_a_load_is_learned_while_it_is_told_to_be_held_and_no_surface_is_touched():
@@ -100,12 +97,12 @@ def test_joints_near_the_tip_leave_a_load_its_inertia_and_turn_their_links_gentl
     part = dataclasses.replace(LAW.par.parts.load, bulk=0.2)
     memory = with_parts(LAW.memory, load=dataclasses.replace(LAW.memory.parts.load, mass=0.1))
     none = AT.disturbance(Vec3(0.0, 0.0, 0.0))
-    disturbed, steps = dataclasses.replace(none, efforts=(0.3, -0.2)), []
-    carried(with_parts(LAW.par, load=part), memory, 1.0, None, none, disturbed, steps)
+    disturbed, effects = dataclasses.replace(none, efforts=(0.3, -0.2)), []
+    carried(with_parts(LAW.par, load=part), memory, 1.0, None, none, disturbed, effects)
     shares = [0.1**2 / (0.1**2 + 0.06**2) * 0.2**4 / (lever**4 + 0.2**4) for lever in (0.3, 0.15)]
     efforts = [(1.0 - share) * each for share, each in zip(shares, disturbed.efforts, strict=True)]
-    assert steps[0].unknown.efforts == pytest.approx(efforts, rel=1e-3)
-    assert steps[0].par.tip.links == pytest.approx([1.0 - 0.6 * share for share in shares], rel=1e-3)
+    assert effects[0].unknown.efforts == pytest.approx(efforts, rel=1e-3)
+    assert effects[0].links == pytest.approx([1.0 - 0.6 * share for share in shares], rel=1e-3)
 
 
 def test_what_is_left_of_a_contact_is_no_bias_and_hinders_no_mass():

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from centroidal_flights import fly, planned
 
 import skyarm
-from law_parts import step_of, with_parts
+from law_parts import demanded, with_parts
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.adaptation import AdaptationGains, Regressor, adapt, unit_load
-from skyarm.control.laws.centroidal.demands import Planned, demands
+from skyarm.control.laws.centroidal.demands import Planned
 from skyarm.control.model import Model
 from skyarm.reference import Sine
 from skyarm.scenario.scenario_record import trimmed_state
@@ -51,8 +52,9 @@ def law(**options):
     return make_centroidal(MODEL, **options).par
 
 
-def adapted(par, *told):
-    return adapt(par.parts.adaptation, par, *told)
+def adapted(par, learned, plan, rates, left, free, dt):
+    """One period; joint rates and efforts are those of an observer."""
+    return adapt(par.parts.adaptation, par, learned, plan, SimpleNamespace(joint_rates=rates, efforts=left), free, dt)
 
 
 def hearing(par, plan, learned, **each):
@@ -168,9 +170,7 @@ def test_what_is_learned_stays_within_its_bounds():
     for sign, end in ((1.0, 0), (-1.0, 1)):
         load, friction = AdaptationGains.start(None, 2), AdaptationGains.start(None, 2)
         for _ in range(100):
-            load = adapt(
-                par.parts.adaptation, par, load, plan, qd, tuple(-sign * 20.0 * each for each in y), FREE, 0.005
-            )
+            load = adapted(par, load, plan, qd, tuple(-sign * 20.0 * each for each in y), FREE, 0.005)
             friction = adapted(par, friction, plan, qd, (sign * 20.0, sign * 20.0), FREE, 0.005)
         assert load.tip_mass == pytest.approx(-sign * 0.2)
         # back to no damping at all, or to the highest
@@ -188,7 +188,7 @@ def planned_at(scenario, time):
     state = dataclasses.replace(state, rotor_speeds=(0.0,) * len(state.rotor_speeds))
     nothing = Disturbance(force=Vec3(0.4, -0.3, 0.2), torque=ZERO, efforts=(0.0, 0.0))
     signals = [Taylor.of_derivatives(each) for each in derivatives(reference, time)]
-    return demands(step_of(par, state, signals, unknown=nothing, steady=nothing.force)).planned
+    return demanded(par, state, signals, nothing, nothing.force).planned
 
 
 def derivatives(trajectory, time):

@@ -9,14 +9,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from law_parts import step_of
+from law_parts import commanded, demanded
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.demands import Demand, Planned, demands
-from skyarm.control.laws.centroidal.torques import TRIM, actuate
+from skyarm.control.laws.centroidal.demands import Demand, Planned
+from skyarm.control.laws.centroidal.torques import TRIM
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.reference import Reference
@@ -49,7 +49,7 @@ def demand(thrust=WEIGHT, alpha=ZERO, joints=(0.0, 0.0)):
 
 
 def done(par, wanted, trim=(0.0,) * 4, applied=1.0, speeds=(480.0,) * 4):
-    return actuate(step_of(par, hovering(speeds), dt=DT, unknown=NONE, trim=trim, applied=(applied,)), wanted)
+    return commanded(par, hovering(speeds), NONE, wanted, DT, trim=trim, applied=(applied,))
 
 
 TURNS = [Vec3(80.0, 0.0, 0.0), Vec3(-80.0, 0.0, 0.0), Vec3(0.0, 80.0, 0.0), Vec3(0.0, -80.0, 0.0)]
@@ -94,7 +94,7 @@ def test_a_thrust_downwards_teaches_nothing_even_where_the_rotors_could_give_it(
         wanted = dataclasses.replace(wanted, planned=dataclasses.replace(wanted.planned, joints=()))
         state = dataclasses.replace(hovering(), joints=(), joint_rates=())
         unknown = Disturbance(force=ZERO, torque=ZERO, efforts=())
-        return thrust, actuate(step_of(par, state, dt=DT, unknown=unknown, trim=(0.0,) * 4), wanted).free[0]
+        return thrust, commanded(par, state, unknown, wanted, DT, trim=(0.0,) * 4).free[0]
 
     up, down = flag((2e5, 3e5, 2e5, 1e5)), flag((1e5, 1e5, 1e5, 5e5))
     assert up[0] > 0.0 > down[0]
@@ -177,7 +177,7 @@ def moved(par, offset, velocity, force, rotation):
     still = (0.0,) * 3
     signals = [Taylor.of_derivatives((each, *still, 0.0)) for each in (0.0, 0.0, 0.0, 0.0, 0.2, -0.6)]
     unknown = dataclasses.replace(NONE, force=Vec3(*force))
-    found = demands(step_of(par, state, signals, unknown=unknown))
+    found = demanded(par, state, signals, unknown)
     np.testing.assert_allclose([*found.alpha], 0.0, atol=1e-12)
     return np.array(found.joints)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -151,11 +152,12 @@ def test_a_plan_is_heard_exactly_as_late_as_the_observer_finds_what_it_needs(ban
     observer = (27.0, 31.0, bandwidth, 60.0)
     par = make_centroidal(MODEL, delay=DT * periods, observer=observer, adaptation=0.0).par
     learned, zero = AdaptationGains.start(None, 2), Vec3(0.0, 0.0, 0.0)
+    still = SimpleNamespace(joint_rates=(0.2, -0.1), efforts=(0.0, 0.0))
     for k in range(240):
         joints = tuple(Taylor.of_derivatives((slope * k * DT, slope, 0.0)) for slope in (0.2, -0.1))
         weight = Vec3(0.0, 0.0, 9.8)
         plan = Planned(R=Mat3.identity(), rate=zero, alpha=zero, proper=weight, joints=joints)
-        learned = adapt(par.parts.adaptation, par, learned, plan, (0.2, -0.1), (0.0, 0.0), (1.0, 1.0, 1.0), DT)
+        learned = adapt(par.parts.adaptation, par, learned, plan, still, (1.0, 1.0, 1.0), DT)
     for joint, slope in zip(learned.joints, (0.2, -0.1), strict=True):
         lag = 239 * DT - joint.twice.place / slope
         assert lag == pytest.approx(observers_lag(bandwidth) + DT * periods, abs=DT**2 * bandwidth / 6.0)

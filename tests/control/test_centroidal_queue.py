@@ -18,8 +18,7 @@ from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import with_applied_command
 from skyarm.control.laws.centroidal import law as law_module
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.demands import demands
-from skyarm.control.laws.centroidal.law import _coming, _present
+from skyarm.control.laws.centroidal.law import learning
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.reference import Reference
@@ -139,9 +138,9 @@ def test_the_first_queue_holds_a_hover_for_every_period_of_the_delay_and_the_mea
 
 def present(controller, memory):
     none = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0, 0.0))
-    step = {"par": controller.par, "measurement": hovering()[0], "memory": memory, "dt": DT, "late": 0}
-    past = memory.past.after(MODEL, memory.sent, DT)
-    return _present(SimpleNamespace(**step, past=past, observed=memory.observed, unknown=none))
+    timing = law_module.time_of_action(controller.par, memory, DT)
+    seen = SimpleNamespace(observed=memory.observed, unknown=none)
+    return law_module.present(controller.par, timing, seen, DT)
 
 
 def test_the_present_state_is_that_after_the_later_commands_in_their_order():
@@ -200,32 +199,26 @@ def test_by_a_known_delay_of_the_commands_the_reference_is_ahead():
     assert ahead != old.law(old.memory, level, moving, DT, par=old.par)[1]
 
 
-def step_seen(monkeypatch, controller, memory, reference=None):
-    """The step that the law's demands are computed from, and the memory after it."""
-    seen = []
-    monkeypatch.setattr(law_module, "demands", lambda step: seen.append(step) or demands(step))
-    level, goal = hovering()
-    after, _ = controller.law(memory, level, goal if reference is None else reference, DT, par=controller.par)
-    return seen[0], after
-
-
-def test_the_preview_counts_from_when_the_command_acts(monkeypatch):
-    """Commands 15 ms late: samples to come are so much nearer, and at least a period away."""
-    controller = make_centroidal(MODEL, mode="tip", delay=3 * DT, age=0.0)
-    leads = [float(each) for each in controller.par.preview]
+def test_the_preview_counts_from_when_the_command_acts():
+    """Commands 15 or 100 ms late: samples to come are so much nearer, and at least a period away."""
     goal = hovering()[1]
-    step, _ = step_seen(monkeypatch, controller, controller.memory, with_preview(goal, leads, lambda lead: goal))
-    assert [float(time) for time, _ in step.ahead] == pytest.approx([each - 3 * DT for each in leads[2:]])
-    ahead = [()] * len(leads)
-    assert next(time for time, _ in _coming(controller.par, ahead, leads[2] - 0.001, DT)) == DT
+    for late in (3, 20):
+        controller = make_centroidal(MODEL, mode="tip", delay=late * DT, age=0.0)
+        par, memory = controller.par, controller.memory
+        leads = [float(each) for each in par.preview]
+        told = with_preview(goal, leads, lambda lead: goal)
+        motion, _, _ = law_module.continue_reference(par, memory, told, late * DT, DT)
+        left = [max(each - late * DT, DT) for each in leads[2:]]
+        assert [float(time) for time, _ in motion.ahead] == pytest.approx(left)
 
 
-def test_a_command_that_others_changed_teaches_nothing(monkeypatch):
+def test_a_command_that_others_changed_teaches_nothing():
     controller = make_centroidal(MODEL)
     memory = dataclasses.replace(underway(controller, SENT[:1]), free=(1.0, 0.0, 1.0))
-    assert step_seen(monkeypatch, controller, memory)[0].free == (1.0, 0.0, 1.0)
+    assert learning(memory, 1) == (1.0, 0.0, 1.0)
+    assert learning(memory, 0.5) == (0.5, 0.0, 0.5)
     changed = dataclasses.replace(memory, applied=(1.0, 1.0, 0.0))
-    assert step_seen(monkeypatch, controller, changed)[0].free == (0.0, 0.0, 0.0)
+    assert learning(changed, 1) == (0.0, 0.0, 0.0)
 
 
 def test_the_delay_less_the_measurements_age_leads_the_reference():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +12,9 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.force_trend import lateness, steady_force, trend_gains, update_trend, weighted_rate
+from skyarm.control.laws.centroidal.force_trend import foresee, lateness, trend_gains, update_trend, weighted_rate
 from skyarm.control.laws.centroidal.parameters import at_shares
+from skyarm.control.laws.centroidal.part import Effect
 from skyarm.control.model import Model
 
 DT = 0.005
@@ -130,20 +130,32 @@ def test_the_observer_is_late_by_its_poles_and_at_most_by_those_of_1_rad_s():
     assert [lateness(at_shares(each, 0.01, 1.0)) for each in (seen, heard)] == [2.0, 1.0]
 
 
+def effect_of(force, **more):
+    """What a step compensates of a force (N)."""
+    unknown = Disturbance(force=force, torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
+    return Effect(signals=(), unknown=unknown, force=force, **more)
+
+
+def believed(rate):
+    """A trend whose rate (N/s) came true so far."""
+    trend = make_centroidal(Model(vehicle=skyarm.load_vehicle("hummingbird_arm2")), mode="tip").par.parts.trend
+    return dataclasses.replace(trend.start(2), rate=rate, agreement=1e9, size=1e9)
+
+
 def test_the_force_is_foretold_across_observer_and_filter():
     """The observer's pole and the one that the shift follows by, no slower than 1 rad/s; in mode "joint" the first."""
     model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
     slow, adapted, rate = Vec3(1.5, 0.2, 0.1), Vec3(0.1, 0.0, -0.2), Vec3(0.3, -0.2, 0.05)
-    step = SimpleNamespace(rate=rate, force=Vec3(9.0, 9.0, 9.0))
+    effect, trend = effect_of(Vec3(9.0, 9.0, 9.0)), believed(rate)
     for shift_rate, late in ((3.0, 1.0 / 3.0), (0.5, 1.0)):
         par = make_centroidal(model, mode="tip", shift_rate=shift_rate).par
-        found = steady_force(par, step, slow, adapted)
-        np.testing.assert_allclose([*found], [*(slow + adapted + rate * (1.0 / 30.0 + late))], rtol=1e-12)
+        found = foresee(par, trend, effect, slow, adapted).steady
+        np.testing.assert_allclose([*found], [*(slow + adapted + rate * (1.0 / 30.0 + late))], atol=3e-5)
     joint = make_centroidal(model, mode="joint").par
-    found = steady_force(joint, step, slow, adapted)
-    np.testing.assert_allclose([*found], [*(step.force + adapted + rate * (1.0 / 30.0))], rtol=1e-12)
+    found = foresee(joint, trend, effect, slow, adapted).steady
+    np.testing.assert_allclose([*found], [*(effect.force + adapted + rate * (1.0 / 30.0))], atol=3e-5)
     without = make_centroidal(model, mode="tip", force_trend=0.0).par
-    assert [*steady_force(without, step, slow, adapted)] == [*(slow + adapted)]
+    assert [*foresee(without, None, effect, slow, adapted).steady] == [*(slow + adapted)]
 
 
 @pytest.mark.parametrize("external", [0.0, 0.4, 1.0])
@@ -151,13 +163,10 @@ def test_a_rate_is_believed_as_far_as_no_force_acts_on_the_tip(external):
     """What it has foretold goes to the force that is compensated, over the observer's lateness."""
     model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
     par = make_centroidal(model, mode="tip").par
-    zero = Vec3(0.0, 0.0, 0.0)
-    memory = dataclasses.replace(par.parts.trend.start(2), rate=Vec3(0.3, -0.2, 0.0), agreement=1.0, size=1.0)
-    unknown = Disturbance(force=Vec3(0.5, 0.6, 0.7), torque=zero, efforts=(0.0, 0.0))
-    observed = SimpleNamespace(force=zero)
-    step = SimpleNamespace(par=par, dt=DT, observed=observed, external=external, unknown=unknown, rate=zero)
-    after = par.parts.trend.adjust_reference(memory, step)
-    rate = np.array([*weighted_rate(par.parts.trend, after)]) * (1.0 - external)
-    np.testing.assert_allclose([*step.rate], rate, rtol=1e-12)
-    np.testing.assert_allclose([*step.unknown.force], [0.5, 0.6, 0.7] + rate / 30.0, rtol=1e-12)
+    memory, zero = believed(Vec3(0.3, -0.2, 0.0)), Vec3(0.0, 0.0, 0.0)
+    effect = effect_of(Vec3(0.5, 0.6, 0.7), external=external)
+    coming = foresee(par, memory, effect, zero, zero)
+    rate = np.array([*weighted_rate(par.parts.trend, memory)]) * (1.0 - external)
+    np.testing.assert_allclose([*coming.rate], rate, rtol=1e-12)
+    np.testing.assert_allclose([*coming.unknown.force], [0.5, 0.6, 0.7] + rate / 30.0, rtol=1e-12)
     assert external == 1.0 or abs(rate[0]) > 0.05

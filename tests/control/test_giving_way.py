@@ -20,7 +20,7 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.tip_force import levers
 from skyarm.control.law_estimates import observed_push
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.admittance import VirtualBody, move, shift_reference
+from skyarm.control.laws.centroidal.contact.admittance import VirtualBody, move, shift_reference
 from skyarm.control.model import Model
 from skyarm.control.onboard.export_c import export_c
 from skyarm.dynamics.kinematics import frame_pose

@@ -16,14 +16,13 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction import (
+from skyarm.control.laws.centroidal.contact.interaction import (
     estimated_normal,
-    release_normal,
     shift_reference,
     update_lean,
     with_slow_wind,
 )
-from skyarm.control.laws.centroidal.tip_tasks import Goal
+from skyarm.control.laws.centroidal.tip_tasks import Goal, release_normal
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import scenario_from

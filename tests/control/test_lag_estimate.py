@@ -44,6 +44,14 @@ class Rates:
     joint_rates: tuple[float, ...]
 
 
+@dataclasses.dataclass
+class Rows:
+    """Of the actuators' past what the estimate reads."""
+
+    squares: list
+    efforts: list
+
+
 def told_by(angular, joints, *corrections):
     """What the model tells: accelerations of the commands sent, and corrections of the disturbance."""
     amid = SimpleNamespace(accelerations=lambda model, squares, efforts: (None, angular, joints))
@@ -55,9 +63,10 @@ def told_by(angular, joints, *corrections):
 def learn(gains, memory, told, measurement, started, free, isolated, dt):
     """The memory one period later, of what a step of the law tells."""
     before = SimpleNamespace(started=started, free=free)
-    sent = {"par": SimpleNamespace(model=None, delay_periods=0), "past": SimpleNamespace(squares=[0.0], efforts=[0.0])}
-    step = SimpleNamespace(told=told, measurement=measurement, memory=before, isolated=isolated, dt=dt, **sent)
-    return gains.learn(memory, step)
+    timing = SimpleNamespace(past=SimpleNamespace(squares=[0.0], efforts=[0.0]))
+    par, seen = SimpleNamespace(model=None, delay_periods=0), SimpleNamespace(told=told)
+    step = SimpleNamespace(par=par, seen=seen, measurement=measurement, memory=before, timing=timing, dt=dt)
+    return gains.after(memory, step, isolated)
 
 
 def flown(
@@ -234,16 +243,15 @@ def test_the_model_answers_the_command_that_a_measurement_is_of(periods):
     """Squares and efforts as many periods before the newest as the known delay has."""
     heard = []
     amid = SimpleNamespace(accelerations=lambda *told: heard.append(told) or (None, Vec3(0.0, 0.0, 0.0), (0.0, 0.0)))
+    told = Told(amid=amid, innovation=None, beside=(), angular_correction=ZERO, joint_corrections=(0.0, 0.0))
     step = SimpleNamespace(
-        told=Told(
-            amid=amid, innovation=None, beside=(), angular_correction=ZERO, joint_corrections=(0.0, 0.0)
-        ),
+        seen=SimpleNamespace(told=told),
         measurement=Rates(rate=Vec3(0.0, 0.0, 0.0), joint_rates=(0.0, 0.0)),
-        memory=SimpleNamespace(started=1.0, free=(1.0,) * 3), isolated=1.0, dt=DT,
+        memory=SimpleNamespace(started=1.0, free=(1.0,) * 3), dt=DT,
         par=SimpleNamespace(model="model", delay_periods=periods),
-        past=SimpleNamespace(squares=["oldest", "older", "newest"], efforts=["first", "second", "third"]),
+        timing=SimpleNamespace(past=Rows(["oldest", "older", "newest"], ["first", "second", "third"])),
     )  # fmt: skip
-    GAINS.learn(GAINS.start(2), step)
+    GAINS.after(GAINS.start(2), step, 1.0)
     assert heard == [("model", ["newest", "", "oldest"][periods], ["third", "", "first"][periods])]
 
 

@@ -15,7 +15,7 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.controller import ControllerError, learns_load
 from skyarm.control.law_estimates import found_by_law
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.load import (
+from skyarm.control.laws.centroidal.contact.load import (
     LoadGains,
     LoadMemory,
     hang,

@@ -29,20 +29,14 @@ def fed(noise, lacking=0.0, *, bandwidth=27.0, dt=DT, gains=GAINS):
     noise = np.asarray(noise, dtype=float)
     velocity = np.cumsum(np.broadcast_to(lacking, noise.shape) * dt, axis=0)
     b, seen, pushed = math.exp(-bandwidth * dt), velocity[0] + noise[0], np.zeros(3)
-    par = SimpleNamespace(observer=SimpleNamespace(force=bandwidth))
     memory, found = gains.start(2), []
     for k, measured in enumerate(velocity + noise):
         off = measured - (seen + pushed * dt) if k else np.zeros(3)
         if k:
             seen, pushed = measured - b * b * off, pushed + (1.0 - b) ** 2 / dt * off
-        step = SimpleNamespace(
-            par=par,
-            dt=dt,
-            told=SimpleNamespace(innovation=Vec3(*off), beside=()),
-            measurement=SimpleNamespace(velocity=Vec3(*measured)),
-            observed=SimpleNamespace(velocity=Vec3(*seen)),
-        )
-        memory = gains.learn(memory, step)
+        told = SimpleNamespace(innovation=Vec3(*off), beside=())
+        held = SimpleNamespace(told=told, observed=SimpleNamespace(velocity=Vec3(*seen)))
+        memory = gains.after(memory, held, Vec3(*measured), dt)
         found.append(memory)
     return found
 

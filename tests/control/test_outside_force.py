@@ -9,7 +9,7 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.laws.centroidal.admittance import AdmittanceMemory, Detection, detect
+from skyarm.control.laws.centroidal.contact.admittance import AdmittanceMemory, Detection, detect
 
 DT, GAINS, ZERO = 0.005, Detection(), Vec3(0.0, 0.0, 0.0)
 FIRST = AdmittanceMemory(bias=no_disturbance(1))

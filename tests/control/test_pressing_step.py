@@ -19,9 +19,9 @@ from skyarm.control.blocks.force_control import InteractionGains, first_interact
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction import motion_share, update_lean
+from skyarm.control.laws.centroidal.contact.interaction import motion_share, update_lean
 from skyarm.control.laws.centroidal.lag_estimate import CANDIDATES, Bank
-from skyarm.control.laws.centroidal.part import Step
+from skyarm.control.laws.centroidal.part import Effect, Step
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -48,19 +48,13 @@ def press(gains, par, memory, push, signals, observed, sent, state, unknown, tip
         measurement=SimpleNamespace(tip_force=tip_force),
         reference=SimpleNamespace(push=push),
         dt=dt,
-        signals=signals,
-        observed=observed,
-        told=SimpleNamespace(amid=state),
-        alone=None,
-        unknown=unknown,
-        force=observed.force,
-        free=(),
-        past=None,
-        acted=sent,
+        timing=SimpleNamespace(acted=sent),
+        motion=None,
+        seen=SimpleNamespace(observed=observed),
+        state=state,
     )
-    step.state = state
-    memory = gains.adjust_reference(memory, step)
-    return memory, step.pressing, step.unknown, step.force
+    memory, effect = gains.affect(memory, step, Effect(signals=signals, unknown=unknown, force=observed.force))
+    return memory, effect.pressing, effect.unknown, effect.force
 
 
 def asked(memory, load=0.0, force=1.5):

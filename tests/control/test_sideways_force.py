@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from flown import cases, vec
-from law_parts import step_of
+from law_parts import demanded
 from sideways_program import array, largest, lopsided
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
@@ -21,12 +21,13 @@ from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.demands import demands
-from skyarm.control.laws.centroidal.sideways_force import (
-    achievable_force,
+from skyarm.control.laws.centroidal.com_tracking import planned_rate
+from skyarm.control.laws.centroidal.part import RotorForce
+from skyarm.control.laws.centroidal.tilting.sideways_force import (
+    SidewaysForce,
+    SidewaysGains,
     gauge,
     leaning,
-    planned_rate,
     reach_of,
     slightest,
     thrust_axis,
@@ -58,6 +59,7 @@ RESTING_ROTORS = dataclasses.replace(RESTING, rotor_speeds=(480.0,) * 6)
 NOTHING = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
 COM = Vec3(0.01, -0.02, -0.06)
 REACH = reach_of(MIXER, COM, WEIGHT)
+GIVEN = SidewaysForce(SidewaysGains(share=0.9, attitude=None), REACH)
 LEVEL, STILL = Mat3.identity(), Vec3(0.0, 0.0, 0.0)
 
 
@@ -92,14 +94,14 @@ def test_what_rotors_give_of_a_force_and_its_derivative(size):
         force, R = moving(t)
         force[:2] *= size
         rows = Mat3(*(vec(row) for row in R.as_matrix()))
-        return array(achievable_force(REACH, [vec(force)], rows, STILL))
+        return array(GIVEN.achievable([vec(force)], rows, STILL))
 
     h = 1e-6
     force, R = moving(0.3)
     force[:2] *= size
     slope = (moving(0.3 + h)[0] - moving(0.3 - h)[0]) / (2.0 * h) * [size, size, 1.0]
     rate = (moving(0.3 - h)[1].inv() * moving(0.3 + h)[1]).as_rotvec() / (2.0 * h)
-    found = achievable_force(REACH, [vec(force), vec(slope)], Mat3(*(vec(row) for row in R.as_matrix())), vec(rate))
+    found = GIVEN.achievable([vec(force), vec(slope)], Mat3(*(vec(row) for row in R.as_matrix())), vec(rate))
     np.testing.assert_allclose(array(found), (given(0.3 + h) - given(0.3 - h)) / (2.0 * h), rtol=1e-5, atol=1e-6)
     body, wanted = R.inv().apply(given(0.3)), R.inv().apply(force)
     assert body[2] == pytest.approx(wanted[2], rel=1e-12)
@@ -113,7 +115,7 @@ def test_what_rotors_give_of_a_force_and_its_derivative(size):
 def test_a_thrust_along_body_z_is_what_is_left_without_a_reach():
     force, R = moving(0.3)
     rows = Mat3(*(vec(row) for row in R.as_matrix()))
-    found = R.inv().apply(array(achievable_force(None, [vec(force)], rows, STILL)))
+    found = R.inv().apply(array(RotorForce().achievable([vec(force)], rows, STILL)))
     np.testing.assert_allclose(found, [0.0, 0.0, R.inv().apply(force)[2]], atol=1e-12)
 
 
@@ -225,13 +227,13 @@ def test_the_planned_attitude_does_not_count_the_rotors_sideways_force_as_a_dist
     for speeds in ((480.0,) * 6, (300.0, 520.0, 480.0, 610.0, 350.0, 600.0)):
         state = dataclasses.replace(RESTING, rotor_speeds=speeds)
         wind = Vec3(0.0, 9.0, 0.0)
-        demand = demands(step_of(flown.par, state, signals, unknown=NOTHING, steady=wind))
+        demand = demanded(flown.par, state, signals, NOTHING, wind)
         found.append(demand.planned.R)
     tilted = math.degrees(math.acos(float(found[0].column(2).z)))
     assert tilted > 5.0
     assert leaves(found[1]) == pytest.approx(leaves(found[0]), abs=1e-12)
     flown = make_centroidal(Model(vehicle=ARM), mode="tip", sideways=0.9, attitude=(0.05, -0.1))
-    demand = demands(step_of(flown.par, RESTING_ROTORS, signals, unknown=NOTHING))
+    demand = demanded(flown.par, RESTING_ROTORS, signals, NOTHING)
     expected = Rotation.from_euler("ZYX", [0.0, -0.1, 0.05]).as_matrix()[:, 2]
     np.testing.assert_allclose(array(demand.planned.R.column(2)), expected, atol=1e-4)
 

@@ -85,7 +85,8 @@ def in_flight(wanted=0.0, holds=(), acted=(0.1, 0.2), **memory):
     law = make_centroidal(Model(vehicle=ARM), mode="tip", interaction=(0.3, 0.1), tolerances=[0.1, 0.05]).par
     part, zero = law.parts.interaction, Vec3(0.0, 0.0, 0.0)
     observed = SimpleNamespace(force=zero, torque=zero, efforts=(0.0, 0.0))
-    step = SimpleNamespace(observed=observed, acted=SimpleNamespace(efforts=acted), holds=holds, dt=DT)
+    timing, seen = SimpleNamespace(acted=SimpleNamespace(efforts=acted)), SimpleNamespace(observed=observed)
+    step = SimpleNamespace(seen=seen, timing=timing, holds=holds, dt=DT)
     before = dataclasses.replace(first_interaction(2), free=1.0, scale=first_scale(2), **memory)
     after = part._at_scale(before, step, AT, wanted_of((wanted, 0.0, *N)))[1].scale
     return after.squares, after.met

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from skyarm.algebra import Vec3
-from skyarm.control.laws.centroidal.admittance import Compliance, VirtualBody, move
+from skyarm.control.laws.centroidal.contact.admittance import Compliance, VirtualBody, move
 
 DT = 0.005
 

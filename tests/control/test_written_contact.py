@@ -20,7 +20,7 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks import disturbance_observer, force_control
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
-from skyarm.control.laws.centroidal import admittance, interaction, load
+from skyarm.control.laws.centroidal.contact import admittance, interaction, load
 from skyarm.control.model import Model
 from skyarm.sensing.measurement import blank_measurement
 

@@ -1,7 +1,7 @@
 """Hybrid force/motion control and admittance control, built on the laws of Barakou et al. 2026.
 
 Both share an observer whose estimates are not compensated, only read: the tip's force along the surface's normal, its
-bias, touch and loss are those of the centroidal law (:mod:`skyarm.control.laws.centroidal.interaction`), so that only
+bias, touch and loss are those of the centroidal law (:mod:`skyarm.control.laws.centroidal.contact.interaction`): only
 what is done with them differs.
 
 ``hybrid_ct``, the paper's computed torque with a force along the nominal outward normal n. Across n the law is the

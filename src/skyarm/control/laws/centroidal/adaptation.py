@@ -11,18 +11,19 @@ Sources: Sadegh, Horowitz 1990 (desired compensation); Ioannou, Sun 1996, 4.3, 4
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from collections.abc import Sequence
+from typing import Annotated
 
 from skyarm.algebra import Mat3
 from skyarm.algebra.scalars import Scalar, add, clip, data, divide, exp, mul, sub
 from skyarm.control.blocks.attitude import derivative, posture
+from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.demands import Planned
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.part import Part
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.immutable import immutable
@@ -154,19 +155,10 @@ class AdaptationGains(Part):
         joint = JointLearned(damping=0.0, level=0.0, slope=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
         return Learned(tip_mass=0.0, joints=(joint,) * joints, feedforward=no_disturbance(joints))
 
-    def learn(self, memory: Learned, step: Step) -> Learned:
-        """Adapted tip mass and joint friction, updated by one control period."""
-        if step.demand is None:
-            return memory
-        observed = step.observed
-        return adapt(
-            self, step.par, memory, step.demand.planned, observed.joint_rates, observed.efforts, step.free, step.dt
-        )
 
-
-def adaptation_gains(vehicle: Vehicle, gains: Mapping[str, Any], limit: float) -> AdaptationGains | None:
-    """Adaptation constants from the law's options; None if neither tip mass nor friction is adapted."""
-    load = gains["adaptation"] if vehicle.n and vehicle.end_effector and not gains["load"] else 0.0
+def adaptation_gains(vehicle: Vehicle, rate: float, limit: float) -> AdaptationGains | None:
+    """Constants for a rate (1/s) and a largest mass (kg) at the tip; None if neither mass nor friction is adapted."""
+    load = rate if vehicle.n and vehicle.end_effector else 0.0
     friction = vehicle.n > 0
     if not load and not friction:
         return None
@@ -187,16 +179,15 @@ def adapt(
     par: CentroidalParameters,
     learned: Learned,
     planned: Planned,
-    rates: Sequence[Scalar],
-    left: Sequence[Scalar],
+    observed: Observed,
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> Learned:
     """Adapted tip mass, joint friction and feed-forward one period later.
 
-    ``rates`` of the joints now; ``left``: efforts of the observer; ``free``: 1 or 0 for the base and each joint,
-    0 holds its estimates.
+    ``free``: 1 or 0 for the base and each joint, 0 holds its estimates.
     """
+    rates, left = observed.joint_rates, observed.efforts
     wanted = [q.derivative(1) for q in planned.joints]
     unit = unit_load(par.model.vehicle, planned) if gains.load is not None else no_disturbance(len(wanted))
     # two stages with the delay of the joints' observer and of the measurements' age

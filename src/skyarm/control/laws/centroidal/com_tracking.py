@@ -19,7 +19,7 @@ from skyarm.algebra.scalars.taylor import Taylor, inverse_root
 from skyarm.control.blocks.attitude import Attitude, derivative, reachable, vector_series
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.sideways_force import Reach, achievable_force, across
+from skyarm.control.laws.centroidal.part import RotorForce
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
@@ -40,6 +40,10 @@ class Thrust:
     across: Vec3 = ZERO3
 
 
+ALONG_Z = RotorForce()
+"""Of rotors that push along body z alone."""
+
+
 def quasi_static(
     par: CentroidalParameters, mass: Scalar, base: list[Vec3], disturbance: Vec3, rates: Sequence[Vec3] = (ZERO3, ZERO3)
 ) -> Vec3:
@@ -51,6 +55,16 @@ def quasi_static(
     force = (base[2] + E_Z * par.model.gravity) * mass - disturbance
     wanted = vector_series((force, base[3] * mass - first, base[4] * mass - second))
     return reachable(wanted, par.center.tilt, par.center.floor)
+
+
+def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Scalar, gravity: Scalar) -> Vec3:
+    """Rate of the planned force f = m (p'' + g), planned body axes, N/s: R^T m p''' - w x R^T f.
+
+    ``motion`` are p'' and p''' of the centre of mass.
+    """
+    force: Vec3 = still.R.apply_T(motion[0] + E_Z * gravity) * mass
+    change: Vec3 = still.R.apply_T(motion[1]) * mass
+    return change - still.rate.cross(force)
 
 
 def goal(base: list[Vec3], h: list[Vec3], still: Attitude, moving: bool) -> list[Vec3]:
@@ -82,7 +96,7 @@ def thrust(
     disturbance: Vec3,
     force_rate: Vec3 = ZERO3,
     force_bend: Vec3 = ZERO3,
-    reach: Reach | None = None,
+    rotors: RotorForce = ALONG_Z,
 ) -> Thrust:
     """Force on the centre of mass for tracking, m (p_c,d'' + g e_3 + PD) - d, with derivatives, N.
 
@@ -95,22 +109,22 @@ def thrust(
     pull = [_attraction(par, off) + kv.hadamard(ed)]
     force = (wanted[2] + gravity - _soft_limit(pull)) * mass - disturbance
     per_mass = divide(1.0, mass)
-    edd = (achievable_force(reach, [force], R, w) + disturbance) * per_mass - gravity - wanted[2]
+    edd = (rotors.achievable([force], R, w) + disturbance) * per_mass - gravity - wanted[2]
     off.append(ed)
     pull.append(_attraction(par, off) + kv.hadamard(edd))
     first = (wanted[3] - _soft_limit(pull)) * mass - force_rate
-    eddd = (achievable_force(reach, [force, first], R, w) + force_rate) * per_mass - wanted[3]
+    eddd = (rotors.achievable([force, first], R, w) + force_rate) * per_mass - wanted[3]
     off.append(edd)
     pull.append(_attraction(par, off) + kv.hadamard(eddd))
     second = (wanted[4] - _soft_limit(pull)) * mass - force_bend
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
     held = reachable(Vec3(*series), par.center.tilt, par.center.floor)
-    pushed = achievable_force(reach, [derivative(held, 0)], R, w)
+    pushed = rotors.achievable([derivative(held, 0)], R, w)
     return Thrust(
         force=held,
         along=derivative(held, 0).dot(R.column(2)),
         acceleration=(pushed + disturbance) * per_mass - gravity,
-        across=ZERO3 if reach is None else across(R.apply_T(pushed)),
+        across=rotors.across(R, pushed),
     )
 
 

@@ -23,10 +23,9 @@ from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_tasks
 from skyarm.control.laws.centroidal.base_shift import FIRST_SHIFT, Acting, Shift, bounded_shift
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion
-from skyarm.control.laws.centroidal.interaction import release_normal
+from skyarm.control.laws.centroidal.force_trend import Foreseen
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Step
-from skyarm.control.laws.centroidal.sideways_force import Reach, leaning, planned_rate, reach_of, thrust_axis
+from skyarm.control.laws.centroidal.part import Effect, RotorForce, Step
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
 from skyarm.records.immutable import immutable
@@ -75,7 +74,7 @@ class Demand:
         alpha: angular acceleration, body axes, rad/s^2. joints: accelerations.
         planned: motion without errors.
         force_rate: N/s, body axes, of the planned force.
-        gap: m, of the tip from its reference along the normal of a surface.
+        missed: m, of the tip from its reference, world axes.
     """
 
     thrust: Scalar
@@ -85,7 +84,7 @@ class Demand:
     following: Following = Following()
     across: Vec3 = ZERO3
     force_rate: Vec3 = ZERO3
-    gap: Scalar = 0
+    missed: Vec3 = ZERO3
 
 
 @immutable(kw_only=False)
@@ -97,7 +96,7 @@ class Course:
         still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
         following: of the shift's motion, one period later.
         changes: known derivatives of the disturbance, N/s and N/s^2, world axes.
-        reach: of sideways force; None without it. planned: force of the motion, N, if the shift answers it, else None.
+        rotors: force that they give. planned: force of the motion, N, if the shift answers it, else None.
         goal: of the tip mode, else None.
     """
 
@@ -107,19 +106,19 @@ class Course:
     turned: tuple[Taylor, ...]
     following: Following
     changes: tuple[Vec3, Vec3]
-    reach: Reach | None
+    rotors: RotorForce
     planned: Vec3 | None
     goal: tip_tasks.Goal | None = None
 
 
-def demands(step: Step) -> Demand:
+def demands(step: Step, effect: Effect, coming: Foreseen) -> Demand:
     """Desired thrust, angular acceleration and joint accelerations of one control step."""
     par, state, before = step.par, step.state, step.memory.following
-    model, pressing = par.model, step.pressing
+    model, pressing = par.model, effect.pressing
     vehicle, mass = model.vehicle, model.vehicle.mass
-    yaw, joints = step.signals[3], tuple(step.signals[4:])
+    yaw, joints = effect.signals[3], tuple(effect.signals[4:])
     R, w = state.quaternion.rotation(), state.rate
-    course = _course(step)
+    course = plan(step, effect.signals, coming)
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if arm:
@@ -134,13 +133,13 @@ def demands(step: Step) -> Demand:
         velocity=state.velocity + _velocity(R, w, now.com),
         R=R,
         w=w,
-        disturbance=step.unknown.force,
+        disturbance=coming.unknown.force,
         force_rate=course.changes[0],
         force_bend=course.changes[1],
-        reach=course.reach,
+        rotors=course.rotors,
     )
-    alpha = angular_acceleration(par.base, wanted_attitude(par, push.force, yaw, course.reach, course.planned), R, w)
-    preferred, gap = joint_accelerations(par, state, joints), 0
+    alpha = angular_acceleration(par.base, wanted_attitude(par, push.force, yaw, course.rotors, course.planned), R, w)
+    preferred, missed = joint_accelerations(par, state, joints), ZERO3
     if course.goal is not None:
         present = tip_tasks.Now(
             R=R,
@@ -159,13 +158,13 @@ def demands(step: Step) -> Demand:
             [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]],
             par.tip.reach,
         )
+        missed = present.tip - course.goal.tip[0]
         if pressing is not None:
-            gap = pressing.n.dot(present.tip - course.goal.tip[0])
-            goal = release_normal(pressing, goal, present.tip, present.tip_velocity, par.tip.velocity)
-        preferred = tip_tasks.joint_accelerations(vehicle, par.tip, goal, present, preferred)
+            goal = tip_tasks.release_normal(pressing, goal, present.tip, present.tip_velocity, par.tip.velocity)
+        preferred = tip_tasks.joint_accelerations(vehicle, par.tip, goal, present, preferred, effect.links)
     if par.joint_ends:
         preferred = within_limits(vehicle, par.joint_ends, par.joint_gains, state, joints, preferred)
-    plan = Planned(
+    planned = Planned(
         R=course.still.R,
         rate=course.still.rate,
         alpha=course.still.acceleration,
@@ -176,42 +175,44 @@ def demands(step: Step) -> Demand:
         thrust=push.along,
         alpha=alpha,
         joints=preferred,
-        planned=plan,
+        planned=planned,
         following=dataclasses.replace(course.following, arm=arm),
         across=push.across,
-        force_rate=planned_rate(course.still, wanted[2:4], mass, model.gravity),
-        gap=gap,
+        force_rate=center_of_mass.planned_rate(course.still, wanted[2:4], mass, model.gravity),
+        missed=missed,
     )
 
 
-def _course(step: Step) -> Course:
+def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> Course:
     """Desired motion of base and arm in one step; in tip mode the joints compensate the base's tilt.
 
     Attitude and drag along the path are those of the base as it shifts.
     """
-    par, signals, before, dt = step.par, step.signals, step.memory.following, step.dt
-    model, force_rate, steady = par.model, step.rate, step.steady
+    par, before, dt = step.par, step.memory.following, step.dt
+    model, force_rate, steady = par.model, coming.rate, coming.steady
     vehicle, mass = model.vehicle, model.vehicle.mass
     base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
     yaw, joints = signals[3], tuple(signals[4:])
     level = posture(vehicle, joints, 4)
-    moves, sideways = par.tip.preview is not None, par.center.sideways is not None
+    moves, sideways = par.tip.preview is not None, par.center.sideways
     answered, after, moved = base, before, list[Vec3]()
     if before.shift:
         drag_rate = hub_drag(vehicle, step.state.rotor_speeds)
         acting = Acting(force=steady, rate=force_rate, drag=drag_rate)
-        moved, shift = bounded_shift(par, before.shift, base, yaw, level, acting, step.ahead, dt)
+        moved, shift = bounded_shift(par, before.shift, base, yaw, level, acting, step.motion.ahead, dt)
         after = dataclasses.replace(before, shift=shift)
         answered = [base[0], *(p + u for p, u in zip(base[1:], moved, strict=True))]
-    drag = reference_drag(model, step.state, answered[:4], sideways=sideways, moving=moves)
+    drag = reference_drag(model, step.state, answered[:4], sideways=sideways is not None, moving=moves)
     changes = (drag[1] + force_rate, drag[2])
     force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], changes)
     changes = changes if moved else (force_rate, ZERO3)
-    reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if sideways else None
+    rotors = center_of_mass.ALONG_Z
+    if sideways is not None:
+        rotors = sideways.rotor_force(par.mixer, derivative(level.com, 0), mass * model.gravity)
     planned = force if moved else None
-    still = wanted_attitude(par, force, yaw, reach, planned)
+    still = wanted_attitude(par, force, yaw, rotors, planned)
     if par.mode != "tip":
-        return Course(base, still, level, joints, before, changes, reach, planned)
+        return Course(base, still, level, joints, before, changes, rotors, planned)
     goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
     turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, moves)
     upright_posture, level = level, posture(vehicle, turned, 4)
@@ -219,7 +220,7 @@ def _course(step: Step) -> Course:
     if moved:
         offset = [*offset, *moved[2:]]
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    return Course(base, still, level, turned, after, changes, reach, planned, goal)
+    return Course(base, still, level, turned, after, changes, rotors, planned, goal)
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Scalar, ...]:
@@ -244,17 +245,13 @@ Hz, and a law without an accelerometer errs by 17 mm for 3 in noise at 1 Hz."""
 
 
 def wanted_attitude(
-    par: CentroidalParameters, force: Vec3, yaw: Taylor, reach: Reach | None, planned: Vec3 | None = None
+    par: CentroidalParameters, force: Vec3, yaw: Taylor, rotors: RotorForce, planned: Vec3 | None = None
 ) -> Attitude:
     """Desired attitude for a force (Taylor series, N, world axes), of which rotors may give a part sideways.
 
     ``planned`` is the force of the motion without errors, whose direction low thrust does not change.
     """
-    sideways = par.center.sideways
-    if reach is not None and sideways is not None:
-        axis = None if sideways.attitude is None else thrust_axis(sideways.attitude, yaw.truncate(2))
-        force = leaning(reach, force, sideways.share, axis)
-    force = upright(force, par.model.vehicle.mass * par.model.gravity, LOW_THRUST, planned)
+    force = upright(rotors.leaning(force, yaw), par.model.vehicle.mass * par.model.gravity, LOW_THRUST, planned)
     return attitude(force, yaw.truncate(2))
 
 

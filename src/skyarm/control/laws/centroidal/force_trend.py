@@ -13,12 +13,13 @@ from __future__ import annotations
 import dataclasses
 from typing import Annotated
 
-from skyarm.algebra import ZERO3_DATA, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import Scalar, data, divide, exp, maximum, minimum
 from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.part import Effect, Part
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
@@ -53,16 +54,6 @@ class TrendGains(Part):
         chain = (ZERO3_DATA,) * STAGES
         size = 0.25 * self.steep * self.steep
         return ForceTrend(level=ZERO3_DATA, rate=ZERO3_DATA, forces=chain, rates=chain, agreement=0.0, size=size)
-
-    def adjust_reference(self, memory: ForceTrend, step: Step) -> ForceTrend:
-        """Predict the observed disturbance force over the observer's delay, by its rate unless pushed."""
-        trend = update_trend(self, memory, step.observed.force, step.dt)
-        rate = weighted_rate(self, trend)
-        if type(step.external) is not int:
-            rate = rate * (1.0 - step.external)
-        step.rate = rate
-        step.unknown = dataclasses.replace(step.unknown, force=step.unknown.force + rate * lateness(step.par))
-        return trend
 
 
 @immutable
@@ -137,15 +128,35 @@ def lateness(par: CentroidalParameters) -> Scalar:
     return divide(1.0, maximum(par.observer.accelerometer.force, AHEAD))
 
 
-def steady_force(par: CentroidalParameters, step: Step, slow: Vec3, adapted: Vec3) -> Vec3:
-    """Force that the attitude balances as it will be, N, world axes; ``slow`` is the observed one, slowly filtered."""
-    steady = (slow if par.mode == "tip" else step.force) + adapted
-    if par.parts.trend is None:
-        return steady
-    late = lateness(par)
+@immutable
+class Foreseen:
+    """Disturbance forecast by the weighted rate of the force.
+
+    Attributes:
+        unknown: that is compensated, now.
+        steady: force that the attitude balances, N, world axes. rate: N/s, of both.
+    """
+
+    unknown: Disturbance
+    steady: Vec3
+    rate: Vec3 = ZERO3
+
+
+def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect, slow: Vec3, adapted: Vec3) -> Foreseen:
+    """Disturbance forecast over the delays of observer and filter; no rate while a force acts on the tip.
+
+    ``slow`` is the observed force, slowly filtered, and ``adapted`` that of the feed-forward, N, world axes.
+    """
+    unknown, steady, gains = effect.unknown, (slow if par.mode == "tip" else effect.force) + adapted, par.parts.trend
+    if gains is None or trend is None:
+        return Foreseen(unknown=unknown, steady=steady)
+    rate, late = weighted_rate(gains, trend), lateness(par)
+    if type(effect.external) is not int:
+        rate = rate * (1.0 - effect.external)
+    unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
     if par.mode == "tip":
         late = late + divide(1.0, maximum(par.tip.shift_rate, AHEAD))
-    return steady + step.rate * late
+    return Foreseen(unknown=unknown, steady=steady + rate * late, rate=rate)
 
 
 def _no_step(gains: TrendGains, rate: Vec3) -> Scalar:

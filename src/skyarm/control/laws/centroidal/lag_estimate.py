@@ -118,16 +118,16 @@ class LagGains(Part):
         step = dt * self.stride
         return estimate(memory.base, step), estimate(memory.arm, step)
 
-    def learn(self, memory: LagMemory, step: Step) -> LagMemory:
-        """Lag estimate one period later; held in contact and before the second measurement."""
+    def after(self, memory: LagMemory, step: Step, isolated: Scalar) -> LagMemory:
+        """Lag estimate one period later; held before the second measurement and where ``isolated`` is 0, in contact."""
         if self.held:
             return memory
-        told, measurement, free, dt = step.told, step.measurement, step.memory.free, step.dt
+        told, measurement, free, dt = step.seen.told, step.measurement, step.memory.free, step.dt
         running = where(step.memory.started > 0.5, 1.0, 0.0)
         rates = (measurement.rate.x, measurement.rate.y, *measurement.joint_rates)
         # the model's answer to what was sent, without a delay
-        last = -1 - step.par.delay_periods
-        _, angular, joints = told.amid.accelerations(step.par.model, step.past.squares[last], step.past.efforts[last])
+        last, sent = -1 - step.par.delay_periods, step.timing.past
+        _, angular, joints = told.amid.accelerations(step.par.model, sent.squares[last], sent.efforts[last])
         by_model = (angular.x, angular.y, *joints)
         # the observer's disturbance stands still at limits of actuators
         learning = (*free[:1] * TILTS, *free[1:])
@@ -138,7 +138,7 @@ class LagGains(Part):
         measured = _in_row(memory.measured, seen, running, dt)
         band = _band_pass(believed)
         past = [band, *(memory.past[k - 1] for k in range(self.stride, len(memory.past) + 1, self.stride))]
-        learned = mul(running, step.isolated)
+        learned = mul(running, isolated)
         # with a wrong model the phase of its errors wanders: evidence of longer
         rate = SLOWLY + (FORGETTING - SLOWLY) * delay_share(memory)
         first = divide(1.0, memory.count + FIRST)

@@ -1,10 +1,14 @@
 """Centroidal computed torque with disturbance observer: one control step.
 
-1. The held reference is continued to the present. 2. Parts adjust gains and model. 3. The observer takes the (possibly
-old) measurement, and the model predicts the state across the delay. 4. Parts adjust the reference and the disturbance.
-5. The centre of mass requires a force, the force an attitude; joints follow their references, or tip and link
-orientations. 6. Inverse dynamics of an underactuated base: the real thrust goes in, the base's acceleration comes out,
-then body and joint torques; rotor commands invert the lag. 7. Parts adapt.
+Each step is a function of the records before it, and none of these is changed:
+
+1. when the command acts, by the lag that was found; 2. the held reference continued until then, with its preview;
+3. gains by lag and noise, and the observer's state at the (possibly old) measurement; 4. the state predicted from it;
+5. what a touching tip changes: reference, compensated force, what may be learned; 6. the force as it will be, by its
+trusted rate; 7. the plan of base and arm without errors; 8. the force that the centre of mass requires; 9. the attitude
+of this force; 10. joint accelerations, of the joints' references or of tip and links; 11. commands by the inverse
+dynamics of an underactuated base: the real thrust goes in, the base's acceleration comes out; 12. what is learned of
+lag, noise, loads and friction.
 
 Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 """
@@ -12,29 +16,29 @@ Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, add, divide, maximum, same, where
+from skyarm.algebra.scalars import Scalar, add, divide, maximum, mul, same, where
 from skyarm.control.blocks.actuators import all_follow
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import Channel, extrapolate
 from skyarm.control.blocks.filters import low_pass
 from skyarm.control.blocks.late_actuators import Past
-from skyarm.control.blocks.prediction import Disturbance, predict_across, with_side
+from skyarm.control.blocks.prediction import Actuation, Disturbance, predict_across, with_side
 from skyarm.control.controller import all_applied
+from skyarm.control.laws.centroidal.adaptation import adapt
 from skyarm.control.laws.centroidal.demands import Following, demands
-from skyarm.control.laws.centroidal.force_trend import steady_force
+from skyarm.control.laws.centroidal.force_trend import foresee, update_trend
 from skyarm.control.laws.centroidal.parameters import FOLLOWING, CentroidalParameters, brace_joints
-from skyarm.control.laws.centroidal.part import Step
+from skyarm.control.laws.centroidal.part import Effect, ReferenceMotion, Seen, Step, Timing
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.reference.preview import Sample, samples, samples_ahead
+from skyarm.reference.preview import samples, samples_ahead
 from skyarm.sensing.measurement import Measurement
 
 
@@ -79,115 +83,135 @@ def centroidal(
     memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: CentroidalParameters
 ) -> tuple[CentroidalMemory, Command]:
     """One control step of the centroidal law: computed torque on the centre of mass with a disturbance observer."""
-    lag, past = par.parts.lag, memory.past.after(par.model, memory.sent, dt)
-    late = 0 if lag is None else lag.delay(memory.parts.lag, dt)
-    acted = past.period(_age(par, late, dt))
-    ahead, lead = samples_ahead(reference), _lead(par, late, dt)
-    signals, channels, age = extrapolate(
-        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, ahead, lead
-    )
-    if all(same(each, 0) for each in measurement.specific_force):
-        par = dataclasses.replace(par, observer=dataclasses.replace(par.observer, accelerometer=None))
-    parts = par.parts.present()
-    memories = {name: getattr(memory.parts, name) for name, _ in parts}
-    for name, part in parts:
-        par = part.adjust_gains(memories[name], par, dt)
-    if par.braces:
-        par = brace_joints(par, memory.observed.force, memory.observed.joints, lead)
-    adapted = Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
-    if par.parts.adaptation is not None:
-        adapted = memories["adaptation"].feedforward
-    observed, told = observe(
-        par.model,
-        par.observer,
-        memory.observed,
-        measurement,
-        acted,
-        disturbance(memory.observed) + adapted,
-        memory.started,
-        memory.free,
-        dt,
-    )
-    alone = disturbance(observed) + adapted
-    # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
-    unchanged = all_follow(memory.applied)
+    held, touching = memory.parts, par.parts.touching()
+    timing = time_of_action(par, memory, dt)
+    motion, channels, age = continue_reference(par, memory, reference, timing.lead, dt)
+    par = gains_of_now(par, memory, measurement, timing.lead, dt)
+    adapted = no_feedforward(par) if par.parts.adaptation is None else held.adaptation.feedforward
+    seen = see(par, memory, measurement, timing.acted, adapted, dt)
     step = Step(
         par=par,
         memory=memory,
         measurement=measurement,
         reference=reference,
         dt=dt,
-        late=late,
-        past=past,
-        acted=acted,
-        signals=signals,
-        ahead=_coming(par, ahead, add(age, lead), dt),
-        observed=observed,
-        told=told,
-        alone=alone,
-        unknown=with_side(
-            par.model,
-            alone,
-            observed.quaternion.rotation(),
-            observed.rotor_speeds,
-            observed.velocity,
-            observed.rate,
-            par.center.sideways is not None,
-        ),
-        force=observed.force,
-        free=tuple(where(unchanged, each, 0.0) for each in memory.free),
+        timing=timing,
+        motion=motion,
+        seen=seen,
+        state=present(par, timing, seen, dt),
     )
-    step.state = _present(step)
-    for name, part in parts:
-        memories[name] = part.adjust_reference(memories[name], step)
-    slow = low_pass(memory.slow_force, step.force, par.tip.shift_rate, dt)
-    step.steady = steady_force(par, step, slow, adapted.force)
-    step.demand = demands(step)
-    output = actuate(step, step.demand)
-    for name, part in parts:
-        memories[name] = part.learn(memories[name], step)
+    effect = Effect(signals=motion.signals, unknown=seen.unknown, force=seen.observed.force)
+    memories: dict[str, Any] = {}
+    for name, part in touching:
+        memories[name], effect = part.affect(getattr(held, name), step, effect)
+    if par.parts.trend is not None:
+        memories["trend"] = update_trend(par.parts.trend, held.trend, seen.observed.force, dt)
+    slow = low_pass(memory.slow_force, effect.force, par.tip.shift_rate, dt)
+    coming = foresee(par, memories.get("trend"), effect, slow, adapted.force)
+    demand = demands(step, effect, coming)
+    output = actuate(step, coming.unknown, demand)
+    if par.parts.lag is not None:
+        memories["lag"] = par.parts.lag.after(held.lag, step, effect.isolated)
+    if par.parts.noise is not None:
+        memories["noise"] = par.parts.noise.after(held.noise, seen, measurement.velocity, dt)
+    for name, part in touching:
+        memories[name] = part.learn(memories[name], effect, demand)
+    if par.parts.adaptation is not None:
+        free = learning(memory, effect.learns)
+        planned, observed = demand.planned, seen.observed
+        memories["adaptation"] = adapt(par.parts.adaptation, par, held.adaptation, planned, observed, free, dt)
     following = CentroidalMemory(
         started=memory.started * 0.0 + 1.0,
         age=age,
         channels=channels,
-        observed=observed,
+        observed=seen.observed,
         sent=output.command,
-        past=past,
+        past=timing.past,
         applied=all_applied(par.model.vehicle.n),
         free=output.free,
         slow_force=slow,
         trim=output.trim,
-        following=step.demand.following,
+        following=demand.following,
         parts=PartMemories(**memories),
     )
     return following, output.command
 
 
-def _present(step: Step) -> State:
+def time_of_action(par: CentroidalParameters, memory: CentroidalMemory, dt: Scalar) -> Timing:
+    """Delay of the command by the estimated lag, and modelled actuation before the measurement."""
+    lag, past = par.parts.lag, memory.past.after(par.model, memory.sent, dt)
+    late = 0 if lag is None else lag.delay(memory.parts.lag, dt)
+    age = divide(late, dt) + float(par.delay_periods)
+    lead = add(late, dt * float(par.lead_periods)) if par.lead_periods else late
+    return Timing(late=late, lead=lead, age=age, past=past, acted=past.period(age))
+
+
+def continue_reference(
+    par: CentroidalParameters, memory: CentroidalMemory, reference: Reference, lead: Scalar, dt: Scalar
+) -> tuple[ReferenceMotion, tuple[Channel, ...], Scalar]:
+    """Reference at the instant of action, next states of its signals, and age of the held sample."""
+    ahead = samples_ahead(reference)
+    signals, channels, age = extrapolate(
+        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, ahead, lead
+    )
+    # the preview from then on, a period at least
+    since = add(age, lead)
+    found = [(maximum(time - since, dt), row) for time, row in zip(par.preview, ahead, strict=False)]
+    return ReferenceMotion(signals=signals, ahead=found[FOLLOWING:]), channels, age
+
+
+def gains_of_now(
+    par: CentroidalParameters, memory: CentroidalMemory, measurement: Measurement, lead: Scalar, dt: Scalar
+) -> CentroidalParameters:
+    """Constants of the law for this step: by estimated lag and noise, load, and a push from below."""
+    if all(same(each, 0) for each in measurement.specific_force):
+        par = dataclasses.replace(par, observer=dataclasses.replace(par.observer, accelerometer=None))
+    for name, part in par.parts.present():
+        par = part.adjust_gains(getattr(memory.parts, name), par, dt)
+    return brace_joints(par, memory.observed.force, memory.observed.joints, lead) if par.braces else par
+
+
+def see(
+    par: CentroidalParameters,
+    memory: CentroidalMemory,
+    measurement: Measurement,
+    acted: Actuation,
+    adapted: Disturbance,
+    dt: Scalar,
+) -> Seen:
+    """Update of the observer by one measurement: state and disturbance at the measurement's time."""
+    model = par.model
+    known = disturbance(memory.observed) + adapted
+    observed, told = observe(
+        model, par.observer, memory.observed, measurement, acted, known, memory.started, memory.free, dt
+    )
+    alone, R = disturbance(observed) + adapted, observed.quaternion.rotation()
+    across = par.center.sideways is not None
+    unknown = with_side(model, alone, R, observed.rotor_speeds, observed.velocity, observed.rate, across)
+    return Seen(observed=observed, told=told, alone=alone, unknown=unknown)
+
+
+def present(par: CentroidalParameters, timing: Timing, seen: Seen, dt: Scalar) -> State:
     """Vehicle state when the command of this step begins to act: filtered estimate, predicted over the sent commands.
 
     That is now, after the measurement's delay, and later by a delay of the commands that is found in flight.
     """
-    par, state, sideways = step.par, step.observed.state(), step.par.center.sideways is not None
-    if type(step.late) is int and not par.delay_periods:
+    state, sideways = seen.observed.state(), par.center.sideways is not None
+    if type(timing.late) is int and not par.delay_periods:
         return state
-    age = _age(par, step.late, step.dt)
-    return predict_across(par.model, state, step.past.since(age), step.unknown, age * step.dt, sideways)
+    done = timing.past.since(timing.age)
+    return predict_across(par.model, state, done, seen.unknown, timing.age * dt, sideways)
 
 
-def _age(par: CentroidalParameters, late: Scalar, dt: Scalar) -> Scalar:
-    """Age of the measurement against what the present command will find, in periods."""
-    return divide(late, dt) + float(par.delay_periods)
+def learning(memory: CentroidalMemory, share: Scalar) -> tuple[Scalar, ...]:
+    """Flags of base and joints that may be adapted: not at limits, nor in contact, nor with commands others changed.
+
+    A command that others changed moves the vehicle away from its plan: nothing of that is a load or friction.
+    """
+    unchanged = all_follow(memory.applied)
+    return tuple(mul(where(unchanged, each, 0.0), share) for each in memory.free)
 
 
-def _lead(par: CentroidalParameters, late: Scalar, dt: Scalar) -> Scalar:
-    """Time from now to when a command of this step acts, s: the commands' known delay and that found in flight."""
-    return add(late, dt * float(par.lead_periods)) if par.lead_periods else late
-
-
-def _coming(
-    par: CentroidalParameters, ahead: Sequence[Sequence[Sample]], age: Scalar, dt: Scalar
-) -> list[tuple[Scalar, Sequence[Sample]]]:
-    """Samples of the preview with their times from when a command of this step acts, a period at least."""
-    found = [(maximum(lead - age, dt), row) for lead, row in zip(par.preview, ahead, strict=False)]
-    return found[FOLLOWING:]
+def no_feedforward(par: CentroidalParameters) -> Disturbance:
+    """Feed-forward of a law that adapts nothing, known before compilation."""
+    return Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)

@@ -12,19 +12,15 @@ from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
-from skyarm.control.blocks.force_control import SENSING, require_thresholds
 from skyarm.control.blocks.late_actuators import first_past
-from skyarm.control.blocks.torque_scale import Tolerances
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal import options
 from skyarm.control.laws.centroidal.adaptation import adaptation_gains
-from skyarm.control.laws.centroidal.admittance import admittance_gains
+from skyarm.control.laws.centroidal.contact.options import contact_parts, must_act
 from skyarm.control.laws.centroidal.demands import first_following
 from skyarm.control.laws.centroidal.force_trend import trend_gains
-from skyarm.control.laws.centroidal.interaction import Interaction
 from skyarm.control.laws.centroidal.lag_estimate import LagGains, stride_of
 from skyarm.control.laws.centroidal.law import CentroidalMemory, PartMemories, centroidal
-from skyarm.control.laws.centroidal.load import load_gains
 from skyarm.control.laws.centroidal.noise_estimate import noise_gains
 from skyarm.control.laws.centroidal.options import (
     PERIODS,
@@ -32,7 +28,7 @@ from skyarm.control.laws.centroidal.options import (
     VALUES,
     check_entry,
     fit_gains,
-    must_act,
+    must_be_whole,
     note_former,
     number_within,
     periods_of,
@@ -44,10 +40,10 @@ from skyarm.control.laws.centroidal.parameters import (
     CenterGains,
     CentroidalParameters,
     Parts,
-    SidewaysGains,
     TipGains,
     at_shares,
 )
+from skyarm.control.laws.centroidal.tilting.options import sideways_part
 from skyarm.control.model import JointGains, Model
 from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.dynamics.actuators import AllocationError, Mixer, make_mixer
@@ -96,12 +92,15 @@ def make_centroidal(
         note_former(preset)
     changes = without_retired(changes)
     gains = {**VALUES, **{name: check_entry(name, value) for name, value in changes.items()}}
-    must_act(gains, admittance is not None)
-    periods, sideways, whole = periods_of(delay, control_period), gains["sideways"] > 0.0, model
-    turns_rotors = sideways and bool(model.vehicle.tilts)
+    must_act(gains, admittance)
+    sideways = sideways_part(gains)
+    must_be_whole(gains)
+    presses, carries = any(gains["interaction"]), bool(gains["load"])
+    periods, whole = periods_of(delay, control_period), model
+    turns_rotors = sideways is not None and bool(model.vehicle.tilts)
     model = pairs_model(model) if turns_rotors else model
     vehicle, leads = model.vehicle, mode == "tip" and model.vehicle.n > 0
-    gains |= fit_gains(gains, set(changes), mode, vehicle)
+    gains |= fit_gains(gains, set(changes), mode, vehicle, presses=presses, carries=carries)
     if (mode == "tip" or changes.get("adaptation")) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
     ahead = 0 if age is None else periods - periods_of(age, control_period, "age")
@@ -109,6 +108,7 @@ def make_centroidal(
         refuse("age", age, f"at most delay, {delay:g} s")
     # the observer finds a force late by its two poles and the known delay
     lead = periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0)
+    most = number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
     ends, hears = ends_of(vehicle), any(gains["accelerometer"])
@@ -116,7 +116,7 @@ def make_centroidal(
     loose = any(link.joint.turns and not any(end) for link, end in zip(vehicle.links, ends, strict=True))
     par = CentroidalParameters(
         model=model,
-        mixer=_mixer(vehicle, sideways),
+        mixer=_mixer(vehicle, sideways is not None),
         mode=mode,
         base=BaseGains(
             position=Vec3(kp, kp, kp),
@@ -127,15 +127,11 @@ def make_centroidal(
         center=CenterGains(
             tilt=gains["tilt"],
             floor=0.15 * vehicle.mass * model.gravity + 1e-3,
-            sideways=SidewaysGains(
-                share=gains["sideways"], attitude=gains["attitude"] if any(gains["attitude"]) else None
-            )
-            if sideways
-            else None,
+            sideways=sideways,
         ),
         joint_gains=JointGains(**_row("stiffness damping", ((each,) * vehicle.n for each in gains["arm"]))),
         joint_ends=ends,
-        braces=loose and bool(vehicle.end_effector) and not any(gains["interaction"]),
+        braces=loose and bool(vehicle.end_effector) and not presses,
         tip=TipGains(
             **_row("position velocity", gains["tip"]),
             **{name: gains[name] for name in ("reach", "damping", "posture", "shift_rate")},
@@ -153,11 +149,9 @@ def make_centroidal(
             if any(gains["lag"])
             else None,
             noise=noise_gains(vehicle, hears),
-            interaction=_interaction(gains, leads, vehicle) if any(gains["interaction"]) else None,
-            admittance=None if admittance is None else admittance_gains(admittance, gains, leads, lead),
-            load=load_gains(gains["load"], vehicle) if gains["load"] else None,
+            **contact_parts(gains, admittance, vehicle, leads=leads, lead=lead),
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,
-            adaptation=adaptation_gains(vehicle, gains, number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)),
+            adaptation=adaptation_gains(vehicle, 0.0 if carries else gains["adaptation"], most),
         ),
     )
     if gains["bandwidth"] != 1.0:
@@ -165,20 +159,6 @@ def make_centroidal(
     memory = first_memory(par, periods)
     found = Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
     return with_tilting(found, whole) if turns_rotors else found
-
-
-def _interaction(gains: Mapping[str, Any], leads: bool, vehicle: Vehicle) -> Interaction:
-    """Constants of contact force control from the law's options."""
-    require_thresholds(gains["interaction"], leads)
-    touch, lost = gains["interaction"]
-    geared = any(float(link.joint.armature) > 0.0 for link in vehicle.links)
-    return Interaction(
-        touch=touch,
-        lost=lost,
-        sensing=SENSING if gains["force_sensor"] else None,
-        tolerances=Tolerances(**_row("torques masses", gains["tolerances"])) if any(gains["tolerances"]) else None,
-        geared=geared,
-    )
 
 
 def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:

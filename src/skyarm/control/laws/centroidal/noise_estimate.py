@@ -21,9 +21,8 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import Scalar, clip, data, divide, maximum, sqrt
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.options import noise_share
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.part import Part, Seen
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -40,6 +39,9 @@ quick as those that the gains were chosen with."""
 
 SEEN, FELT = 0.01 * 0.005**0.5, 0.05 * 0.005**0.5
 """m/s/Hz^0.5 and m/s^2/Hz^0.5, noises of velocity and accelerometer that its bandwidths were chosen for."""
+
+MOTOR_LAG = 0.5 * (0.0125 + 0.025)
+"""s, mean time constant of the motors that the gains were chosen with."""
 
 SLOWEST, QUICKEST = 2.0, 60.0
 """rad/s, of the pole below which velocities are believed more than the accelerometer."""
@@ -102,16 +104,24 @@ class NoiseGains(Part):
         force = observer.force * seen.share(self.density, dt)
         return dataclasses.replace(par, observer=dataclasses.replace(observer, force=force, accelerometer=heard))
 
-    def learn(self, memory: NoiseMemory, step: Step) -> NoiseMemory:
-        """Update the estimates by one control period."""
-        told, seen, noise = step.told, memory.velocity, memory.accelerometer
-        left = step.measurement.velocity - step.observed.velocity
+    def after(self, memory: NoiseMemory, seen: Seen, velocity: Vec3, dt: Scalar) -> NoiseMemory:
+        """Estimates one control period later, by the velocity measured in it."""
+        told, noise = seen.told, memory.accelerometer
         if noise and told.beside:
-            noise = noise.after(told.beside - noise.last, told.beside, FELT, step.dt)
-        seen = seen.after(told.innovation - seen.last, left, self.density, step.dt)
-        return NoiseMemory(velocity=seen, accelerometer=noise)
+            noise = noise.after(told.beside - noise.last, told.beside, FELT, dt)
+        change, left = told.innovation - memory.velocity.last, velocity - seen.observed.velocity
+        return NoiseMemory(velocity=memory.velocity.after(change, left, self.density, dt), accelerometer=noise)
 
 
 def noise_gains(vehicle: Vehicle, hears: bool) -> NoiseGains:
     """Constants of the noise estimate for a vehicle, with or without an accelerometer."""
     return NoiseGains(density=VELOCITY * noise_share(vehicle), hears=hears)
+
+
+def noise_share(vehicle: Vehicle) -> float:
+    """Scale of the velocity noise that costs no bandwidth: mean lag of the paper's motors over the slowest's.
+
+    Inverting the lag of a motor amplifies noise of the wanted speed by about its time constant over the period.
+    """
+    times = (0.5 * (float(rotor.time_constant_up) + float(rotor.time_constant_down)) for rotor in vehicle.rotors)
+    return MOTOR_LAG / max(MOTOR_LAG, *times)

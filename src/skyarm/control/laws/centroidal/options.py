@@ -12,6 +12,8 @@ import numpy as np
 
 from skyarm.algebra import Mat3
 from skyarm.control.controller import ControllerError, FormerNameWarning
+from skyarm.control.laws.centroidal.contact import options as contact
+from skyarm.control.laws.centroidal.tilting import options as tilting
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import chain, jacobian_columns
 from skyarm.records.files import errors_as, number, shown
@@ -46,17 +48,7 @@ OPTIONS: Mapping[str, tuple[Any, float, float]] = {
 }
 """Options with their values, and the lowest and highest one; see :class:`CentroidalParameters`."""
 
-OF_PARTS: Mapping[str, tuple[Any, float, float]] = {
-    "interaction": ((0.0, 0.0), 0.0, 1e3),
-    "tolerances": ((0.0, 0.0), 0.0, 1.0),
-    "force_sensor": (False, 0.0, 1.0),
-    "load": (0.0, 0.0, 1e3),
-    "sideways": (0.0, 0.0, 1.0),
-    "attitude": ((0.0, 0.0), -1.0, 1.0),
-}
-"""Options of contact, load and sideways force, likewise; all of them are left out."""
-
-_NUMBERS = {**OPTIONS, **OF_PARTS}
+_NUMBERS = {**OPTIONS, **contact.OPTIONS, **tilting.OPTIONS}
 
 VALUES: Mapping[str, Any] = {**GAINS, **{name: value for name, (value, *_) in _NUMBERS.items()}}
 """Each option as it is where nothing is said. ``bandwidth`` scales all gains."""
@@ -84,9 +76,6 @@ OLDEST = 100
 ARM = 0.3
 """m, length of the arm on which the gains were chosen."""
 
-MOTOR_LAG = 0.5 * (0.0125 + 0.025)
-"""s, mean time constant of the motors that the gains were chosen with."""
-
 SHORTEST = 0.01
 """m, length that an arm is given at least; one whose tip sits on its first joint has none."""
 
@@ -101,15 +90,17 @@ def arm_length(vehicle: Vehicle) -> float:
     return total
 
 
-def fit_gains(gains: Mapping[str, Any], given: AbstractSet[str], mode: str, vehicle: Vehicle) -> dict[str, Any]:
-    """Options that go with the vehicle, but for those that were given."""
+def fit_gains(
+    gains: Mapping[str, Any], given: AbstractSet[str], mode: str, vehicle: Vehicle, *, presses: bool, carries: bool
+) -> dict[str, Any]:
+    """Options that go with the vehicle, but for those that were given; not all fit a tip that presses or carries."""
     found: dict[str, Any] = {}
     if mode == "tip" and vehicle.end_effector:
         # both go with the root of the arm's length: the preview is as long as its pendulum swings
         found |= {name: gains[name] * damping_share(vehicle) for name in ("damping", "preview")}
-        if not any(gains["interaction"]):
+        if not presses:
             found["tip"] = gains["tip"][0], gains["tip"][1] * tip_damping_share(vehicle)
-            if not gains["load"]:
+            if not carries:
                 light, (force, torque, joints, pose) = tip_lightness(vehicle), gains["observer"]
                 found["tip"] = found["tip"][0] / min(light, LIGHTEST), found["tip"][1]
                 found["observer"] = force, torque, joints * min(light, QUICKEST), pose
@@ -178,15 +169,6 @@ def slide_room(vehicle: Vehicle) -> float:
     return max(min(rooms, default=math.inf), OPTIONS["reach"][1])
 
 
-def noise_share(vehicle: Vehicle) -> float:
-    """Scale of the velocity noise that costs no bandwidth: mean lag of the paper's motors over the slowest's.
-
-    Inverting the lag of a motor amplifies noise of the wanted speed by about its time constant over the period.
-    """
-    times = (0.5 * (float(rotor.time_constant_up) + float(rotor.time_constant_down)) for rotor in vehicle.rotors)
-    return MOTOR_LAG / max(MOTOR_LAG, *times)
-
-
 def refuse(name: str, value: Any, words: str) -> NoReturn:
     """Raise the one-line error for an option's value, with the allowed values."""
     raise ControllerError(f"controller.{name} = {shown(value)}: must be {words}")
@@ -243,14 +225,8 @@ def check_entry(name: str, value: Any) -> Any:
     return tuple(number_within(f"{name}[{i}]", each, *limits) for i, each in enumerate(value))
 
 
-def must_act(gains: Mapping[str, Any], admits: bool) -> None:
-    """Reject options that have no effect because another option is missing."""
-    if gains["force_sensor"] and not (admits or any(gains["interaction"])):
-        raise ControllerError("controller.force_sensor = true: must be false without interaction")
-    if any(gains["tolerances"]) and not any(gains["interaction"]):
-        refuse("tolerances", gains["tolerances"], "twice 0 without interaction")
-    if any(gains["attitude"]) and not gains["sideways"]:
-        refuse("attitude", gains["attitude"], "level without the option sideways")
+def must_be_whole(gains: Mapping[str, Any]) -> None:
+    """Reject pairs of which one alone is 0."""
     for name, unit in (("accelerometer", "bandwidths"), ("lag", "lengths")):
         if any(gains[name]) and not all(gains[name]):
             refuse(name, gains[name], f"two {unit} above 0, or twice 0")

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, mul, sqrt, total
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
-from skyarm.control.laws.centroidal.part import Part
+from skyarm.control.laws.centroidal.part import Part, RotorPart
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics.actuators import Mixer
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
 from skyarm.records.units import Unit
+
+if TYPE_CHECKING:
+    from skyarm.control.laws.centroidal.adaptation import AdaptationGains
+    from skyarm.control.laws.centroidal.force_trend import TrendGains
+    from skyarm.control.laws.centroidal.lag_estimate import LagGains
+    from skyarm.control.laws.centroidal.noise_estimate import NoiseGains
 
 MODES = ("joint", "tip")
 
@@ -34,16 +40,11 @@ BRACES, QUICKER = (0.05, 9.0, 3.2), (0.15, 3.0, 2.0)
 """Upward force over the weight from which the joints' damping grows, by how much with what exceeds it, and the most.
 The same of their observer's bandwidth with an accelerometer, where a tenth of the thrust is too little to tell."""
 
+OWN = ("lag", "noise", "trend", "adaptation")
+"""Parts of the law itself."""
+
 BENT = 3.0
 """Levers over ``damping`` at which half of that is left."""
-
-
-@immutable
-class SidewaysGains:
-    """Constants of the rotors' sideways force; ``attitude`` is the roll and pitch held meanwhile, None for level."""
-
-    share: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")]
-    attitude: Annotated[tuple[Scalar, Scalar], Unit("rad", "roll and pitch that sideways force holds")] | None
 
 
 @immutable
@@ -52,7 +53,7 @@ class CenterGains:
 
     tilt: Annotated[Scalar, Unit("", "largest tangent of the commanded tilt")]
     floor: Annotated[Scalar, Unit("N", "smallest commanded vertical force")]
-    sideways: SidewaysGains | None
+    sideways: RotorPart | None
 
 
 @immutable
@@ -69,24 +70,27 @@ class TipGains:
     posture: Annotated[Scalar, Unit("m", "weight of the joints' own references")]
     shift_rate: Annotated[Scalar, Unit("rad/s", "filter of the disturbance that the base's shift follows")]
     preview: Annotated[Scalar, Unit("s", "of the reference, by which the base shifts")] | None = None
-    links: Annotated[tuple[Scalar, ...], Unit("", "bandwidth of each link's orientation over the tip's; () for 1")] = ()
 
 
 @immutable
 class Parts:
     """Optional parts of the centroidal law (lag estimate, contact ...) in order of execution; None disables a part."""
 
-    lag: Part | None = None
-    noise: Part | None = None
+    lag: LagGains | None = None
+    noise: NoiseGains | None = None
     interaction: Part | None = None
     admittance: Part | None = None
     load: Part | None = None
-    trend: Part | None = None
-    adaptation: Part | None = None
+    trend: TrendGains | None = None
+    adaptation: AdaptationGains | None = None
 
     def present(self) -> list[tuple[str, Part]]:
         """Names and constants of the enabled optional parts of the centroidal law."""
         return [(name, part) for name, part in parts(self).items() if part is not None]
+
+    def touching(self) -> list[tuple[str, Part]]:
+        """Names and constants of the enabled parts that are not the law's own, of a tip in contact."""
+        return [(name, part) for name, part in self.present() if name not in OWN]
 
 
 @immutable

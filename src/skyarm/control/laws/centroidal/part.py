@@ -1,16 +1,16 @@
-"""Base class of the centroidal law's optional parts, and the control step data that they share.
+"""Base class of the centroidal law's optional parts, and the records that its steps hand on to each other.
 
 A part is a record of constants with any of the functions below; its memory is its own record, which the law keeps. A
-part that is left out is not in the law's program at all.
+part that is left out is not in the law's program at all. Nothing that is handed on is changed: a part returns its own.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
-from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, maximum, mul
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, Told
@@ -18,6 +18,8 @@ from skyarm.control.blocks.force_control import Pressing
 from skyarm.control.blocks.late_actuators import Past
 from skyarm.control.blocks.prediction import Actuation, Disturbance
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Mixer
+from skyarm.records.immutable import immutable
 from skyarm.reference import Reference
 from skyarm.reference.preview import Sample
 from skyarm.sensing.measurement import Measurement
@@ -28,26 +30,58 @@ if TYPE_CHECKING:
     from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 
 
-@dataclass(kw_only=True, slots=True)
+@immutable
+class Timing:
+    """Delay of the command of this step, and the actuation before the measurement.
+
+    Attributes:
+        late: s, after which a command acts, found in flight. lead: that with the commands' known delay.
+        age: periods from the measurement to when the command acts.
+        past: of the actuators. acted: mean actuation over the period before the measurement.
+    """
+
+    late: Scalar = 0
+    lead: Scalar = 0
+    age: Scalar = 0
+    past: Past
+    acted: Actuation
+
+
+@immutable
+class ReferenceMotion:
+    """Reference motion at the instant at which a command of this step acts.
+
+    Attributes:
+        signals: x, y, z, yaw and the joints, series in time.
+        ahead: samples to come, each with its time from then, s.
+    """
+
+    signals: Sequence[Taylor]
+    ahead: Sequence[tuple[Scalar, Sequence[Sample]]] = ()
+
+
+@immutable
+class Seen:
+    """Observer output: state, model accelerations and disturbance at the measurement's time.
+
+    Attributes:
+        observed: at the measurement's time. told: accelerations of the model over the period before it.
+        alone: observed disturbance with the adapted feed-forward. unknown: that with what the mixer omits.
+    """
+
+    observed: Observed
+    told: Told
+    alone: Disturbance
+    unknown: Disturbance
+
+
+@immutable
 class Step:
-    """Data of one control step of the centroidal law, read and changed by its optional parts.
+    """One control step as its optional parts find it.
 
     Attributes:
         par: constants of this step. memory: of the law, one period earlier. dt: s.
-        late: s, after which a command of this step acts, found in flight. The reference and ``state`` are of then.
-        past: of the actuators. acted: mean actuation over the period before the measurement.
-        signals: x, y, z, yaw and the joints of the reference, series in time.
-        observed: of the observer, at the measurement's time. told: accelerations of the model over that period.
-        alone: observed disturbance with the adapted feed-forward.
-        unknown: disturbance that the demand compensates. force: N, world axes, that the posture follows.
-        state: now.
-        free, isolated: 1 where base and joints, and the lag, may be adapted, 0 at limits and in contact.
-        external: 1 while a force on the tip is part of the observed disturbance.
-        pressing: the push; None without one.
-        rate: N/s, world axes, trusted part of the observed force's.
-        ahead: samples to come of the reference, each with its time from now, s.
-        steady: force that the attitude balances, N, world axes.
-        demand: of the step, once it is known.
+        state: when a command of this step acts.
     """
 
     par: CentroidalParameters
@@ -55,37 +89,79 @@ class Step:
     measurement: Measurement
     reference: Reference
     dt: Scalar
-    signals: Sequence[Taylor]
-    observed: Observed
-    told: Told
-    alone: Disturbance
-    unknown: Disturbance
-    force: Vec3
-    free: tuple[Scalar, ...]
-    past: Past
-    acted: Actuation
-    late: Scalar = 0
-    state: State = field(init=False)
-    isolated: Scalar = 1.0
-    external: Scalar = 0
-    pressing: Pressing | None = None
-    ahead: Sequence[tuple[Scalar, Sequence[Sample]]] = ()
-    rate: Vec3 = ZERO3
-    steady: Vec3 = ZERO3
-    demand: Demand | None = None
+    timing: Timing
+    motion: ReferenceMotion
+    seen: Seen
+    state: State
 
     @property
     def holds(self) -> tuple[Scalar, ...]:
         """Grasp flag, above 0.5 while the tip holds a load: by the reference, else by the gripper; () for neither."""
         return self.reference.load or self.measurement.holds
 
-    def isolate(self, share: Scalar, never: Scalar = 0.0) -> None:
-        """Stop adaptation where ``share`` is 0, because an external force is in the observed disturbance.
+
+@immutable
+class Effect:
+    """Change of a control step by a tip in contact: reference, compensated disturbance, adaptation.
+
+    Attributes:
+        signals: of the reference, as shifted. unknown: disturbance that is compensated.
+        force: N, world axes, that the posture follows.
+        learns, isolated: 1 where base and joints, and the lag, may be adapted, 0 in contact.
+        external: 1 while a force on the tip is part of the observed disturbance. pressing: the push; None without one.
+        links: bandwidth of each link's orientation over the tip's; () for 1.
+    """
+
+    signals: Sequence[Taylor]
+    unknown: Disturbance
+    force: Vec3
+    learns: Scalar = 1
+    isolated: Scalar = 1.0
+    external: Scalar = 0
+    pressing: Pressing | None = None
+    links: tuple[Scalar, ...] = ()
+
+    def isolating(self, share: Scalar, never: Scalar = 0.0) -> Effect:
+        """Effect that stops adaptation where ``share`` is 0, as an external force is in the observed disturbance.
 
         ``never`` is 1 where none was there in this flight: the lag is estimated.
         """
-        self.free = tuple(mul(each, share) for each in self.free)
-        self.isolated = mul(self.isolated, maximum(share, never))
+        isolated = mul(self.isolated, maximum(share, never))
+        return dataclasses.replace(self, learns=mul(self.learns, share), isolated=isolated)
+
+
+class RotorForce:
+    """Force that rotors give at an attitude: along body z alone without a part for more directions."""
+
+    __slots__ = ()
+
+    def leaning(self, force: Vec3, yaw: Taylor) -> Vec3:
+        """Part of a desired force (series, N, world axes) that sets the attitude: all of it."""
+        return force
+
+    def achievable(self, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
+        """Force that the rotors can give at this attitude, N, world axes, or its first derivative, N/s.
+
+        ``force`` is the desired one, with its derivative for that of the result.
+        """
+        b3: Vec3 = R.column(2)
+        along = force[0].dot(b3)
+        pushed: Vec3 = b3 * along
+        if len(force) > 1:
+            b3d = R.apply(w.cross(E_Z))
+            pushed = b3 * (force[1].dot(b3) + force[0].dot(b3d)) + b3d * along
+        return pushed
+
+    def across(self, R: Mat3, force: Vec3) -> Vec3:
+        """Components of an achievable force across body z, N, body axes: none."""
+        return ZERO3
+
+
+class RotorPart(Protocol):
+    """Constants of a part that gives rotors more directions of force."""
+
+    def rotor_force(self, mixer: Mixer, com: Vec3, weight: Scalar) -> RotorForce:
+        """Force that the rotors give, with the centre of mass at ``com`` (m, base axes) and the weight in N."""
 
 
 class Part:
@@ -97,18 +173,14 @@ class Part:
         """Initial internal state of an optional part of the law, for a vehicle with the given number of joints."""
         return ()
 
-    def delay(self, memory: Any, dt: Scalar) -> Scalar:
-        """Delay of the commands, s, across which the law predicts beside the known one."""
-        return 0
-
     def adjust_gains(self, memory: Any, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Constants of the law for this control step, as changed by an optional part."""
         return par
 
-    def adjust_reference(self, memory: Any, step: Step) -> Any:
-        """Change reference and disturbance of the control step; return the next state of the optional part."""
-        return memory
+    def affect(self, memory: Any, step: Step, effect: Effect) -> tuple[Any, Effect]:
+        """Next state of an optional part, and its effect on the control step beside that of the parts before it."""
+        return memory, effect
 
-    def learn(self, memory: Any, step: Step) -> Any:
+    def learn(self, memory: Any, effect: Effect, demand: Demand) -> Any:
         """State of an optional part at the end of a control step, updated from the computed demand."""
         return memory

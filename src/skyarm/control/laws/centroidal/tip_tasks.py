@@ -20,6 +20,7 @@ from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin, total
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Attitude, Posture, derivative, vector_series
 from skyarm.control.blocks.center_of_mass import axes, com_columns
+from skyarm.control.blocks.force_control import Pressing
 from skyarm.control.blocks.tip_force import LeastSquares
 from skyarm.control.laws.centroidal.parameters import TipGains
 from skyarm.dynamics.kinematics import Pose, chain, jacobian_columns, link_poses
@@ -89,6 +90,20 @@ def move_goal(goal: Goal, error: Sequence[Vec3], reach: Scalar) -> Goal:
     moved = series * (fourth / (fourth + 1.0))
     p, v, a = (old + derivative(moved, k) for k, old in enumerate(goal.tip))
     return dataclasses.replace(goal, tip=(p, v, a))
+
+
+def release_normal(pressing: Pressing, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Scalar) -> Goal:
+    """Tip reference without position control along the surface normal, along which only damping remains."""
+    p, v, a = goal.tip
+    n, slower = pressing.n, 1.0 - pressing.damping / velocity_gain
+    return dataclasses.replace(
+        goal,
+        tip=(
+            p + n * (n.dot(tip - p) * pressing.share),
+            v + n * (n.dot(tip_velocity * slower - v) * pressing.share),
+            a - n * (n.dot(a) * pressing.share),
+        ),
+    )
 
 
 def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: Attitude) -> list[Vec3]:
@@ -237,9 +252,17 @@ class Now:
 
 
 def joint_accelerations(
-    vehicle: Vehicle, gains: TipGains, wanted: Goal, now: Now, preferred: Sequence[Scalar]
+    vehicle: Vehicle,
+    gains: TipGains,
+    wanted: Goal,
+    now: Now,
+    preferred: Sequence[Scalar],
+    links: Sequence[Scalar] = (),
 ) -> tuple[Scalar, ...]:
-    """Joint accelerations for the tip and link tasks, regularised to those of the joint references."""
+    """Joint accelerations for the tip and link tasks, regularised to those of the joint references.
+
+    ``links`` are the bandwidths of the links' orientations over the tip's; () for 1.
+    """
     R, w = now.R, now.rate
     poses = link_poses(vehicle, now.joints, summed=True)
     problem = LeastSquares(vehicle.n)
@@ -263,7 +286,7 @@ def joint_accelerations(
     weight = gains.damping * gains.damping * plan_weight(vehicle, directions, errors)
     for i, (rate, bias) in enumerate(link_turning(vehicle, directions, now.joint_rates, w, now.alpha)):
         error = errors[i]
-        calm = gains.links[i] if gains.links else 1
+        calm = links[i] if links else 1
         velocity, position = mul(gains.velocity, calm), mul(gains.position, mul(calm, calm))
         turn = R.apply_T(wanted.accelerations[i] + wanted.rates[i] * velocity) + error * position
         needed = turn - rate * velocity - bias

@@ -61,7 +61,7 @@ class Done:
     trim: tuple[Scalar, ...]
 
 
-def actuate(step: Step, demand: Demand) -> Done:
+def actuate(step: Step, unknown: Disturbance, demand: Demand) -> Done:
     """Rotor and joint commands for the demanded thrust and accelerations.
 
     Motors that slow down later than they speed up lose thrust under noise: the trim integrates, within bounds, what the
@@ -71,7 +71,7 @@ def actuate(step: Step, demand: Demand) -> Done:
     """
     par, state, dt, trim = step.par, step.state, step.dt, step.memory.trim
     model = par.model
-    torque, efforts = needed(model, state, demand, step.unknown)
+    torque, efforts = needed(model, state, demand, unknown)
     limits = [link.joint.effort_limit for link in model.vehicle.links]
     held = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
     missing = [sub(effort, kept) for effort, kept in zip(efforts, held, strict=True)]

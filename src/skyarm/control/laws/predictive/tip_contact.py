@@ -2,7 +2,7 @@
 
 The tip's force comes from the law's own observer. Touch and loss, the ramp of the wanted force, its integral, and the
 shift of the reference along the estimated normal are those of the centroidal law
-(:mod:`skyarm.control.laws.centroidal.interaction`); ramp and shift are foreseen over the horizon.
+(:mod:`skyarm.control.laws.centroidal.contact.interaction`); ramp and shift are foreseen over the horizon.
 """
 
 from __future__ import annotations

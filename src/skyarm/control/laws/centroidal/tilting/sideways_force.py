@@ -13,18 +13,32 @@ input force, whose hard bound of the lateral force is smooth here.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Annotated, Any, cast
 
 from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose
-from skyarm.control.blocks.attitude import Attitude, derivative, vector_series
+from skyarm.control.blocks.attitude import derivative, vector_series
+from skyarm.control.laws.centroidal.part import RotorForce
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.immutable import immutable
+from skyarm.records.units import Unit
 
 LEAST = 0.4
 """Of what hover takes of a rotor: the least room that is reckoned with. Less lets the base swing far over when thrust
 goes away for a moment; more counts on force that is not there (tried from 0.05 to 1 near free fall)."""
+
+
+@immutable
+class SidewaysGains:
+    """Constants of the rotors' sideways force; ``attitude`` is the roll and pitch held meanwhile, None for level."""
+
+    share: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")]
+    attitude: Annotated[tuple[Scalar, Scalar], Unit("rad", "roll and pitch that sideways force holds")] | None
+
+    def rotor_force(self, mixer: Mixer, com: Vec3, weight: Scalar) -> SidewaysForce:
+        """Force that the rotors give, with the centre of mass at ``com`` (m, base axes) and the weight in N."""
+        return SidewaysForce(self, reach_of(mixer, com, weight))
 
 
 @immutable(kw_only=False)
@@ -39,6 +53,36 @@ class Reach:
     rows: tuple[Vec3, ...]
     highest: tuple[Scalar, ...]
     least: tuple[Scalar, ...]
+
+
+@immutable(kw_only=False)
+class SidewaysForce(RotorForce):
+    """Force of rotors that push across body z, too, as far as they have room."""
+
+    gains: SidewaysGains
+    reach: Reach
+
+    def leaning(self, force: Vec3, yaw: Taylor) -> Vec3:
+        """Part of a desired force (series, N, world axes) that sets the attitude: what is not given sideways."""
+        held = self.gains.attitude
+        axis = None if held is None else thrust_axis(held, yaw.truncate(2))
+        return leaning(self.reach, force, self.gains.share, axis)
+
+    def achievable(self, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
+        """Force that the rotors can give at this attitude, N, world axes, or its first derivative, N/s."""
+        order, wanted = len(force) - 1, vector_series(force)
+        turning = [[R.column(k), R.apply(w.cross(axis))] for k, axis in enumerate((E_X, E_Y, E_Z))]
+        axes = [vector_series(each[: order + 1]) for each in turning]
+        x, y, z = (axis.dot(wanted) for axis in axes)
+        side = gauge(self.reach, Vec3(x, y, z))
+        share = 1.0 / _eighth_root(choose(side > 1.0, side, 1.0))
+        x, y = x * share, y * share
+        return derivative(axes[0] * x + axes[1] * y + axes[2] * z, order)
+
+    def across(self, R: Mat3, force: Vec3) -> Vec3:
+        """Components of an achievable force across body z, N, body axes."""
+        inside = R.apply_T(force)
+        return Vec3(inside.x, inside.y, 0)
 
 
 def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> Reach:
@@ -103,44 +147,6 @@ def slightest(reach: Reach, vertical: Taylor) -> Taylor:
 
 def _square(value: Taylor) -> Taylor:
     return value * value
-
-
-def achievable_force(reach: Reach | None, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
-    """Force that the rotors can give at this attitude, N, world axes, or its first derivative, N/s.
-
-    ``force`` is the desired one, with its derivative for that of the result; ``reach`` None for none across body z.
-    """
-    order = len(force) - 1
-    if reach is None:
-        b3: Vec3 = R.column(2)
-        along = force[0].dot(b3)
-        pushed: Vec3 = b3 * along
-        if order:
-            b3d = R.apply(w.cross(E_Z))
-            pushed = b3 * (force[1].dot(b3) + force[0].dot(b3d)) + b3d * along
-        return pushed
-    wanted = vector_series(force)
-    axes = [vector_series([R.column(k), R.apply(w.cross(axis))][: order + 1]) for k, axis in enumerate((E_X, E_Y, E_Z))]
-    x, y, z = (axis.dot(wanted) for axis in axes)
-    side = gauge(reach, Vec3(x, y, z))
-    share = 1.0 / _eighth_root(choose(side > 1.0, side, 1.0))
-    x, y = x * share, y * share
-    return derivative(axes[0] * x + axes[1] * y + axes[2] * z, order)
-
-
-def across(force: Vec3) -> Vec3:
-    """Components of a force perpendicular to z."""
-    return Vec3(force.x, force.y, 0)
-
-
-def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Scalar, gravity: Scalar) -> Vec3:
-    """Rate of the planned force f = m (p'' + g), planned body axes, N/s: R^T m p''' - w x R^T f.
-
-    ``motion`` are p'' and p''' of the centre of mass.
-    """
-    force: Vec3 = still.R.apply_T(motion[0] + E_Z * gravity) * mass
-    change: Vec3 = still.R.apply_T(motion[1]) * mass
-    return change - still.rate.cross(force)
 
 
 def _eighth_root(value: Taylor) -> Taylor:

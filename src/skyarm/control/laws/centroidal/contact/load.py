@@ -22,7 +22,7 @@ from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.tip_force import ForceErrors, LeastSquares
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.part import Effect, Part, Step
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.files import shown
@@ -179,33 +179,33 @@ class LoadGains(Part):
         load = Body(mass=mul(self.inertia_share, memory.mass), com=com, inertia=Sym3(about, about, about))
         return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle.with_body(tip.link, load)))
 
-    def adjust_reference(self, memory: LoadMemory, step: Step) -> LoadMemory:
+    def affect(self, memory: LoadMemory, step: Step, effect: Effect) -> tuple[LoadMemory, Effect]:
         """Update the load estimate; leave the force of a support under the load uncompensated."""
         if not step.holds:
-            return memory
-        par, before, dt, observed = step.par, step.memory, step.dt, step.observed
+            return memory, effect
+        par, before, dt, observed = step.par, step.memory, step.dt, step.seen.observed
         holds = step.holds[0] > 0.5
         learns: Scalar = where(all_follow(before.applied), 1.0, 0.0)
         for each in before.free:
             learns = mul(learns, each)
-        if step.pressing is not None:
+        pressing = effect.pressing
+        if pressing is not None:
             contact: Any = par.parts.interaction
-            learns = where(logical_or(step.pressing.engaged > 0.5, step.pressing.asked), 0.0, learns)
+            learns = where(logical_or(pressing.engaged > 0.5, pressing.asked), 0.0, learns)
             # what is left of a contact in the observer is no bias; of a mass, learned much faster, it is gone as fast
             learns = mul(learns, where(holds, 1.0, contact_cleared(contact, before.parts.interaction)))
         R = observed.quaternion.rotation()
         bandwidth = minimum(par.observer.force, par.observer.joints)
         load, resting = learn_load(
-            self, memory, par.model, R, observed.joints, step.alone, holds, learns, bandwidth, dt
+            self, memory, par.model, R, observed.joints, step.seen.alone, holds, learns, bandwidth, dt
         )
-        step.unknown, step.force = step.unknown + resting, step.force + resting.force
+        unknown = effect.unknown + resting
         shares = self.unknown_shares(par.model.vehicle, observed.joints, load.mass)
-        efforts = tuple(mul(1.0 - share, each) for share, each in zip(shares, step.unknown.efforts, strict=True))
-        step.unknown = dataclasses.replace(step.unknown, efforts=efforts)
+        efforts = tuple(mul(1.0 - share, each) for share, each in zip(shares, unknown.efforts, strict=True))
         # there the load is nearly all of the inertia, and the grasp is elastic: turn these links gently
         calm = tuple(1.0 - mul(1.0 - self.links, share) for share in shares)
-        step.par = dataclasses.replace(par, tip=dataclasses.replace(par.tip, links=calm))
-        return load
+        unknown, force = dataclasses.replace(unknown, efforts=efforts), effect.force + resting.force
+        return load, dataclasses.replace(effect, unknown=unknown, force=force, links=calm)
 
     def unknown_shares(self, vehicle: Vehicle, joints: Sequence[Scalar], mass: Scalar) -> list[Scalar]:
         """Share, 0 to 1, of the inertia about each joint that a held load has and the model lacks.

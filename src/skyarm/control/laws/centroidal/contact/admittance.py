@@ -29,7 +29,7 @@ from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.part import Effect, Part, Step
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.coerce import concrete
 from skyarm.records.files import Fields, errors_as, shown
@@ -146,13 +146,12 @@ class AdmittanceGains(Part):
         zero = () if self.sensing is None else ZERO3_DATA
         return AdmittanceMemory(bias=no_disturbance(joints), sensed=zero, sensor_bias=zero)
 
-    def adjust_reference(self, memory: AdmittanceMemory, step: Step) -> AdmittanceMemory:
+    def affect(self, memory: AdmittanceMemory, step: Step, effect: Effect) -> tuple[AdmittanceMemory, Effect]:
         """Shift the reference by the virtual body; stop adaptation during an external force and shortly after it."""
-        vehicle, reading = step.par.model.vehicle, step.measurement.tip_force
-        memory, step.signals = shift_reference(self, memory, vehicle, step.observed, step.signals, reading, step.dt)
-        step.external = memory.detected
-        step.isolate(self.force_cleared(memory))
-        return memory
+        vehicle, reading, observed = step.par.model.vehicle, step.measurement.tip_force, step.seen.observed
+        memory, signals = shift_reference(self, memory, vehicle, observed, effect.signals, reading, step.dt)
+        effect = dataclasses.replace(effect, signals=signals, external=memory.detected)
+        return memory, effect.isolating(self.force_cleared(memory))
 
     def force_cleared(self, memory: AdmittanceMemory) -> Scalar:
         """Flag of 1 if no external force has counted for a while, else 0."""

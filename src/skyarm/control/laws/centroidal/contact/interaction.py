@@ -42,8 +42,8 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import TipLevers, levers
 from skyarm.control.blocks.torque_scale import first_scale
-from skyarm.control.laws.centroidal.part import Part, Step
-from skyarm.control.laws.centroidal.tip_tasks import Goal
+from skyarm.control.laws.centroidal.demands import Demand
+from skyarm.control.laws.centroidal.part import Effect, Part, Step
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -60,17 +60,17 @@ class Interaction(InteractionGains, Part):
         first = first_interaction(joints, self.sensing is not None)
         return first if self.tolerances is None else dataclasses.replace(first, scale=first_scale(joints))
 
-    def adjust_reference(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
+    def affect(self, memory: InteractionMemory, step: Step, effect: Effect) -> tuple[InteractionMemory, Effect]:
         """Replace the observed contact force by the commanded one, and stop adaptation during contact."""
         if not step.reference.push:
-            return memory
-        observed, state, dt, vehicle = step.observed, step.state, step.dt, step.par.model.vehicle
+            return memory, effect
+        observed, state, dt, vehicle = step.seen.observed, step.state, step.dt, step.par.model.vehicle
         then = levers(vehicle, observed.quaternion.rotation(), observed.joints)
         now = levers(vehicle, state.quaternion.rotation(), state.joints)
         planned = wanted_of(step.reference.push).about_the_pivot(state.position + now.R.apply(now.tip))
         wanted = dataclasses.replace(planned, normal=estimated_normal(planned.normal, memory.lean))
         velocity = now.velocity(state.velocity, state.rate, state.joint_rates)
-        course = Vec3(*(signal.derivative(1) for signal in step.signals[:3]))
+        course = Vec3(*(signal.derivative(1) for signal in effect.signals[:3]))
         across = course - wanted.normal * wanted.normal.dot(course)
         slides: Scalar = across.dot(across) > SLIDES * SLIDES
         effort = where(slides, 0.0, _effort(vehicle, step.memory.sent))
@@ -86,24 +86,31 @@ class Interaction(InteractionGains, Part):
         memory, pressing = interact(self, memory, wanted, seen, then, into, effort, dt, felt, moving)
         slides = logical_and(slides, memory.share > 1.0 - 1e-9)
         lean = update_lean(memory.lean, wanted.normal, velocity, self.tilting, wanted.presses, slides, dt)
-        given = pressing.with_order(step.unknown, then, now)
-        step.force = observed.force + given.force - step.unknown.force
+        given = pressing.with_order(effect.unknown, then, now)
+        force = observed.force + given.force - effect.unknown.force
         if self.geared:
-            given = with_slow_wind(given, pressing, step.unknown.force - pressing.force, memory.bias.force)
-        step.pressing, step.unknown = pressing, given
-        step.signals, step.external = shift_reference(pressing, step.signals), pressing.engaged
-        step.isolate(contact_cleared(self, memory), where(memory.free > SETTLED, 1.0 - memory.met, 0.0))
-        return dataclasses.replace(memory, lean=vector_data(lean), moving=moving)
+            given = with_slow_wind(given, pressing, effect.unknown.force - pressing.force, memory.bias.force)
+        effect = dataclasses.replace(
+            effect,
+            signals=shift_reference(pressing, effect.signals),
+            unknown=given,
+            force=force,
+            external=pressing.engaged,
+            pressing=pressing,
+        )
+        before = where(memory.free > SETTLED, 1.0 - memory.met, 0.0)
+        effect = effect.isolating(contact_cleared(self, memory), before)
+        return dataclasses.replace(memory, lean=vector_data(lean), moving=moving), effect
 
     def _at_scale(
         self, memory: InteractionMemory, step: Step, at: TipLevers, wanted: Wanted
     ) -> tuple[Disturbance, InteractionMemory]:
         """Observed disturbance of joints with the right torque scale, and the memory with what was learned of it."""
-        seen, scale, by = disturbance(step.observed), memory.scale, self.tolerances
+        seen, scale, by = disturbance(step.seen.observed), memory.scale, self.tolerances
         if not scale or by is None:
             return seen, memory
         # not on the way to the surface either: an observer is late, and would learn of the touch
-        efforts, alone = step.acted.efforts, logical_not(wanted.requests_contact)
+        efforts, alone = step.timing.acted.efforts, logical_not(wanted.requests_contact)
         for held in step.holds:
             alone = logical_and(alone, held < 0.5)
         free = logical_and(alone, logical_or(memory.free > self.rest, scale.met < 0.5))
@@ -112,11 +119,11 @@ class Interaction(InteractionGains, Part):
         after = dataclasses.replace(after, met=maximum(scale.met, memory.touching))
         return scale.correct(by, self.errors, at, seen, efforts), dataclasses.replace(memory, scale=after)
 
-    def learn(self, memory: InteractionMemory, step: Step) -> InteractionMemory:
+    def learn(self, memory: InteractionMemory, effect: Effect, demand: Demand) -> InteractionMemory:
         """Store the distance of the tip from its reference along the surface normal."""
-        if step.pressing is None or step.demand is None:
+        if effect.pressing is None:
             return memory
-        return dataclasses.replace(memory, gap=step.demand.gap)
+        return dataclasses.replace(memory, gap=effect.pressing.n.dot(demand.missed))
 
 
 SETTLED = 0.15
@@ -169,20 +176,6 @@ def shift_reference(pressing: Pressing, signals: Sequence[Taylor]) -> list[Taylo
     """Reference signals with x, y and z shifted along the surface normal."""
     s = Taylor((pressing.shift[0], pressing.shift[1], mul(0.5, pressing.shift[2]), 0.0, 0.0))
     return [*(each + s * c for each, c in zip(signals[:3], pressing.n, strict=True)), *signals[3:]]
-
-
-def release_normal(pressing: Pressing, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Scalar) -> Goal:
-    """Tip reference without position control along the surface normal, along which only damping remains."""
-    p, v, a = goal.tip
-    n, slower = pressing.n, 1.0 - pressing.damping / velocity_gain
-    return dataclasses.replace(
-        goal,
-        tip=(
-            p + n * (n.dot(tip - p) * pressing.share),
-            v + n * (n.dot(tip_velocity * slower - v) * pressing.share),
-            a - n * (n.dot(a) * pressing.share),
-        ),
-    )
 
 
 SLOW = 0.02

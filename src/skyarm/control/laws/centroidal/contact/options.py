@@ -1,0 +1,62 @@
+"""Options of a tip that touches, and the parts that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from skyarm.control.blocks.force_control import SENSING, require_thresholds
+from skyarm.control.blocks.torque_scale import Tolerances
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.contact.admittance import admittance_gains
+from skyarm.control.laws.centroidal.contact.interaction import Interaction
+from skyarm.control.laws.centroidal.contact.load import load_gains
+from skyarm.control.laws.centroidal.part import Part
+from skyarm.records.files import shown
+from skyarm.vehicle.vehicle_records import Vehicle
+
+OPTIONS: Mapping[str, tuple[Any, float, float]] = {
+    "interaction": ((0.0, 0.0), 0.0, 1e3),
+    "tolerances": ((0.0, 0.0), 0.0, 1.0),
+    "force_sensor": (False, 0.0, 1.0),
+    "load": (0.0, 0.0, 1e3),
+}
+"""Options with their values, and the lowest and highest one; all of them are left out."""
+
+
+def must_act(gains: Mapping[str, Any], admittance: Mapping[str, Any] | None) -> None:
+    """Reject options that have no effect because another option is missing."""
+    presses = any(gains["interaction"])
+    if gains["force_sensor"] and admittance is None and not presses:
+        raise ControllerError("controller.force_sensor = true: must be false without interaction")
+    if any(gains["tolerances"]) and not presses:
+        at = f"controller.tolerances = {shown(gains['tolerances'])}"
+        raise ControllerError(f"{at}: must be twice 0 without interaction")
+
+
+def contact_parts(
+    gains: Mapping[str, Any], admittance: Mapping[str, Any] | None, vehicle: Vehicle, *, leads: bool, lead: float
+) -> dict[str, Part]:
+    """Parts by their names, from the law's options; ``leads`` a tip, ``lead`` s, lag of its observer."""
+    found: dict[str, Part] = {}
+    if any(gains["interaction"]):
+        found["interaction"] = _interaction(gains, vehicle, leads=leads)
+    if admittance is not None:
+        found["admittance"] = admittance_gains(admittance, gains, leads, lead)
+    if gains["load"]:
+        found["load"] = load_gains(gains["load"], vehicle)
+    return found
+
+
+def _interaction(gains: Mapping[str, Any], vehicle: Vehicle, *, leads: bool) -> Interaction:
+    """Constants of contact force control from the law's options."""
+    require_thresholds(gains["interaction"], leads)
+    (touch, lost), (torques, masses) = gains["interaction"], gains["tolerances"]
+    geared = any(float(link.joint.armature) > 0.0 for link in vehicle.links)
+    return Interaction(
+        touch=touch,
+        lost=lost,
+        sensing=SENSING if gains["force_sensor"] else None,
+        tolerances=Tolerances(torques=torques, masses=masses) if torques or masses else None,
+        geared=geared,
+    )

@@ -1,0 +1,27 @@
+"""Options of rotors that push sideways, and the part that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.tilting.sideways_force import SidewaysGains
+from skyarm.records.files import shown
+
+OPTIONS: Mapping[str, tuple[Any, float, float]] = {"sideways": (0.0, 0.0, 1.0), "attitude": ((0.0, 0.0), -1.0, 1.0)}
+"""Options with their values, and the lowest and highest one; both are left out."""
+
+
+def sideways_part(gains: Mapping[str, Any]) -> SidewaysGains | None:
+    """Constants of sideways force from the law's options; None without it.
+
+    Raises:
+        ControllerError: an attitude without it.
+    """
+    attitude = gains["attitude"] if any(gains["attitude"]) else None
+    if gains["sideways"]:
+        return SidewaysGains(share=gains["sideways"], attitude=attitude)
+    if attitude is not None:
+        raise ControllerError(f"controller.attitude = {shown(attitude)}: must be level without the option sideways")
+    return None
