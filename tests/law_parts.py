@@ -25,10 +25,10 @@ def step_of(par: Any, state: Any, dt: float = 0.005, **known: Any) -> Any:
     return Step(par=par, memory=memory, dt=dt, motion=ReferenceMotion(signals=()), state=state, **blank)
 
 
-def demanded(par: Any, state: Any, signals: Any, unknown: Any, steady: Vec3 = ZERO3) -> Any:
-    """Demand of a step whose whole disturbance is known, and the part of its force that stays."""
-    effect, coming = Effect(signals=signals, unknown=unknown, force=None), Foreseen(unknown=unknown, steady=steady)
-    return demands(step_of(par, state), effect, coming)
+def demanded(par: Any, state: Any, signals: Any, unknown: Any, steady: Vec3 = ZERO3, **rates: Vec3) -> Any:
+    """Demand of a step whose whole disturbance is known, and the part of its force that stays, or its rates."""
+    effect = Effect(signals=signals, unknown=unknown, force=None)
+    return demands(step_of(par, state), effect, Foreseen(unknown=unknown, steady=steady, **rates))
 
 
 def planned(par: Any, state: Any, signals: Any, dt: float, following: Any) -> Any:

@@ -9,13 +9,16 @@ import pytest
 from scipy.signal import lfilter, lsim
 
 import skyarm
-from skyarm.algebra import Vec3
+from law_parts import demanded
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.force_trend import foresee, lateness, trend_gains, update_trend, weighted_rate
+from skyarm.control.laws.centroidal.force_trend import foresee, lateness, rate_weights, trend_gains, update_trend
 from skyarm.control.laws.centroidal.parameters import at_shares
 from skyarm.control.laws.centroidal.part import Effect
 from skyarm.control.model import Model
+from skyarm.dynamics import State
 
 DT = 0.005
 GAINS = trend_gains(10.0, 0.8)
@@ -34,7 +37,7 @@ def fed(forces, gains=GAINS):
 
 
 def rates(memories, gains=GAINS):
-    return np.array([list(weighted_rate(gains, each)) for each in memories])
+    return np.array([list(each.rate * rate_weights(gains, each)[0]) for each in memories])
 
 
 def test_a_steady_rate_is_found_and_trusted():
@@ -93,8 +96,9 @@ def test_trust_stays_within_nothing_and_all():
     rate = np.array([1.0, 2.0, -1.0])
     for agreement, slope in ((-3.0, CHANCE), (1.0, CHANCE), (1.5, 1.5 / (2.0 + GAINS.noise)), (30.0, 1.0)):
         memory = dataclasses.replace(GAINS.start(2), rate=Vec3(*rate), agreement=agreement, size=2.0)
-        trust = (slope - CHANCE) / (1.0 - CHANCE) / (1.0 + (rate @ rate / GAINS.steep**2) ** 2)
-        assert list(weighted_rate(GAINS, memory)) == pytest.approx(rate * trust)
+        even = 1.0 / (1.0 + (rate @ rate / GAINS.steep**2) ** 2)
+        own = min(max(agreement / (2.0 + GAINS.noise), 0.0), 1.0)
+        assert rate_weights(GAINS, memory) == pytest.approx(((slope - CHANCE) / (1.0 - CHANCE) * even, own * even))
 
 
 def test_a_step_leaves_no_evidence_and_is_not_followed():
@@ -166,7 +170,30 @@ def test_a_rate_is_believed_as_far_as_no_force_acts_on_the_tip(external):
     memory, zero = believed(Vec3(0.3, -0.2, 0.0)), Vec3(0.0, 0.0, 0.0)
     effect = effect_of(Vec3(0.5, 0.6, 0.7), external=external)
     coming = foresee(par, memory, effect, zero, zero)
-    rate = np.array([*weighted_rate(par.parts.trend, memory)]) * (1.0 - external)
+    far, own = rate_weights(par.parts.trend, memory)
+    rate = np.array([*memory.rate]) * far * (1.0 - external)
+    np.testing.assert_allclose([*coming.lead], rate * (own / far), rtol=1e-12)
     np.testing.assert_allclose([*coming.rate], rate, rtol=1e-12)
     np.testing.assert_allclose([*coming.unknown.force], [0.5, 0.6, 0.7] + rate / 30.0, rtol=1e-12)
     assert external == 1.0 or abs(rate[0]) > 0.05
+
+
+def test_the_attitude_turns_against_a_force_as_fast_as_that_is_led():
+    """Thrust balances m g - d: b_3 turns at d' / (m g) with the rate gain; meanwhile d' moves the base, against k_v."""
+    par = make_centroidal(Model(vehicle=skyarm.load_vehicle("hummingbird_arm2")), mode="joint").par
+    zero, level = Vec3(0.0, 0.0, 0.0), Quaternion(1.0, 0.0, 0.0, 0.0)
+    state = State(position=zero, quaternion=level, velocity=zero, rate=zero, joints=(0.0, 0.0),
+                  joint_rates=(0.0, 0.0), rotor_speeds=(0.0,) * 4)  # fmt: skip
+    signals = [Taylor((0.0,) * 5)] * 6
+    nothing = Disturbance(force=zero, torque=zero, efforts=(0.0, 0.0))
+
+    def turned(**rates):
+        return np.array([*demanded(par, state, signals, nothing, **rates).alpha], dtype=float)
+
+    still = turned()
+    weight = float(par.model.vehicle.mass) * float(par.model.gravity)
+    gain = float(par.base.rate.x) + float(par.base.velocity.y)
+    asked = turned(lead=Vec3(0.0, 0.03, 0.0)) - still
+    assert asked == pytest.approx([gain * 0.03 / weight, 0.0, 0.0], rel=1e-3, abs=1e-9)
+    asked = turned(rate=Vec3(0.0, 0.03, 0.0)) - still
+    assert abs(asked).max() < 1e-9

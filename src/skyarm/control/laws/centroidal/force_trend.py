@@ -4,7 +4,8 @@ A steady turn of the wind can be predicted, turbulence and noise cannot. The rat
     level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
 d the observer's force. Force and rate then pass the same chain of three first-order filters of together ``horizon``
 seconds: horizon late(rate) predicts d - late(d). The slope of the least squares between both, over the last seconds, is
-the trust in the rate: none up to a half, full at 1. Rates as steep as a step's are not trusted.
+the trust in the rate: none up to a half, full at 1. Rates as steep as a step's are not trusted. The attitude, which
+turns against the force, is led by the rate times the slope itself: over its short delay turbulence is predicted, too.
 Sources: Gao 2003 (poles of the tracker); the slope is the Wiener coefficient of a prediction by one regressor.
 """
 
@@ -109,16 +110,15 @@ def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Scalar) -> tuple
     return tuple(found)
 
 
-def rate_weight(gains: TrendGains, memory: ForceTrend) -> Scalar:
-    """Weight of the force rate, 0 to 1, from the accuracy of past force predictions with that rate."""
-    slope = divide(memory.agreement, memory.size + gains.noise)
-    believed = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
-    return believed * _no_step(gains, memory.rate)
+def rate_weights(gains: TrendGains, memory: ForceTrend) -> tuple[Scalar, Scalar]:
+    """Weights of the force rate, 0 to 1, from the accuracy of past force predictions with that rate.
 
-
-def weighted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
-    """Weighted rate of the observed force, N/s, world axes."""
-    return memory.rate * rate_weight(gains, memory)
+    The first one, for a prediction over long delays, is none up to chance. The second one, for the attitude, which is
+    late by a tenth of a second, is the slope itself, the least squares of a prediction.
+    """
+    slope, even = divide(memory.agreement, memory.size + gains.noise), _no_step(gains, memory.rate)
+    far = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
+    return far * even, minimum(maximum(slope, 0.0), 1.0) * even
 
 
 def lateness(par: CentroidalParameters) -> Scalar:
@@ -135,11 +135,13 @@ class Foreseen:
     Attributes:
         unknown: that is compensated, now.
         steady: force that the attitude balances, N, world axes. rate: N/s, of both.
+        lead: N/s, of the force against which the attitude turns.
     """
 
     unknown: Disturbance
     steady: Vec3
     rate: Vec3 = ZERO3
+    lead: Vec3 = ZERO3
 
 
 def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect, slow: Vec3, adapted: Vec3) -> Foreseen:
@@ -150,13 +152,14 @@ def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect,
     unknown, steady, gains = effect.unknown, (slow if par.mode == "tip" else effect.force) + adapted, par.parts.trend
     if gains is None or trend is None:
         return Foreseen(unknown=unknown, steady=steady)
-    rate, late = weighted_rate(gains, trend), lateness(par)
+    late, slope = lateness(par), trend.rate
     if type(effect.external) is not int:
-        rate = rate * (1.0 - effect.external)
+        slope = slope * (1.0 - effect.external)
+    rate, lead = (slope * weight for weight in rate_weights(gains, trend))
     unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
     if par.mode == "tip":
         late = late + divide(1.0, maximum(par.tip.shift_rate, AHEAD))
-    return Foreseen(unknown=unknown, steady=steady + rate * late, rate=rate)
+    return Foreseen(unknown=unknown, steady=steady + rate * late, rate=rate, lead=lead)
 
 
 def _no_step(gains: TrendGains, rate: Vec3) -> Scalar:
