@@ -7,18 +7,21 @@ import dataclasses
 import hashlib
 import math
 import re
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from typing import Any
 
 import pytest
 
 from logs_synthetic import CASES, WINDOWS, all_logs, synthetic_log
+from skyarm.paper import report_pages as page_maker
 from skyarm.paper.published import TITLES
 from skyarm.paper.report_pages import MAIN, page_script, report_pages
 from skyarm.paper.report_tables import bound_text, difference_text, number_cell, sensitivity_tables, typographic
 from skyarm.paper.variations import GROUPS, variations
 from skyarm.view.figures.paper_figures import paper_figures
 from skyarm.view.pages import image
+from small_pictures import draw_small
 
 VOID = {"meta", "link", "img", "br", "hr", "input", "col"}
 LOADS = ("src", "href", "srcset", "data", "action", "poster", "background", "xlink:href", "formaction", "manifest")
@@ -103,6 +106,13 @@ def some_sensitivity() -> dict[str, Any]:
 
 
 PICTURE = image("a path & an error", "a path & an error", b"\x89PNG", kind="single opening")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _small_pictures() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        draw_small(patch, page_maker)
+        yield
 
 
 @pytest.fixture(scope="module")
