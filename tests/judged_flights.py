@@ -205,9 +205,13 @@ def all_times(factor: float) -> Change:
 
 
 def pose_of(other: tuple[str, int]) -> Change:
-    """Pose and velocity of the motion capture's file of another flight."""
-    taken = measured(planted(*other), "low", seconds=SECONDS)
-    return lambda flight: flight.with_channels({name: taken[name] for name in ("position", "quaternion", "velocity")})
+    """Pose and velocity of the motion capture's file of another flight, which is flown when they are taken."""
+
+    def taken(flight: FlightData) -> FlightData:
+        theirs = measured(planted(*other), "low", seconds=SECONDS)
+        return flight.with_channels({name: theirs[name] for name in ("position", "quaternion", "velocity")})
+
+    return taken
 
 
 def on_arrival(flight: FlightData) -> FlightData:

@@ -24,6 +24,7 @@ from skyarm.control.catalogue import (
 from skyarm.control.model import Model
 from skyarm.records.leaves import leaves
 from skyarm.simulate import Log
+from thorough import sampled
 
 MODEL = Model(vehicle=library.load_vehicle("hummingbird_arm2"))
 KNOWN = {"control_period": 0.0025, "reference_period": 0.01, "delay": 0.005, "delay_periods": 2}
@@ -69,7 +70,7 @@ def test_run_takes_any_law(folder: Path, name: str, law: str) -> None:
 
 
 @pytest.mark.filterwarnings("default::skyarm.control.controller.FormerNameWarning")
-@pytest.mark.parametrize("former", ["centroidal_tip_robust", "centroidal_joint_stiff"])
+@pytest.mark.parametrize("former", sampled(["centroidal_tip_robust", "centroidal_joint_stiff"], 2))
 def test_a_former_name_is_run_under_a_note_and_no_other_command_s_name(folder: Path, former: str) -> None:
     found = skyarm("run", "case1", "--duration", "0.1", "--laws", former)
     now = former.rsplit("_", 1)[0]

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -69,7 +70,8 @@ def learn(gains, memory, told, measurement, started, free, isolated, dt):
     return gains.after(memory, step, isolated)
 
 
-def flown(
+@cache
+def memories(
     late,
     arm_late=None,
     *,
@@ -89,7 +91,9 @@ def flown(
     begun=None,
     swing=None,
 ):
-    """The memory after accelerations of white noise that arrive ``late`` periods later; a gust is one push a second.
+    """The memories of a flight whose accelerations of white noise arrive ``late`` periods later, one a period.
+
+    A gust is one push a second. Tests that ask for one flight, or for two instants of it, share it.
 
     ``later``: a time (s) and the lag in periods that holds from then on. ``slower``: time constant, s, of a further lag
     of first order. ``weaker``: times that accelerations are smaller. ``begun``: the memory at first. ``swing``: size
@@ -109,7 +113,7 @@ def flown(
         for k in range(n):
             held = held + share * (y[k] - held)
             y[k] = held
-    y /= weaker
+    y /= np.array(weaker)
     if swing is not None:
         wave = swing[0] * np.sin(swing[1] * dt * np.arange(n))[:, None]
         a = a + wave
@@ -120,13 +124,19 @@ def flown(
     if gust is not None:
         y[:: round(1.0 / dt)] += gust
     rates = np.cumsum(y * dt, axis=0) + noise * rng.normal(size=(n, 5))
-    memory = begun or gains.start(2)
+    memory, found = begun or gains.start(2), []
     for k in range(n):
         model = a[k] + believed[k] - steps[k]
         told = told_by(Vec3(*model[:3]), tuple(model[3:]), Vec3(*steps[k, :3]), tuple(steps[k, 3:]))
         measured = Rates(rate=Vec3(*rates[k, :3]), joint_rates=tuple(rates[k, 3:]))
         memory = learn(gains, memory, told, measured, 0.0 if k == 0 else 1.0, free, isolated, dt)
-    return memory
+        found.append(memory)
+    return found
+
+
+def flown(*given, **words):
+    """The last memory of a flight."""
+    return memories(*given, **words)[-1]
 
 
 def test_of_the_first_measurement_nothing_is_learned_but_the_rates():
@@ -145,26 +155,26 @@ def lags(memory: LagMemory, dt=DT, gains=GAINS):
 
 @pytest.mark.parametrize("late", sampled(range(CANDIDATES), 4))
 def test_a_whole_number_of_periods_is_found(late):
-    assert lags(flown(late, seconds=4.0)) == pytest.approx((late * DT, late * DT), abs=2e-4)
+    assert lags(flown(late, seconds=2.5)) == pytest.approx((late * DT, late * DT), abs=2e-4)
 
 
 def test_rotors_and_joints_have_a_lag_of_their_own():
-    assert lags(flown(2, 6, seconds=4.0)) == pytest.approx((2 * DT, 6 * DT), abs=2e-4)
+    assert lags(flown(2, 6, seconds=2.5)) == pytest.approx((2 * DT, 6 * DT), abs=2e-4)
 
 
 def test_what_the_observer_believes_to_disturb_is_left_out():
     """It is an answer to what was measured, and would look like one: the first correction is not learned from."""
-    assert lags(flown(3, seconds=4.0, disturbance=20.0)) == pytest.approx((3 * DT, 3 * DT), abs=5e-4)
+    assert lags(flown(3, seconds=2.5, disturbance=20.0)) == pytest.approx((3 * DT, 3 * DT), abs=5e-4)
 
 
 def test_it_is_found_under_the_noise_of_the_bench():
     """Rates of 0.01 rad/s of noise are accelerations of 2.8 rad/s^2 at 200 Hz, as large as what the loop does."""
-    assert lags(flown(4, noise=0.01)) == pytest.approx((0.02, 0.02), abs=0.003)
+    assert lags(flown(4, noise=0.01, seconds=5.0)) == pytest.approx((0.02, 0.02), abs=0.003)
 
 
 def test_a_longer_lag_than_the_longest_counts_as_that():
-    assert min(lags(flown(CANDIDATES + 1, seconds=4.0))) >= 0.0  # nothing fits: no lag, or the longest
-    with_one_more = lags(flown(CANDIDATES - 1, seconds=4.0))
+    assert min(lags(flown(CANDIDATES + 1, seconds=2.5))) >= 0.0  # nothing fits: no lag, or the longest
+    with_one_more = lags(flown(CANDIDATES - 1, seconds=2.5))
     assert with_one_more == pytest.approx(((CANDIDATES - 1) * DT,) * 2, abs=2e-4)
 
 
@@ -260,7 +270,7 @@ def test_without_motion_there_is_none():
 
 
 def test_gusts_are_no_lag():
-    assert lags(flown(0, gust=50.0, noise=0.01)) == pytest.approx((0.0, 0.0), abs=1e-3)
+    assert lags(flown(0, gust=50.0, noise=0.01, seconds=4.0)) == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
 @pytest.mark.parametrize(("late", "within"), sampled(((6, 0.35), (3, 0.5), (8, 0.35), (2, 0.6)), 3))
@@ -269,28 +279,29 @@ def test_a_lag_that_begins_late_is_found_soon(late, within):
 
     The joints' evidence is forgotten at a third of the rate of the rotors'.
     """
-    for group, wait in enumerate((within, 2.0 * within)):
-        found = lags(flown(0, later=(4.0, late), seconds=4.0 + wait))
-        assert found[group] == pytest.approx(late * DT, abs=1e-3)
-    soon = lags(flown(0, later=(4.0, late), seconds=4.0 + 0.8 * within))
+    course = memories(0, later=(4.0, late), seconds=4.0 + 2.0 * within)
+    soon, base, arm = (lags(course[round((4.0 + wait * within) / DT) - 1]) for wait in (0.8, 1.0, 2.0))
+    assert base[0] == pytest.approx(late * DT, abs=1e-3)
+    assert arm[1] == pytest.approx(late * DT, abs=1e-3)
     assert soon == pytest.approx((late * DT, 0.0), abs=1e-3)
 
 
 def test_accelerations_much_smaller_than_modelled_need_evidence_of_longer():
     """Errors of a wrong model turn the phase as a lag does; of a right one 30 ms are found within 0.35 s."""
     begun = dataclasses.replace(GAINS.start(2), agreement=(0.2, 0.2), size=(0.4, 0.4))
-    soon, late = (flown(0, later=(4.0, 6), weaker=2.0, begun=begun, seconds=4.0 + wait) for wait in (0.45, 1.5))
+    late = memories(0, later=(4.0, 6), weaker=2.0, begun=begun, seconds=5.5)
+    soon, late = late[round(4.45 / DT) - 1], late[-1]
     assert delay_share(soon) == 0.0
     assert lags(soon)[0] == pytest.approx(0.0, abs=1e-3)
     assert lags(late)[0] == pytest.approx(0.03, abs=1e-3)
 
 
 def test_a_lag_that_ends_is_forgotten_as_soon():
-    assert lags(flown(6, later=(4.0, 0), seconds=4.6)) == pytest.approx((0.0, 0.0), abs=1e-3)
+    assert lags(flown(6, later=(2.0, 0), seconds=2.6)) == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
 def test_no_lag_falls_further_behind_than_prices_alone_put_it():
-    memory = flown(0, seconds=4.0)
+    memory = flown(0, seconds=2.5)
     for bank in (memory.base, memory.arm):
         assert max(bank.paid) - min(bank.paid) <= LEAD + 1e-12
         assert bank.paid[0] == min(bank.paid)
@@ -366,7 +377,7 @@ def test_a_slow_actuator_takes_the_bandwidth_that_halves_at_its_lag():
 def test_inertia_added_to_one_axis_is_no_slow_actuator():
     """A load that hangs on an arm of two pitch joints slows roll; slow motors slow pitch as well."""
     begun = dataclasses.replace(GAINS.start(2), agreement=(1e-3,) * 2, size=(1e-3,) * 2)
-    one, both = (flown(4, seconds=3.0, weaker=np.array(w), begun=begun) for w in ([2.0, *[1.0] * 4], [2.0] * 5))
+    one, both = (flown(4, seconds=3.0, weaker=w, begun=begun) for w in ((2.0, *[1.0] * 4), (2.0,) * 5))
     assert delay_share(one) == pytest.approx(1.0, abs=0.02)
     assert GAINS.shares(one, DT)[0] == pytest.approx(1.0, abs=0.02)
     assert delay_share(both) == 0.0
@@ -375,14 +386,14 @@ def test_inertia_added_to_one_axis_is_no_slow_actuator():
 def test_a_slow_swing_against_a_force_not_observed_yet_is_no_slow_actuator():
     """Commands of 6 rad/s that a disturbance cancels leave a half of them; noise in the band tells that of a lag."""
     begun = dataclasses.replace(GAINS.start(2), agreement=(1e-3,) * 2, size=(1e-3,) * 2)
-    memory = flown(4, seconds=4.0, begun=begun, swing=(3.0, 6.0))
+    memory = flown(4, seconds=3.0, begun=begun, swing=(3.0, 6.0))
     assert delay_share(memory) == pytest.approx(1.0, abs=0.05)
     # as large at 35 rad/s it is one
-    assert delay_share(flown(4, seconds=4.0, begun=begun, swing=(3.0, 35.0))) < 0.5
+    assert delay_share(flown(4, seconds=3.0, begun=begun, swing=(3.0, 35.0))) < 0.5
 
 
 def test_joints_that_are_later_than_the_rotors_lose_the_bandwidth_for_the_difference():
-    memory = flown(2, 6, seconds=4.0)
+    memory = flown(2, 6, seconds=2.5)
     assert GAINS.shares(memory, DT) == pytest.approx((1.0, 0.012 / (0.012 + 0.02 - IGNORED)), rel=0.02)
 
 

@@ -18,6 +18,7 @@ from skyarm.simulate.loop import run_in_python
 from skyarm.studies.compare.envelope_axes import slow_circle
 from skyarm.studies.compare.envelope_setting import setting_of
 from skyarm.studies.compare.suite import NOISE
+from thorough import sampled
 
 DT = 0.005
 GAINS = NoiseGains(density=0.0018, hears=False)
@@ -191,7 +192,7 @@ def scores(scenario, seeds):
     return [float(found.metrics[name].mean()) for name in names]
 
 
-@pytest.mark.parametrize("specific_force", [0.0, 0.5])
+@pytest.mark.parametrize("specific_force", sampled([0.5, 0.0], 2))
 def test_ten_times_the_benchs_noise_is_flown(specific_force):
     """26 mm without an estimate, and 103 rad/s of jitter."""
     tip, jitter = scores(noisy_circle(10.0, specific_force=specific_force), (11, 12))

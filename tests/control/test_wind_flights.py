@@ -25,7 +25,9 @@ def tip_error(name, value, law):
     return float(flown.metrics[TIP][0])
 
 
-@pytest.mark.parametrize(("name", "value", "most"), [("wind_steps", 5.0, 0.85), ("turning_wind", 6.0, 0.95)])
+@pytest.mark.parametrize(
+    ("name", "value", "most"), sampled([("wind_steps", 5.0, 0.85), ("turning_wind", 6.0, 0.95)], 2)
+)
 def test_the_accelerometer_holds_the_tip_better(name, value, most):
     assert tip_error(name, value, "usual") < most * tip_error(name, value, "velocities")
 
@@ -57,6 +59,7 @@ def test_the_tip_is_held_that_is_pushed_from_below():
     assert tip_error("push_z", 3.0, "usual") < 0.02
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("vehicle", "most"), [("hexarotor_arm6", 0.95), ("quadrotor_roll_arm2", 0.9)])
 def test_other_vehicles_err_less_in_turbulence(vehicle, most):
     """6 m/s, with a heavy arm and slow motors, and with geared joints."""

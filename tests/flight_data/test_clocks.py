@@ -26,7 +26,7 @@ from skyarm.flight_data.clocks import (
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import attitude_at, columns_at, rotations_between
 
-LENGTH, FINE = 30.0, 2000
+LENGTH, FINE = 30.0, 1000
 
 
 @cache

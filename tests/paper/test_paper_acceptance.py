@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import fcntl
 import json
 import math
-import os
-import pickle
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
 from log_metrics import motion
+from made_once import made_once
 from skyarm.paper.flights import STEADY, Flight, results, scenario, settings
 from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, METRICS, PAPER, PRINTED, digits, published_number
 from skyarm.paper.reproduce import Campaign, run_campaign
@@ -27,17 +25,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "the_paper.md"
 
 @pytest.fixture(scope="module")
 def stated(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
-    """The paper's twenty episodes, with settings as it states them; flown once for all processes of these tests."""
-    own = tmp_path_factory.getbasetemp()
-    shared = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "stated"
-    with shared.open("a+b") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        file.seek(0)
-        if content := file.read():
-            return cast(Campaign, pickle.loads(content))
-        campaign = run_campaign(PLANTS, sensitivity=False, inferred=False)
-        file.write(pickle.dumps(campaign))
-        return campaign
+    """The paper's twenty episodes, with settings as it states them."""
+    return made_once(tmp_path_factory, "stated", lambda: run_campaign(PLANTS, sensitivity=False, inferred=False))
 
 
 @pytest.fixture(scope="module")

@@ -13,12 +13,14 @@ from typing import Any
 import pytest
 
 from logs_synthetic import CASES, WINDOWS, all_logs, synthetic_log
+from skyarm.paper import report_pages as page_maker
 from skyarm.paper.published import TITLES
 from skyarm.paper.report_pages import MAIN, page_script, report_pages
 from skyarm.paper.report_tables import bound_text, difference_text, number_cell, sensitivity_tables, typographic
 from skyarm.paper.variations import GROUPS, variations
 from skyarm.view.figures.paper_figures import paper_figures
 from skyarm.view.pages import image
+from small_pictures import draw_small
 
 VOID = {"meta", "link", "img", "br", "hr", "input", "col"}
 LOADS = ("src", "href", "srcset", "data", "action", "poster", "background", "xlink:href", "formaction", "manifest")
@@ -109,7 +111,15 @@ PICTURE = image("a path & an error", "a path & an error", b"\x89PNG", kind="sing
 def sources() -> dict[str, str]:
     logs = all_logs()
     figures = paper_figures({"case1": logs["rigid_body"]["case1"]}, WINDOWS)
-    return report_pages(some_results(), some_sensitivity(), logs, figures, opening=PICTURE)
+    with pytest.MonkeyPatch.context() as patch:
+        draw_small(patch, page_maker)
+        return report_pages(some_results(), some_sensitivity(), logs, figures, opening=PICTURE)
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out what the pictures show: the test is of the words beside them."""
+    monkeypatch.setattr(page_maker, "image_bytes", lambda _figure: b"\x89PNG")
 
 
 @pytest.fixture(scope="module")
@@ -386,6 +396,7 @@ def test_every_group_of_variations_has_a_title() -> None:
     assert {each.group for each in variations()} == set(GROUPS)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_episode_that_ended_early_is_named() -> None:
     log = synthetic_log("case1", "rigid_body", "PD", seconds=3.0)
     ended = {**log.info, "status": "joint_limit", "cause": "joint 2 < limit", "end_time": 3.0}
@@ -395,6 +406,7 @@ def test_an_episode_that_ended_early_is_named() -> None:
     assert "joint_limit at 3 s, joint 2 < limit" in read.text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_episode_that_came_to_its_end_far_from_its_reference_is_named() -> None:
     log = synthetic_log("case1", "rigid_body", "PD", seconds=3.0)
     away = dataclasses.replace(log, position=log.position + 7.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import pytest
 
 import skyarm
 from commanded import skyarm as command
+from made_once import made_once
 from skyarm.paper import report_pages
 from skyarm.paper import reproduce as room
 from skyarm.paper.flights import metrics, results, settings
@@ -22,7 +22,7 @@ from skyarm.paper.variations import variations
 from skyarm.records.files.writing import TakenError, one_writer
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log, run
-from skyarm.view.figures.style import image_bytes
+from small_pictures import draw_small
 
 
 def _few(plants: Any, **options: Any) -> Campaign:
@@ -40,14 +40,16 @@ def _few(plants: Any, **options: Any) -> Campaign:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], list[str]]:
-    folder = tmp_path_factory.mktemp("paper") / "made" / "here"
-    notes: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(room, "run_campaign", _few)
-        patch.setattr(room, "DPI", 30)
-        patch.setattr(report_pages, "image_bytes", partial(image_bytes, dpi=30))
-        table = skyarm.reproduce(folder, plants=("rigid_body",), note=notes.append)
-    return folder, table, notes
+    def make() -> tuple[Path, dict[str, Any], list[str]]:
+        folder = tmp_path_factory.mktemp("paper") / "made" / "here"
+        notes: list[str] = []
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(room, "run_campaign", _few)
+            draw_small(patch, room, report_pages)
+            table = skyarm.reproduce(folder, plants=("rigid_body",), note=notes.append)
+        return folder, table, notes
+
+    return made_once(tmp_path_factory, "reproduction", make)
 
 
 def _no_constant(name: str) -> float:

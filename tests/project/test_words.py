@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -77,15 +78,18 @@ def functions(tree: ast.Module) -> set[str]:
     return {node.name.removeprefix("_") for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
 
 
-TREES = {
-    path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text("utf-8")) for path in sorted(SOURCE.rglob("*.py"))
-}
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Modules of the library; parsed when a test asks, since every process of the tests imports this file."""
+    return {
+        path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text("utf-8")) for path in sorted(SOURCE.rglob("*.py"))
+    }
 
 
 def test_first_lines_are_sentences_in_the_words_of_the_field() -> None:
     found = [
         f"{name}:{number}: {line!r} {wrong}"
-        for name, tree in TREES.items()
+        for name, tree in trees().items()
         for number, line in first_lines(tree)
         if (wrong := wrong_with(line))
     ]
@@ -93,7 +97,9 @@ def test_first_lines_are_sentences_in_the_words_of_the_field() -> None:
 
 
 def test_no_new_function_is_named_by_a_bare_participle() -> None:
-    found = {name for tree in TREES.values() for name in functions(tree) - NO_PARTICIPLES if PARTICIPLE.fullmatch(name)}
+    found = {
+        name for tree in trees().values() for name in functions(tree) - NO_PARTICIPLES if PARTICIPLE.fullmatch(name)
+    }
     assert found <= PARTICIPLES
 
 

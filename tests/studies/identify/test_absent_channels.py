@@ -53,7 +53,7 @@ def widths(errors, fit):
     ("vehicle", "driven", "absent", "channel"),
     [
         (QUAD, [], ("position", "quaternion"), "pose"),
-        (QUAD, [], ("position",), "position"),
+        pytest.param(QUAD, [], ("position",), "position", marks=pytest.mark.thorough),
         (ONE, [True], ("joint_efforts",), "joint_efforts"),
     ],
     ids=["pose", "position", "efforts"],

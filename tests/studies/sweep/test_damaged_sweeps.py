@@ -46,7 +46,7 @@ def some(step: int) -> Any:
     return pytest.mark.parametrize("step", [step, pytest.param(1, marks=pytest.mark.thorough)])
 
 
-@some(331)
+@some(661)
 def test_a_flipped_bit_of_rows_is_seen_by_statistics_and_when_the_sweep_goes_on(done: Path, step: int) -> None:
     path = rows_file(done, 0)
     content, believed = path.read_bytes(), []

@@ -13,6 +13,7 @@ from skyarm.cli.commands import program
 from skyarm.studies.tune import tuning
 from skyarm.studies.tune.excitation import draw_plants
 from skyarm.studies.tune.front import LoopMargins, Point, Required
+from thorough import sampled
 
 MARGINS = LoopMargins(delay=0.02, rotors=(0.5, 2.0), joints=(0.5, 2.0))
 FOUND = list[tuning.Tuning]()
@@ -39,8 +40,9 @@ def tune(*words):
     return CliRunner().invoke(program(["tune"]), ["tune", *words], catch_exceptions=False)
 
 
-@pytest.mark.parametrize("laws", [(), ("--laws", "paper_pd"), ("--laws", "own.toml")])
-def test_the_scenario_of_the_pick_flies_the_tuned_law_to_the_bit(laws, tmp_path, monkeypatch):
+@pytest.mark.parametrize("words", sampled(["", "--laws paper_pd", "--laws own.toml"], 3, keep=["--laws own.toml"]))
+def test_the_scenario_of_the_pick_flies_the_tuned_law_to_the_bit(words, tmp_path, monkeypatch):
+    laws = tuple(words.split())
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own.toml").write_text('schema = 1\n[law]\npreset = "paper_ct"\n[gains]\n"gains.position" = 5.0\n')
     result = tune("case3", *laws, "--out", "found", "--json")
