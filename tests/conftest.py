@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import compileall
-import contextlib
 import gc
-import importlib
 import json
 import os
 import signal
@@ -44,24 +42,6 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
         # the library's before any test copies its folder; the others' when they are first imported
         compileall.compile_dir(Path(__file__).parents[1] / "src" / "skyarm", quiet=2)
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection(session: pytest.Session) -> None:
-    """Let every second process of a whole run import the files of tests from the last to the first.
-
-    All import all of them, and the libraries. Side by side each would write the same byte code, which is not there in a
-    fresh checkout; from two ends each writes a half and reads the other's. What cannot be imported fails where it is
-    collected, in the order of all.
-    """
-    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0")
-    if worker[-1] in "02468" or session.config.args != session.config.getini("testpaths"):
-        return
-    for file in sorted(Path(__file__).parent.rglob("test_*.py"), reverse=True):
-        if str(file.parent) not in sys.path:
-            sys.path.insert(0, str(file.parent))
-        with contextlib.suppress(Exception, pytest.skip.Exception):
-            importlib.import_module(file.stem)
 
 
 @pytest.hookimpl(tryfirst=True)
