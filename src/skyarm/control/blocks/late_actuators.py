@@ -10,12 +10,13 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import inner_product
-from skyarm.algebra.scalars import Scalar, data, divide, maximum, minimum, mul, sub
-from skyarm.control.blocks.prediction import Actuation, actuation
+from skyarm.algebra.scalars import Scalar, data, divide, exp, maximum, minimum, mul, sub, where
+from skyarm.control.blocks.prediction import Actuation
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
+from skyarm.vehicle.vehicle_records import Rotor
 
 Rows = tuple[tuple[Scalar, ...], ...]
 
@@ -36,8 +37,9 @@ class Past:
 
     def after(self, model: Model, command: Command, dt: Scalar) -> Past:
         """Past after one more period of a held command."""
-        done = actuation(model, self.speeds[-1], command, dt)
-        rows = (done.squares, done.speeds, done.efforts)
+        rotors = zip(model.vehicle.rotors, self.speeds[-1], command.rotor_speeds, strict=True)
+        speeds, squares = zip(*(turn(*each, dt) for each in rotors), strict=True)
+        rows = (squares, speeds, command.efforts)
         held = (self.squares, self.speeds, self.efforts)
         squares, speeds, efforts = (
             (*old[1:], tuple(data(each) for each in new)) for old, new in zip(held, rows, strict=True)
@@ -65,6 +67,21 @@ class Past:
     def _since(self, age: Scalar) -> list[Scalar]:
         """Part of each period, newest first, 0 to 1, that lies after ``age`` periods ago."""
         return [minimum(maximum(sub(age, float(k)), 0.0), 1.0) for k in range(len(self.squares))]
+
+
+def turn(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
+    """Speed of a rotor (rad/s) after ``dt`` seconds of a held command, and the mean square of its speed until then.
+
+    With the lag of :func:`skyarm.dynamics.actuators.speed_after` the speed is c + (w - c) e^(-t / tau), whose square is
+    integrated.
+    """
+    target = minimum(command, rotor.max_speed)
+    off = sub(speed, target)
+    # both directions are worked out, which costs nothing where the numbers of the vehicle do not vary
+    ways = [(exp(divide(-dt, tau)), divide(tau, dt)) for tau in (rotor.time_constant_up, rotor.time_constant_down)]
+    left, share = (where(target > speed, rising, falling) for rising, falling in zip(*ways, strict=True))
+    mean = mul(off, share * (1.0 - left))
+    return target + off * left, target * target + mean * (2.0 * target + (0.5 * off) * (1.0 + left))
 
 
 def first_past(standing: Command, periods: int) -> Past:

@@ -121,7 +121,8 @@ class TiltShares:
 
     def left(self, v: Vec3, yaw: Any) -> Vec3:
         """Part of a horizontal vector (world axes, or its series) that joints leave to the base at a heading, rad."""
-        c, s = cos(yaw * 2.0), sin(yaw * 2.0)
+        ahead, aside = cos(yaw), sin(yaw)
+        c, s = ahead * ahead - aside * aside, 2.0 * ahead * aside
         x, y = c * self.x - s * self.y, s * self.x + c * self.y
         return Vec3(v.x * (x + self.mean) + v.y * y, v.x * y + v.y * (-x + self.mean), 0)
 
