@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss
 from written_parts import FELT, NUMBERS, SEEN, SHARES, WrittenParts
 from written_vehicle import (
     E_Z,
@@ -114,9 +115,9 @@ class WrittenLaw(WrittenParts):
         # 1. actuators
         weights, L = self._lags()
         W, u, e = self.speeds[0], *self.command
-        half, end = v.motors(W, u, dt / 2), v.motors(W, u, dt)
-        self.speeds = [end, *self.speeds[:-1]]
-        self.means = [(W * W + 4 * half * half + end * end) / 6, *self.means[:-1]]
+        self.speeds = [v.motors(W, u, dt), *self.speeds[:-1]]
+        mean = sum(0.5 * w * v.motors(W, u, 0.5 * dt * (1 + x)) ** 2 for x, w in zip(*leggauss(9), strict=True))
+        self.means = [mean, *self.means[:-1]]
         self.efforts = [e, *self.efforts[:-1]]
         a = L[0] / dt + self.delay
         w = np.clip(a - np.arange(len(self.speeds)), 0.0, 1.0)
@@ -155,7 +156,7 @@ class WrittenLaw(WrittenParts):
         now = self._predict(since, unknown, a * dt)
         R, omega = matrix(now.quaternion), now.rate
         # 6. force
-        rate = self._trend()
+        rate, led = self._trend()
         lateness = 1 / max(heard[0], 1.0)
         unknown[0] = unknown[0] + rate * lateness
         self.slow = self.slow + low(par.shift_rate, dt) * (self.d[0] - self.slow)
@@ -167,8 +168,7 @@ class WrittenLaw(WrittenParts):
         moved = self._shift(base, psi, q, com, point, F, rate, drag, lead, ahead[2:])
         going = [base[0], *(b + y for b, y in zip(base[1:], moved, strict=True))]
         D = [R @ v.side(now.W, R.T @ p, np.zeros(3))[0] for p in going[1:4]]
-        changes = D[1] + rate, D[2]
-        wanted = (going[2] + g * E_Z) * m - F - D[0], going[3] * m - changes[0], going[4] * m - changes[1]
+        wanted = (going[2] + g * E_Z) * m - F - D[0], going[3] * m - D[1] - rate, going[4] * m - D[2]
         fq = self._bounded(series(*wanted))
         Rq, wq, aq = self._attitude(self._upright(fq, fq), psi)
         # 8. links
@@ -191,7 +191,7 @@ class WrittenLaw(WrittenParts):
         c, p = v.com_tip(own)
         c, p = derivatives(c), derivatives(p)
         position, velocity = now.position + R @ c[0], now.velocity + R @ (vector(omega, c[0]) + c[1])
-        f, ac = self._force(pc, position, velocity, R, omega, unknown[0], changes, kp, kv)
+        f, ac = self._force(pc, position, velocity, R, omega, unknown[0], (D[1] + led, D[2]), kp, kv)
         Fz = f[:, 0] @ R[:, 2]
         # 10. attitude
         Rd, wd, ad = self._attitude(self._upright(f, fq), psi)
@@ -294,7 +294,7 @@ class WrittenLaw(WrittenParts):
         measured = x.quaternion if x.quaternion @ carried >= 0 else -x.quaternion
         new = unit(carried + share * (measured - carried))
         self.pose = p + share * (x.position - p), new, joints + share * (x.joints - joints)
-        R, amid = matrix(unit(quaternion + new)), (q + self.pose[2]) / 2
+        R, amid = matrix(unit(quaternion + new)), (q + self.pose[2]) / 2 if self.started else self.pose[2]
         side = v.side(done.speeds, R.T @ velocity, w)
         unknown = [a + b for a, b in zip(self.d, self.adapted, strict=True)]
         unknown = [unknown[0] + R @ side[0], unknown[1] + side[1], unknown[2]]

@@ -97,7 +97,7 @@ class WrittenParts:
     # force trend
 
     def _trend(self) -> Any:
-        """Rate of the observed force."""
+        """Rate of the observed force over the delay of the shift, and over that of the attitude."""
         t, dt, d, m = self.trend, self.dt, self.d[0], self.v.mass
         b = np.exp(-self.par.force_trend * dt)
         e = d - t.level - t.rate * dt
@@ -112,8 +112,9 @@ class WrittenParts:
         c = (d - t.forces[2]) / 0.25
         t.A += low(0.7, dt) * (nu(c) * t.rates[2] @ c - t.A)
         t.B += low(0.7, dt) * (nu(c) * t.rates[2] @ t.rates[2] - t.B)
-        t.weight = nu(t.rate) * np.clip(2 * t.A / (t.B + (0.1 * m) ** 2) - 1, 0.0, 1.0)
-        return t.rate * t.weight
+        k = t.A / (t.B + (0.1 * m) ** 2)
+        t.weight = nu(t.rate) * np.clip(2 * k - 1, 0.0, 1.0)
+        return t.rate * t.weight, t.rate * (nu(t.rate) * np.clip(k, 0.0, 1.0))
 
     # arm_turn
 
