@@ -131,3 +131,13 @@ def test_a_table_whose_age_is_beyond_its_delay_is_refused(given):
 def test_rounding_of_a_decimal_delay_loses_no_period(period):
     """0.145 / 0.005 is 28.999999999999996."""
     assert [periods_of(round(k * period, 6), period) for k in range(101)] == list(range(101))
+
+
+def test_slow_motors_track_the_rate_of_a_force_slowly():
+    """With the root of the paper's mean lag over the slowest motor's, unless a bandwidth is given."""
+    slow, quick = (Model(vehicle=skyarm.load_vehicle(name)) for name in ("hexarotor12_arm5", "pelican_arm2"))
+    lag = max(0.5 * (float(r.time_constant_up) + float(r.time_constant_down)) for r in slow.vehicle.rotors)
+    bandwidths = [make_centroidal(model, mode="tip").par.parts.trend.bandwidth for model in (slow, quick)]
+    assert bandwidths == pytest.approx([20.0 * (0.01875 / lag) ** 0.5, 20.0])
+    assert make_centroidal(slow, force_trend=13.0).par.parts.trend.bandwidth == 13.0
+    assert make_centroidal(slow, force_trend=0.0).par.parts.trend is None

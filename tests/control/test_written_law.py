@@ -95,7 +95,7 @@ PHRASES = {
     "lag": "`lag = [T_b, T_j]` (20, 12 ms)",
     "velocity_noise": "`N` = {} m/s/Hz^0.5",
     "accelerometer": "`accelerometer = [force, velocity]` ({}, {} rad/s)",
-    "force_trend": "`force_trend`** (`force_trend.py`; {} rad/s = `w`)",
+    "force_trend": "`force_trend`** (`force_trend.py`; {} rad/s = `w`,",
     "adaptation": "`adaptation` ({} 1/s)",
     "friction_adaptation": "{} 1/s is the rate of the damping",
     "tip_mass_limit": "`tip_mass_limit` ({} kg)",

@@ -13,6 +13,7 @@ import numpy as np
 from skyarm.algebra import Mat3
 from skyarm.control.controller import ControllerError, FormerNameWarning
 from skyarm.control.laws.centroidal.contact import options as contact
+from skyarm.control.laws.centroidal.noise_estimate import noise_share
 from skyarm.control.laws.centroidal.tilting import options as tilting
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import chain, jacobian_columns
@@ -94,7 +95,8 @@ def fit_gains(
     gains: Mapping[str, Any], given: AbstractSet[str], mode: str, vehicle: Vehicle, *, presses: bool, carries: bool
 ) -> dict[str, Any]:
     """Options that go with the vehicle, but for those that were given; not all fit a tip that presses or carries."""
-    found: dict[str, Any] = {}
+    # the rate of a noisy force turns the attitude, which swings about the tracker's pole on motors that are slower
+    found: dict[str, Any] = {"force_trend": gains["force_trend"] * math.sqrt(noise_share(vehicle))}
     if mode == "tip" and vehicle.end_effector:
         # both go with the root of the arm's length: the preview is as long as its pendulum swings
         found |= {name: gains[name] * damping_share(vehicle) for name in ("damping", "preview")}
