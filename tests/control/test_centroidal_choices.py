@@ -141,3 +141,15 @@ def test_slow_motors_track_the_rate_of_a_force_slowly():
     assert bandwidths == pytest.approx([20.0 * (0.01875 / lag) ** 0.5, 20.0])
     assert make_centroidal(slow, force_trend=13.0).par.parts.trend.bandwidth == 13.0
     assert make_centroidal(slow, force_trend=0.0).par.parts.trend is None
+
+
+def test_an_option_that_a_vehicle_or_another_option_does_not_allow_is_refused_by_its_own_name():
+    bare, arm = (Model(vehicle=skyarm.load_vehicle(name)) for name in ("hummingbird", "hummingbird_arm2"))
+    with pytest.raises(ControllerError, match=r"^controller.adaptation = 0.3: must be 0: 'hummingbird' has no end_eff"):
+        make_centroidal(bare, adaptation=0.3)
+    # the tip's damping is what is left along the normal of a surface
+    with pytest.raises(ControllerError, match=r"^controller.tip\[1\] = 0.0: must be above 0 with interaction$"):
+        make_centroidal(arm, mode="tip", interaction=(0.3, 0.1), tip=(700.0, 0.0))
+    file = Fields({"law": "centroidal_tip_robust"}, "controller")
+    with pytest.raises(ValueError, match=r"it is a preset: preset = 'centroidal_tip'"):
+        controller_from(file, arm, None, {})

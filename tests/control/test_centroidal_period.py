@@ -126,7 +126,7 @@ def test_a_law_that_knows_the_rotors_drag_does_what_one_that_found_it_does():
         commands.append(controller.law(memory, measured, goal, DT, par=controller.par)[1])
     for part in ("rotor_speeds", "efforts"):
         known, learned = (np.array(getattr(command, part)) for command in commands)
-        np.testing.assert_allclose(known, learned, rtol=1e-9)
+        np.testing.assert_allclose(known, learned, rtol=1e-8)
     assert np.abs(force).max() > 0.1
 
 
@@ -139,7 +139,7 @@ def turn_of(speed, command, t):
 def test_the_observer_predicts_by_pinocchio_in_the_middle_of_the_period(seed):
     """Velocities after the period: attitude and joints half way, squared rotor speeds in their mean, drag half way.
 
-    Then v += (1 - b^2) e and d += M e (1 - b)^2 / dt, b = exp(-bandwidth dt). Simpson's rule for the mean of the
+    Then v += (1 - b^2) e and d += M e (1 - b)^2 / dt, b = exp(-bandwidth dt). the mean of the
     squares is good to 2e-4 of the part that decays, which is a tenth here: 1e-4 N of thrust, 1e-5 rad/s of body rate.
     """
     pytest.importorskip("pinocchio")

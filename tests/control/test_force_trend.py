@@ -140,10 +140,10 @@ def effect_of(force, **more):
     return Effect(signals=(), unknown=unknown, force=force, **more)
 
 
-def believed(rate):
-    """A trend whose rate (N/s) came true so far."""
+def believed(rate, share=1.0):
+    """A trend whose rate (N/s) came true so far, or a share of it."""
     trend = make_centroidal(Model(vehicle=skyarm.load_vehicle("hummingbird_arm2")), mode="tip").par.parts.trend
-    return dataclasses.replace(trend.start(2), rate=rate, agreement=1e9, size=1e9)
+    return dataclasses.replace(trend.start(2), rate=rate, agreement=share * 1e9, size=1e9)
 
 
 def test_the_force_is_foretold_across_observer_and_filter():
@@ -167,14 +167,15 @@ def test_a_rate_is_believed_as_far_as_no_force_acts_on_the_tip(external):
     """What it has foretold goes to the force that is compensated, over the observer's lateness."""
     model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
     par = make_centroidal(model, mode="tip").par
-    memory, zero = believed(Vec3(0.3, -0.2, 0.0)), Vec3(0.0, 0.0, 0.0)
+    memory, zero = believed(Vec3(0.3, -0.2, 0.0), share=0.8), Vec3(0.0, 0.0, 0.0)
     effect = effect_of(Vec3(0.5, 0.6, 0.7), external=external)
     coming = foresee(par, memory, effect, zero, zero)
     far, own = rate_weights(par.parts.trend, memory)
     rate = np.array([*memory.rate]) * far * (1.0 - external)
-    np.testing.assert_allclose([*coming.lead], rate * (own / far), rtol=1e-12)
+    near = rate * (own / far)
+    np.testing.assert_allclose([*coming.near_rate], near, rtol=1e-12)
     np.testing.assert_allclose([*coming.rate], rate, rtol=1e-12)
-    np.testing.assert_allclose([*coming.unknown.force], [0.5, 0.6, 0.7] + rate / 30.0, rtol=1e-12)
+    np.testing.assert_allclose([*coming.unknown.force], [0.5, 0.6, 0.7] + near / 30.0, rtol=1e-12)
     assert external == 1.0 or abs(rate[0]) > 0.05
 
 
@@ -193,7 +194,7 @@ def test_the_attitude_turns_against_a_force_as_fast_as_that_is_led():
     still = turned()
     weight = float(par.model.vehicle.mass) * float(par.model.gravity)
     gain = float(par.base.rate.x) + float(par.base.velocity.y)
-    asked = turned(lead=Vec3(0.0, 0.03, 0.0)) - still
+    asked = turned(near_rate=Vec3(0.0, 0.03, 0.0)) - still
     assert asked == pytest.approx([gain * 0.03 / weight, 0.0, 0.0], rel=1e-3, abs=1e-9)
     asked = turned(rate=Vec3(0.0, 0.03, 0.0)) - still
     assert abs(asked).max() < 1e-9

@@ -158,7 +158,7 @@ class WrittenLaw(WrittenParts):
         # 6. force
         rate, led = self._trend()
         lateness = 1 / max(heard[0], 1.0)
-        unknown[0] = unknown[0] + rate * lateness
+        unknown[0] = unknown[0] + led * lateness
         self.slow = self.slow + low(par.shift_rate, dt) * (self.d[0] - self.slow)
         F = self.slow + self.adapted[0] + rate * (lateness + 1 / par.shift_rate)
         # 7. shift and quasi-static attitude

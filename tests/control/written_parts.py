@@ -97,7 +97,7 @@ class WrittenParts:
     # force trend
 
     def _trend(self) -> Any:
-        """Rate of the observed force over the delay of the shift, and over that of the attitude."""
+        """Rate of the observed force over the delay of the shift, and over those of observer and attitude."""
         t, dt, d, m = self.trend, self.dt, self.d[0], self.v.mass
         b = np.exp(-self.par.force_trend * dt)
         e = d - t.level - t.rate * dt

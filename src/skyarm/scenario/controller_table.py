@@ -224,7 +224,8 @@ def by_words(fields: Fields, model: Model, known: Mapping[str, float], *, loaded
     law = fields.take("law")
     if is_law_of_file(law) and not loaded:
         raise ValueError(f"{fields.at('law')} = {shown(law)}: must not be a file's; only --laws takes FILE.py:make")
-    hint = f"; it is a preset: preset = {law!r}" if law in (*PRESETS,) else ""
+    name = present_names("preset").get(law, law) if isinstance(law, str) else law
+    hint = f"; it is a preset: preset = {name!r}" if name in (*PRESETS,) else ""
     return _of_options("law", _require_name(fields, "law", LAWS, hint), fields, model, known)
 
 

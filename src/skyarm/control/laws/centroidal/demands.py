@@ -204,7 +204,7 @@ def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> Course:
         answered = [base[0], *(p + u for p, u in zip(base[1:], moved, strict=True))]
     drag = reference_drag(model, step.state, answered[:4], sideways=sideways is not None, moving=moves)
     force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], (drag[1] + force_rate, drag[2]))
-    changes = (drag[1] + coming.lead, drag[2]) if moved else (coming.lead, ZERO3)
+    changes = (drag[1] + coming.near_rate, drag[2]) if moved else (coming.near_rate, ZERO3)
     rotors = center_of_mass.ALONG_Z
     if sideways is not None:
         rotors = sideways.rotor_force(par.mixer, derivative(level.com, 0), mass * model.gravity)

@@ -4,8 +4,9 @@ A steady turn of the wind can be predicted, turbulence and noise cannot. The rat
     level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
 d the observer's force. Force and rate then pass the same chain of three first-order filters of together ``horizon``
 seconds: horizon late(rate) predicts d - late(d). The slope of the least squares between both, over the last seconds, is
-the trust in the rate: none up to a half, full at 1. Rates as steep as a step's are not trusted. The attitude, which
-turns against the force, is led by the rate times the slope itself: over its short delay turbulence is predicted, too.
+the trust in the rate: none up to a half, full at 1. Rates as steep as a step's are not trusted. The force that is
+compensated now, and the attitude that turns against it, have the rate times the slope itself: over their short delays
+turbulence is predicted, too.
 Sources: Gao 2003 (poles of the tracker); the slope is the Wiener coefficient of a prediction by one regressor.
 """
 
@@ -113,8 +114,8 @@ def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Scalar) -> tuple
 def rate_weights(gains: TrendGains, memory: ForceTrend) -> tuple[Scalar, Scalar]:
     """Weights of the force rate, 0 to 1, from the accuracy of past force predictions with that rate.
 
-    The first one, for a prediction over long delays, is none up to chance. The second one, for the attitude, which is
-    late by a tenth of a second, is the slope itself, the least squares of a prediction.
+    The first one, for a prediction over the shift's delay, is none up to chance. The second one, for the delays of
+    observer and attitude, a tenth of a second, is the slope itself, the least squares of a prediction.
     """
     slope, even = divide(memory.agreement, memory.size + gains.noise), _no_step(gains, memory.rate)
     far = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
@@ -133,15 +134,14 @@ class Foreseen:
     """Disturbance forecast by the weighted rate of the force.
 
     Attributes:
-        unknown: that is compensated, now.
-        steady: force that the attitude balances, N, world axes. rate: N/s, of both.
-        lead: N/s, of the force against which the attitude turns.
+        unknown: that is compensated, now. near_rate: N/s, of its force, by which the attitude turns.
+        steady: force that the attitude balances, N, world axes. rate: N/s, of it.
     """
 
     unknown: Disturbance
     steady: Vec3
     rate: Vec3 = ZERO3
-    lead: Vec3 = ZERO3
+    near_rate: Vec3 = ZERO3
 
 
 def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect, slow: Vec3, adapted: Vec3) -> Foreseen:
@@ -155,11 +155,11 @@ def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect,
     late, slope = lateness(par), trend.rate
     if type(effect.external) is not int:
         slope = slope * (1.0 - effect.external)
-    rate, lead = (slope * weight for weight in rate_weights(gains, trend))
-    unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
+    rate, near = (slope * weight for weight in rate_weights(gains, trend))
+    unknown = dataclasses.replace(unknown, force=unknown.force + near * late)
     if par.mode == "tip":
         late = late + divide(1.0, maximum(par.tip.shift_rate, AHEAD))
-    return Foreseen(unknown=unknown, steady=steady + rate * late, rate=rate, lead=lead)
+    return Foreseen(unknown=unknown, steady=steady + rate * late, rate=rate, near_rate=near)
 
 
 def _no_step(gains: TrendGains, rate: Vec3) -> Scalar:

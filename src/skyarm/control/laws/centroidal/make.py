@@ -101,8 +101,10 @@ def make_centroidal(
     model = pairs_model(model) if turns_rotors else model
     vehicle, leads = model.vehicle, mode == "tip" and model.vehicle.n > 0
     gains |= fit_gains(gains, set(changes), mode, vehicle, presses=presses, carries=carries)
-    if (mode == "tip" or changes.get("adaptation")) and not vehicle.end_effector:
+    if mode == "tip" and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
+    if changes.get("adaptation") and not vehicle.end_effector:
+        refuse("adaptation", gains["adaptation"], f"0: {vehicle.name!r} has no end_effector")
     ahead = 0 if age is None else periods - periods_of(age, control_period, "age")
     if ahead < 0:
         refuse("age", age, f"at most delay, {delay:g} s")

@@ -1,1 +1,1 @@
-"""Parts of the centroidal law for a tip that touches: pressing, giving way, carrying; the law itself names none."""
+"""Parts of the centroidal law for a tip that touches: pressing, giving way, carrying; the law itself imports none."""

@@ -51,6 +51,8 @@ def contact_parts(
 def _interaction(gains: Mapping[str, Any], vehicle: Vehicle, *, leads: bool) -> Interaction:
     """Constants of contact force control from the law's options."""
     require_thresholds(gains["interaction"], leads)
+    if not gains["tip"][1]:
+        raise ControllerError(f"controller.tip[1] = {shown(gains['tip'][1])}: must be above 0 with interaction")
     (touch, lost), (torques, masses) = gains["interaction"], gains["tolerances"]
     geared = any(float(link.joint.armature) > 0.0 for link in vehicle.links)
     return Interaction(

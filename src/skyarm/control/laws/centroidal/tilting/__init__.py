@@ -1,1 +1,1 @@
-"""Part of the centroidal law for rotors that push sideways; the law itself names none."""
+"""Part of the centroidal law for rotors that push sideways; the law itself does not import it."""
