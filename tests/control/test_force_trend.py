@@ -151,13 +151,15 @@ def test_the_force_is_foretold_across_observer_and_filter():
     model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
     slow, adapted, rate = Vec3(1.5, 0.2, 0.1), Vec3(0.1, 0.0, -0.2), Vec3(0.3, -0.2, 0.05)
     effect, trend = effect_of(Vec3(9.0, 9.0, 9.0)), believed(rate)
+    rate = rate * rate_weights(make_centroidal(model, mode="tip").par.parts.trend, trend)[0]
+    assert [*rate] == pytest.approx([0.3, -0.2, 0.05], rel=1e-4)
     for shift_rate, late in ((3.0, 1.0 / 3.0), (0.5, 1.0)):
         par = make_centroidal(model, mode="tip", shift_rate=shift_rate).par
         found = foresee(par, trend, effect, slow, adapted).steady
-        np.testing.assert_allclose([*found], [*(slow + adapted + rate * (1.0 / 30.0 + late))], atol=3e-5)
+        np.testing.assert_allclose([*found], [*(slow + adapted + rate * (1.0 / 30.0 + late))], rtol=1e-12)
     joint = make_centroidal(model, mode="joint").par
     found = foresee(joint, trend, effect, slow, adapted).steady
-    np.testing.assert_allclose([*found], [*(effect.force + adapted + rate * (1.0 / 30.0))], atol=3e-5)
+    np.testing.assert_allclose([*found], [*(effect.force + adapted + rate * (1.0 / 30.0))], rtol=1e-12)
     without = make_centroidal(model, mode="tip", force_trend=0.0).par
     assert [*foresee(without, None, effect, slow, adapted).steady] == [*(slow + adapted)]
 
