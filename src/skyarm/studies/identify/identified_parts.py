@@ -132,7 +132,8 @@ def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, Scalar], checked: b
     changes: dict[str, Any] = {}
     for name in SCALED:
         if f"rotors.{name}" in numbers:
-            changes[name] = numbers[f"rotors.{name}"] * float(getattr(rotor, name)) / float(getattr(first, name))
+            # the ratio first: of alike rotors it is exactly 1, and the number is the one that is reported
+            changes[name] = numbers[f"rotors.{name}"] * (float(getattr(rotor, name)) / float(getattr(first, name)))
     for name in ("inertia", "drag_coefficient"):
         if f"rotors.{name}" in numbers:
             changes[name] = max(numbers[f"rotors.{name}"], 0.0) if checked else numbers[f"rotors.{name}"]
