@@ -219,7 +219,7 @@ def test_what_acted_before_the_measurement_is_fed_forward_the_known_delay_ago(pe
         learned = dataclasses.replace(learned, tip_mass=0.01 * k)
         masses.append(0.01 * k)
         learned = adapted(par, learned, motion((0.3, -0.5)), (0.0, 0.0), (1.0, 0.0, 0.0))
-        acted.append(-learned.acted().force.z / 9.8)
+        acted.append(-learned.at_measurement().force.z / 9.8)
     assert acted == pytest.approx([0.0] * periods + masses[: 6 - periods], abs=1e-12)
 
 

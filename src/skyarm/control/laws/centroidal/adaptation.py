@@ -102,12 +102,12 @@ class JointLearned:
         )
 
     def trust(self, slow: Scalar) -> Scalar:
-        """Weight of what a joint tells of friction, 0 to 1, by how its rate follows its reference's."""
+        """Weight of a joint in the adaptation of friction, 0 to 1, by how its rate follows its reference's."""
         wanted = add(self.moving, slow)
         share = divide(wanted, add(wanted, mul(2.0, self.off)))
         return mul(share, share)
 
-    def unexplained(self, left: Scalar, mass: Scalar) -> Scalar:
+    def residual(self, left: Scalar, mass: Scalar) -> Scalar:
         """Effort that neither adapted load nor adapted damping explains; ``left`` is the observer's."""
         late = self.twice
         return add(sub(add(left, late.given), mul(mass, late.load)), mul(self.damping, late.rate))
@@ -127,7 +127,7 @@ class Learned:
     earlier: tuple[Disturbance, ...]
     tip_velocity: Annotated[Vec3, Unit("m/s", "of the last measurement, world axes")]
 
-    def acted(self) -> Disturbance:
+    def at_measurement(self) -> Disturbance:
         """Feed-forward of the period before the measurement."""
         return self.earlier[-1] if self.earlier else self.feedforward
 
@@ -202,12 +202,14 @@ def adapt(gains: AdaptationGains, step: Step, learned: Learned, planned: Planned
         velocity = vector_data(moved)
     share = low_pass_share(par.observer.joints, dt)
     rates = [signal.derivative(1) for signal in step.motion.signals[4:]]
-    beside = zip(learned.acted().efforts, learned.joints, gains.modelled, step.memory.observed.joint_rates, strict=True)
+    beside = zip(
+        learned.at_measurement().efforts, learned.joints, gains.modelled, step.memory.observed.joint_rates, strict=True
+    )
     given = [sub(effort, mul(minimum(joint.damping, most), v)) for effort, joint, most, v in beside]
     rows = zip(learned.joints, loads, measurement.joint_rates, given, rates, strict=True)
     joints = [joint.filtered(Efforts(load=y, rate=v, given=d), wanted, share, dt) for joint, y, v, d, wanted in rows]
     found = zip(joints, step.seen.observed.efforts, free[1:], strict=True)
-    errors = [mul(f, joint.unexplained(left, mass)) for joint, left, f in found]
+    errors = [mul(f, joint.residual(left, mass)) for joint, left, f in found]
     if gains.load is not None:
         match: Scalar = 0.0
         size: Scalar = SMALL

@@ -89,7 +89,7 @@ def centroidal(
     par = gains_of_now(par, memory, measurement, timing.lead, dt)
     before = adapted = no_feedforward(par)
     if par.parts.adaptation is not None:
-        before, adapted = held.adaptation.acted(), held.adaptation.feedforward
+        before, adapted = held.adaptation.at_measurement(), held.adaptation.feedforward
     seen = see(par, memory, measurement, timing.acted, (before, adapted), dt)
     step = Step(
         par=par,
