@@ -87,10 +87,8 @@ def centroidal(
     timing = time_of_action(par, memory, dt)
     motion, channels, age = continue_reference(par, memory, reference, timing.lead, dt)
     par = gains_of_now(par, memory, measurement, timing.lead, dt)
-    before = adapted = no_feedforward(par)
-    if par.parts.adaptation is not None:
-        before, adapted = held.adaptation.at_measurement(), held.adaptation.feedforward
-    seen = see(par, memory, measurement, timing.acted, (before, adapted), dt)
+    adapted = no_feedforward(par) if par.parts.adaptation is None else held.adaptation.feedforward
+    seen = see(par, memory, measurement, timing.acted, adapted, dt)
     step = Step(
         par=par,
         memory=memory,
@@ -120,7 +118,8 @@ def centroidal(
         memories[name] = part.learn(memories[name], effect, demand)
     if par.parts.adaptation is not None:
         free = learning(memory, effect.learns)
-        memories["adaptation"] = adapt(par.parts.adaptation, step, held.adaptation, demand.planned, free)
+        planned, observed = demand.planned, seen.observed
+        memories["adaptation"] = adapt(par.parts.adaptation, par, held.adaptation, planned, observed, free, dt)
     following = CentroidalMemory(
         started=memory.started * 0.0 + 1.0,
         age=age,
@@ -177,19 +176,16 @@ def see(
     memory: CentroidalMemory,
     measurement: Measurement,
     acted: Actuation,
-    adapted: tuple[Disturbance, Disturbance],
+    adapted: Disturbance,
     dt: Scalar,
 ) -> Seen:
-    """Update of the observer by one measurement: state and disturbance at the measurement's time.
-
-    ``adapted``: feed-forward of the period before the measurement, and that of now.
-    """
+    """Update of the observer by one measurement: state and disturbance at the measurement's time."""
     model = par.model
-    known = disturbance(memory.observed) + adapted[0]
+    known = disturbance(memory.observed) + adapted
     observed, told = observe(
         model, par.observer, memory.observed, measurement, acted, known, memory.started, memory.free, dt
     )
-    alone, R = disturbance(observed) + adapted[1], observed.quaternion.rotation()
+    alone, R = disturbance(observed) + adapted, observed.quaternion.rotation()
     across = par.center.sideways is not None
     unknown = with_side(model, alone, R, observed.rotor_speeds, observed.velocity, observed.rate, across)
     return Seen(observed=observed, told=told, alone=alone, unknown=unknown)
