@@ -14,7 +14,7 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify import identify_files as files_of
 from skyarm.studies.identify import identify_flights as flights_of
 from skyarm.studies.identify.identified_numbers import Identified
-from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.identified_parts import SCALED, Surroundings, vehicle_with
 from skyarm.studies.identify.identify_files import identify_files
 from skyarm.studies.identify.identify_flights import identify_aligned
 from skyarm.studies.identify.identify_windows import SearchOptions
@@ -279,3 +279,19 @@ def test_a_refused_fault_of_a_file_is_in_the_report_only_if_it_is_flown_despite(
         of_files("a.csv")
     report, _, warned = of_files("a.csv", despite_faults=True)
     assert warned == report.faults == [fault(REFUSED), fault()]
+
+
+@pytest.mark.parametrize("name", SCALED)
+def test_numbers_of_the_first_rotor_keep_the_ratios_of_the_others(name):
+    """A rotor that has 1.3 times the number at the start has it afterwards; alike ones have what was found, exactly."""
+    start = skyarm.load_vehicle("hummingbird_arm2_rotors")
+    first, second, *rest = start.rotors
+    odd = dataclasses.replace(second, **{name: 1.3 * float(getattr(second, name))})
+    found = 1.1 * float(getattr(first, name))
+    for checked in (False, True):
+        vehicle = vehicle_with(
+            start.with_checked(rotors=(first, odd, *rest)), {f"rotors.{name}": found}, checked=checked
+        )
+        values = [float(getattr(rotor, name)) for rotor in vehicle.rotors]
+        assert values[1] == pytest.approx(1.3 * found, rel=1e-12)
+        assert [values[0], *values[2:]] == [found] * 3
