@@ -153,7 +153,7 @@ def test_the_gripper_itself_says_when_it_holds_something(hanging):
     assert hanging.grasp_periods[0].end == pytest.approx(0.5, abs=0.006)
     held = hanging.gripper_taken[:, 0] > 0.5
     assert held[:99].all()
-    assert hanging.load_mass_found[98] == pytest.approx(0.1, rel=0.25)  # it swings
+    assert hanging.load_mass_found[49:99].mean() == pytest.approx(0.1, rel=0.2)  # it swings
     assert not hanging.load_mass_found[~held].any()  # gone in the period in which the magnet lets go
 
 

@@ -11,11 +11,11 @@ from centroidal_flights import fly, planned
 
 import skyarm
 from law_parts import demanded, with_parts
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.adaptation import AdaptationGains, Regressor, adapt, unit_load
+from skyarm.control.laws.centroidal.adaptation import adapt, felt_load, tip_velocity, unit_load
 from skyarm.control.laws.centroidal.demands import Planned
 from skyarm.control.model import Model
 from skyarm.reference import Sine
@@ -29,7 +29,7 @@ MODEL = Model(vehicle=TRUTH, gravity=9.8)
 ZERO = Vec3(0.0, 0.0, 0.0)
 FREE = (1.0, 1.0, 1.0)
 
-SMALL, WEIGHT, STICKIEST, REVOLUTE = 1e-3, 1.0, 50.0, (0.01, 0.1)
+SMALL, FRICTION, STICKIEST, MODELLED, SLOW = 1e-3, 2.0, 50.0, 5.0, 0.1
 """Constants of the page."""
 
 
@@ -52,16 +52,39 @@ def law(**options):
     return make_centroidal(MODEL, **options).par
 
 
-def adapted(par, learned, plan, rates, left, free, dt):
-    """One period; joint rates and efforts are those of an observer."""
-    return adapt(par.parts.adaptation, par, learned, plan, SimpleNamespace(joint_rates=rates, efforts=left), free, dt)
+def started(**fields):
+    """What is known before anything is learned."""
+    return dataclasses.replace(law().parts.adaptation.start(2), **fields)
 
 
-def hearing(par, plan, learned, **each):
-    """Memory after the plan has been filtered for long, with further fields of the joints, a value for each."""
+def adapted(par, learned, plan, left, free, measured=None, modelled=(0.0, 0.0), wanted=None, found=(0.0, 0.0), which=0):
+    """One period of 5 ms.
+
+    ``left`` are the observer's efforts, ``modelled`` its last joint rates and ``found`` those of now; ``measured`` is
+    the plan's motion if left out, and ``wanted`` are the rates of the joints' references, the plan's if left out.
+    ``which`` is 0 for what is learned, 1 for what it takes from the observed disturbance.
+    """
+    rates = [q.derivative(1) for q in plan.joints]
+    blank = blank_measurement(2, 4)
+    if measured is None:
+        places = tuple(q.derivative(0) for q in plan.joints)
+        measured = dataclasses.replace(blank, joints=places, joint_rates=tuple(rates))
+    signals = [None] * 4 + [Taylor.of_derivatives((0.0, rate)) for rate in (wanted or rates)]
+    step = SimpleNamespace(
+        par=par,
+        dt=0.005,
+        measurement=measured,
+        memory=SimpleNamespace(started=1.0, observed=SimpleNamespace(joint_rates=modelled)),
+        seen=SimpleNamespace(observed=SimpleNamespace(efforts=left, joint_rates=found)),
+        motion=SimpleNamespace(signals=signals),
+    )
+    return adapt(par.parts.adaptation, step, learned, plan, free)[which]
+
+
+def hearing(par, plan, learned, free=(1.0, 0.0, 0.0), **each):
+    """Memory after plan and motion have been filtered for long, and further fields of the joints, a value for each."""
     for _ in range(400):
-        rates = [q.derivative(1) for q in plan.joints]
-        learned = adapted(par, learned, plan, rates, (0.0, 0.0), (1.0, 0.0, 0.0), 0.005)
+        learned = adapted(par, learned, plan, (0.0, 0.0), free)
     joints = []
     for i, joint in enumerate(learned.joints):
         joints.append(dataclasses.replace(joint, **{name: values[i] for name, values in each.items()}))
@@ -94,84 +117,173 @@ def test_a_load_pushes_by_what_pinocchio_needs_more_for_it(joints):
     np.testing.assert_allclose(ours, -needed, rtol=1e-9, atol=1e-9 * np.abs(needed).max())
 
 
+@pytest.mark.parametrize("joints", [2, 5])
+def test_what_a_load_takes_of_the_joints_as_measured_is_what_pinocchio_needs_more_for_it(joints):
+    """Of the tip's acceleration by differences of its velocity, over a motion of base and joints."""
+    pytest.importorskip("pinocchio")
+    rng = np.random.default_rng([22, joints])
+    vehicle, state = random_vehicle(rng, joints), random_state(rng, joints)
+    turning, bending, pull = rng.normal(size=3), rng.normal(size=joints), rng.normal(size=3)
+
+    def reading(t):
+        """Base and joints that accelerate evenly from the state: turned about the rate amid the time."""
+        rate, joint_rates = state.velocity[3:6] + turning * t, state.velocity[6:] + bending * t
+        q, places = (
+            Quaternion(*map(float, state.quaternion)),
+            state.joints + 0.5 * (state.velocity[6:] + joint_rates) * t,
+        )
+        q = q * Quaternion.of_small_rotation(vec(0.5 * (state.velocity[3:6] + rate) * t))
+        return dataclasses.replace(
+            blank_measurement(joints, 4),
+            quaternion=q,
+            velocity=vec(state.velocity[:3] + pull * t),
+            rate=vec(rate),
+            joints=tuple(places.tolist()),
+            joint_rates=tuple(joint_rates.tolist()),
+        )
+
+    h = 1e-5
+    change = (tip_velocity(vehicle, reading(h)) - tip_velocity(vehicle, reading(-h))) * (0.5 / h)
+    found = felt_load(vehicle, reading(0.0), change + Vec3(0.0, 0.0, 9.81))
+    acceleration = np.concatenate([pull, turning, bending])
+    carried = TWINS["pinocchio"](vehicle.with_payload(1.0)).inverse_dynamics(state, acceleration, 9.81)
+    needed = (carried - TWINS["pinocchio"](vehicle).inverse_dynamics(state, acceleration, 9.81))[6:]
+    np.testing.assert_allclose(found, -needed, rtol=1e-5, atol=1e-5 * np.abs(needed).max())
+
+
 def test_the_mass_moves_by_the_normalised_gradient():
     """A load dm takes torques dm y from a hovering arm of two 150 mm links: the step is rate dt dm y.y / (y.y + s)."""
     y = -9.8 * 0.15 * np.array([np.sin(0.3) + np.sin(-0.2), np.sin(-0.2)])
     par, plan = law(adaptation=0.3), motion((0.3, -0.5))
-    before = hearing(par, plan, dataclasses.replace(AdaptationGains.start(None, 2), tip_mass=0.01))
-    found = adapted(par, before, plan, (0.0, 0.0), tuple((0.05 * y).tolist()), FREE, 0.005)
+    before = hearing(par, plan, started(tip_mass=0.01))
+    # the observer finds what the feed-forward of 10 g leaves of 60 g
+    found = adapted(par, before, plan, tuple((0.05 * y).tolist()), FREE)
     assert found.tip_mass - 0.01 == pytest.approx(0.3 * 0.005 * 0.05 * (y @ y) / (y @ y + SMALL), rel=1e-9)
     np.testing.assert_allclose(found.feedforward.efforts, found.tip_mass * y, rtol=1e-12)
     np.testing.assert_allclose(array(found.feedforward.force), [0.0, 0.0, -9.8 * found.tip_mass], atol=1e-15)
 
 
 def test_each_joint_moves_by_the_normalised_gradient():
-    """With e = d - level - slope q: damping -rate dt e qd / (qd^2 + s), level dt e, slope dt e q / (q^2 + s)."""
-    par, q, qd = law(adaptation=0.0), (0.3, -0.2), (0.9, -0.4)
-    plan, left = motion(q, qd), (-0.004, 0.001)
-    known = {"damping": (0.002, 0.003), "level": (0.001, -0.002), "slope": (0.004, 0.002)}
-    before = hearing(par, plan, AdaptationGains.start(None, 2), **known)
-    found = adapted(par, before, plan, qd, left, FREE, 0.005)
-    small, slow = REVOLUTE
-    for i, joint in enumerate(found.joints):
-        b, level, slope = (known[name][i] for name in ("damping", "level", "slope"))
-        error = left[i] - level - slope * q[i]
-        assert joint.damping == pytest.approx(b - 2.0 * 0.005 * error * qd[i] / (qd[i] ** 2 + slow), rel=1e-9)
-        assert joint.level == pytest.approx(level + WEIGHT * 0.005 * error, rel=1e-9)
-        assert joint.slope == pytest.approx(slope + WEIGHT * 0.005 * error * q[i] / (q[i] ** 2 + small), rel=1e-9)
-        # friction acts against the motion
-        assert found.feedforward.efforts[i] == pytest.approx(-joint.damping * qd[i], rel=1e-12)
+    """With e = d + h - m y + b v: damping -rate dt w e v / (v^2 + s), w of v against the reference's rate."""
+    par, qd, wanted = law(adaptation=0.0), (0.9, -0.4), (0.7, -0.7)
+    plan, left, modelled = motion((0.3, -0.2), qd), (-0.004, 0.001), (0.8, -0.3)
+    known, most = (0.002, 0.02), par.parts.adaptation.modelled
+    assert (known[0] < most[0], known[1] > most[1]) == (True, True)
+    joints = tuple(dataclasses.replace(j, damping=b) for j, b in zip(started().joints, known, strict=True))
+    learned = started(joints=joints)
+    for _ in range(1200):
+        learned = adapted(par, learned, plan, (0.0, 0.0), (1.0, 0.0, 0.0), modelled=modelled, wanted=wanted)
+    found = adapted(par, learned, plan, left, FREE, modelled=modelled, wanted=wanted)
+    for i, (joint, b) in enumerate(zip(found.joints, known, strict=True)):
+        inside = min(b, most[i])
+        # what the observer reckons with: at its own rate, and the rest at the plan's
+        given = -inside * modelled[i] - (b - inside) * qd[i]
+        error = left[i] + given + b * qd[i]
+        p, off = wanted[i] ** 2, (qd[i] - wanted[i]) ** 2
+        weight = p / (p + 0.01 * SLOW) * (1.0 + 2.0 * off / (p + SLOW)) ** -2
+        step = FRICTION * 0.005 * weight * error * qd[i] / (qd[i] ** 2 + SLOW)
+        assert joint.damping == pytest.approx(b - step, rel=1e-6)
+        assert abs(step) > 1e-6
+        rest = joint.damping - min(joint.damping, most[i])
+        assert found.feedforward.efforts[i] == pytest.approx(-rest * qd[i], rel=1e-12)
+
+
+def test_a_push_that_moves_the_joints_teaches_next_to_no_friction():
+    """The observer finds a force against rates that no reference asks for: a tenth of a percent of what it would."""
+    par, plan, measured = law(), motion((0.0, 0.0)), blank_measurement(2, 4)
+    shaken = dataclasses.replace(measured, joint_rates=(0.8, 0.6))
+    taught = []
+    for wanted in ((0.0, 0.0), (0.8, 0.6)):
+        learned = started()
+        for _ in range(400):
+            learned = adapted(par, learned, plan, (0.0, 0.0), (1.0, 0.0, 0.0), measured=shaken, wanted=wanted)
+        learned = adapted(par, learned, plan, (-0.02, -0.03), FREE, measured=shaken, wanted=wanted)
+        taught.append([joint.damping for joint in learned.joints])
+    assert min(taught[1]) > 1e-4
+    np.testing.assert_array_less(taught[0], 0.02 * np.array(taught[1]))
+
+
+def test_a_constant_force_on_joints_whose_reference_rests_is_no_friction():
+    """A tip that is held and drifts: no damping, at rates and efforts that teach much along a reference."""
+    par, plan = law(), motion((0.0, 0.0))
+    drifting = dataclasses.replace(blank_measurement(2, 4), joint_rates=(0.1, 0.1))
+    learned = started()
+    for _ in range(2000):
+        learned = adapted(par, learned, plan, (-0.3, -0.3), FREE, measured=drifting)
+    assert [joint.damping for joint in learned.joints] == [0.0, 0.0]
+
+
+def test_the_models_joints_have_what_their_loops_bear_of_the_learned_damping():
+    known = Model(vehicle=TRUTH.with_joints(damping=0.003), gravity=9.8)
+    par = make_centroidal(known).par
+    most = par.parts.adaptation.modelled
+    dampings = (most[0] + 0.01, -0.002)
+    joints = tuple(dataclasses.replace(j, damping=b) for j, b in zip(started().joints, dampings, strict=True))
+    changed = par.parts.adaptation.adjust_gains(started(joints=joints), par, 0.005)
+    assert [link.joint.damping for link in changed.model.vehicle.links] == pytest.approx([0.003 + most[0], 0.001])
 
 
 @pytest.mark.parametrize("periods", [0, 2])
-def test_a_plan_is_heard_as_late_as_the_observer_hears(periods):
-    """A ramp through two stages lags by 2 / bandwidth and the age of the measurements."""
+def test_what_acted_before_the_measurement_is_fed_forward_the_known_delay_ago(periods):
+    par, masses, acted = make_centroidal(MODEL, delay=0.005 * periods, adaptation=1.0).par, [], []
+    learned = par.parts.adaptation.start(2)
+    for k in range(6):
+        learned = dataclasses.replace(learned, tip_mass=0.01 * k)
+        masses.append(0.01 * k)
+        learned = adapted(par, learned, motion((0.3, -0.5)), (0.0, 0.0), (1.0, 0.0, 0.0))
+        acted.append(-learned.at_measurement().force.z / 9.8)
+    assert acted == pytest.approx([0.0] * periods + masses[: 6 - periods], abs=1e-12)
+
+
+@pytest.mark.parametrize("periods", [0, 2])
+def test_what_is_learned_is_no_more_of_the_disturbance_than_the_observer_found(periods):
+    """Whatever is learned from efforts of any kind, observed and fed forward are together what was observed alone."""
     par = make_centroidal(MODEL, delay=0.005 * periods).par
-    learned = AdaptationGains.start(None, 2)
-    for k in range(400):
-        plan = motion((0.001 * k, 0.0), (0.2, 0.0))
-        learned = adapted(par, learned, plan, (0.2, 0.0), (0.0, 0.0), FREE, 0.005)
-    lag = (0.001 * 399 - learned.joints[0].twice.place) / 0.2
-    # half of the period in which a sample is held, for each of the stages
-    assert lag == pytest.approx(2.0 / 34.0 + 0.005 * periods, abs=0.006)
+    rng, plan, rates = np.random.default_rng(5), motion((0.3, -0.5), (0.9, -0.4)), (0.7, -0.6)
+    learned, taken = par.parts.adaptation.start(2), []
+    for _ in range(60):
+        told = tuple(rng.normal(size=2).tolist())
+        before = [(each.force, each.efforts) for each in (learned.feedforward, *learned.earlier)]
+        each = {"modelled": rates, "found": rates, "wanted": (0.9, -0.4)}
+        over, old = adapted(par, learned, plan, told, FREE, **each, which=1), learned
+        learned = adapted(par, learned, plan, told, FREE, **each)
+        more = learned.tip_mass - old.tip_mass
+        y = unit_load(TRUTH, plan)
+        np.testing.assert_allclose(array(over.force), more * array(y.force), atol=1e-12)
+        np.testing.assert_allclose(array(over.torque), more * array(y.torque), atol=1e-12)
+        new = [joint.damping - was.damping for joint, was in zip(learned.joints, old.joints, strict=True)]
+        np.testing.assert_allclose(
+            over.efforts, more * np.array(y.efforts) - np.array(new) * rates, rtol=1e-9, atol=1e-12
+        )
+        # what acted some periods ago is remembered with the mass and the damping of now
+        for (force, efforts), now in zip(before[:periods], learned.earlier, strict=True):
+            np.testing.assert_allclose(array(now.force), array(force) + array(over.force), atol=1e-12)
+            np.testing.assert_allclose(now.efforts, np.array(efforts) + np.array(over.efforts), atol=1e-12)
+        taken.append(np.abs(over.efforts).max())
+    assert max(taken) > 1e-4
 
 
 def test_what_an_actuator_at_its_limit_would_teach_is_not_learned():
     plan, left = motion((0.3, -0.5), (0.9, -0.4)), (-0.4, 0.3)
     par = law()
-    before = hearing(
-        par, plan, dataclasses.replace(AdaptationGains.start(None, 2), tip_mass=0.02), damping=(0.004, 0.003)
-    )
-    held, free = (adapted(par, before, plan, (0.9, -0.4), left, (1.0, f, f), 0.005) for f in (0.0, 1.0))
+    before = hearing(par, plan, started(tip_mass=0.02), damping=(0.004, 0.003))
+    held, free = (adapted(par, before, plan, left, (1.0, f, f)) for f in (0.0, 1.0))
     assert held.tip_mass == before.tip_mass != free.tip_mass
-    for name in ("damping", "level", "slope"):
-        old, kept, moved = ([getattr(joint, name) for joint in each.joints] for each in (before, held, free))
-        assert kept == old
-        assert moved != old
-
-
-def test_a_joint_that_does_not_follow_teaches_next_to_nothing():
-    """A load holds joints off their plan, too: what they say counts less, not for nothing."""
-    plan, left, par = motion((0.3, -0.5), (0.9, -0.4)), (-0.4, 0.3), law()
-    learned = hearing(par, plan, dataclasses.replace(AdaptationGains.start(None, 2), tip_mass=0.02))
-    for _ in range(400):
-        learned = adapted(par, learned, plan, (-0.9, 0.4), (0.0, 0.0), (1.0, 0.0, 0.0), 0.005)
-    found = adapted(par, learned, plan, (-0.9, 0.4), left, FREE, 0.005)
-    assert found.tip_mass == pytest.approx(learned.tip_mass, abs=1e-4)
-    dampings = [[joint.damping for joint in each.joints] for each in (found, learned)]
-    assert dampings[0] == pytest.approx(dampings[1], abs=2e-4)
+    old, kept, moved = ([joint.damping for joint in each.joints] for each in (before, held, free))
+    assert kept == old
+    assert moved != old
 
 
 def test_what_is_learned_stays_within_its_bounds():
-    plan, qd = motion((0.3, -0.5), (0.9, 0.9)), (0.9, 0.9)
+    plan = motion((0.3, -0.5), (0.9, 0.9))
     known = Model(vehicle=TRUTH.with_joints(damping=0.003), gravity=9.8)
     par = make_centroidal(known, adaptation=5.0, tip_mass_limit=0.2).par
     y = [float(each) for each in unit_load(TRUTH, plan).efforts]
     for sign, end in ((1.0, 0), (-1.0, 1)):
-        load, friction = AdaptationGains.start(None, 2), AdaptationGains.start(None, 2)
+        load, friction = started(), started()
         for _ in range(100):
-            load = adapted(par, load, plan, qd, tuple(-sign * 20.0 * each for each in y), FREE, 0.005)
-            friction = adapted(par, friction, plan, qd, (sign * 20.0, sign * 20.0), FREE, 0.005)
+            load = adapted(par, load, plan, tuple(-sign * 20.0 * each for each in y), FREE)
+            friction = adapted(par, friction, plan, (sign * 20.0, sign * 20.0), FREE)
         assert load.tip_mass == pytest.approx(-sign * 0.2)
         # back to no damping at all, or to the highest
         assert [joint.damping for joint in friction.joints] == pytest.approx(
@@ -247,7 +359,7 @@ def test_what_is_learned_is_what_the_observer_finds_in_this_period():
     """A joint that is faster than foreseen, from a memory that knows of no disturbance."""
     scenario = planned("case3_wind")
     flown = fly(scenario).memory
-    still = AdaptationGains.start(None, 2)
+    still = scenario.controller.par.parts.adaptation.start(2)
     calm = dataclasses.replace(flown.observed, efforts=(0.0, 0.0))
     reading = measurement_of(calm)
     pushed = dataclasses.replace(reading, joint_rates=tuple(rate + 0.1 for rate in reading.joint_rates))
@@ -255,9 +367,14 @@ def test_what_is_learned_is_what_the_observer_finds_in_this_period():
     wanted = scenario.reference.at(20.0).dense()
     following, _ = scenario.controller.law(memory, pushed, wanted, 0.005, par=scenario.controller.par)
     assert np.abs(following.observed.efforts).min() > 1e-4
-    for joint, found in zip(following.parts.adaptation.joints, following.observed.efforts, strict=True):
-        # all of it is taken for constant at first, but for what the joint's own error takes from its trust
-        assert 0.5 < joint.level / (WEIGHT * 0.005 * found) <= 1.0
+    share = (1.0 - np.exp(-34.0 * 0.005)) ** 2
+    for joint, found, rate in zip(
+        following.parts.adaptation.joints, following.observed.efforts, pushed.joint_rates, strict=True
+    ):
+        v = share * rate
+        whole = max(0.0, -FRICTION * 0.005 * found * v / (v * v + SLOW))
+        # but for what the joint's own error takes from its weight
+        assert 0.5 * whole <= joint.damping <= whole * (1.0 + 1e-9)
 
 
 def measurement_of(observed):
@@ -271,9 +388,9 @@ def test_the_largest_damping_is_that_of_the_joints_inertia():
     pytest.importorskip("pinocchio")
     still = RandomState(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(2), np.zeros(8))
     M = TWINS["pinocchio"](TRUTH).mass_matrix(still)
-    np.testing.assert_allclose(
-        [high for _, high in law().parts.adaptation.damping_limits], STICKIEST * np.diag(M)[6:], rtol=1e-10
-    )
+    gains = law().parts.adaptation
+    np.testing.assert_allclose([high for _, high in gains.damping_limits], STICKIEST * np.diag(M)[6:], rtol=1e-10)
+    np.testing.assert_allclose(gains.modelled, MODELLED * np.diag(M)[6:], rtol=1e-10)
 
 
 def loaded(scenario, kg):
@@ -283,6 +400,10 @@ def loaded(scenario, kg):
 
 def dampings(flown):
     return [joint.damping for joint in flown.memory.parts.adaptation.joints]
+
+
+NO_FRICTION = {"damping_limits": ((0.0, 0.0), (0.0, 0.0))}
+"""Bounds between which no damping is learned."""
 
 
 def without(scenario, **structure):
@@ -312,7 +433,7 @@ def test_without_a_payload_the_mass_stays_near_zero():
 def test_damping_is_found_and_no_longer_carries_the_joints_away(noisy):
     """0.02 N m s/rad cost 11 mrad without, and 40 for the slower observer under noise."""
     scenario = sticky(planned("case2", noisy=noisy), 0.02)
-    found, plain = fly(scenario), fly(without(scenario, friction=False))
+    found, plain = fly(scenario), fly(without(scenario, **NO_FRICTION))
     np.testing.assert_allclose(dampings(found), 0.02, atol=0.003)
     # means from 10 s on, which 4 s of learning precede
     assert found.mean("joint") < (11.0 if noisy else 2.5)
@@ -348,11 +469,12 @@ def test_slow_motion_under_a_load_is_no_friction(noisy):
 
 
 @pytest.mark.thorough
-def test_fast_motion_under_a_load_stays_what_it_is_without_learning():
-    """At 3 Hz the arm does not follow its plan, and what it does says nothing about it: only the joints err more."""
+def test_fast_motion_under_a_load_errs_by_half_with_what_is_learned():
+    """At 3 Hz the arm hardly follows its plan, and tells of the load all the same: 4.6 mm for 11 at the tip."""
     fast = loaded(swinging(planned("case2", mode="tip", noisy=True), 0.06, 3.0, 20.0, phase=1.0), 0.05)
-    learning, plain = fly(fast), fly(without(fast, load=None, friction=False))
-    for what, most in (("base", 1.1), ("joint", 1.9), ("tip", 1.1)):
+    learning, plain = fly(fast), fly(without(fast, load=None, **NO_FRICTION))
+    assert learning.memory.parts.adaptation.tip_mass == pytest.approx(0.05, abs=0.015)
+    for what, most in (("base", 2.5), ("joint", 1.1), ("tip", 0.6)):
         assert learning.mean(what) < most * plain.mean(what)
 
 
@@ -364,18 +486,3 @@ def test_a_load_that_is_believed_and_not_there_is_taken_off():
     flown = fly(dataclasses.replace(scenario, controller=controller))
     assert flown.memory.parts.adaptation.tip_mass == pytest.approx(-0.05, abs=0.005)
     assert flown.mean("joint") < 10.0
-
-
-def test_a_joint_off_its_plan_teaches_less_but_never_nothing():
-    """Mean squares of 1.9 planned and 0.1 that count as slow: twice the deviation over both, inverse and squared."""
-    joint = AdaptationGains.start(None, 1).joints[0]
-    weights = [dataclasses.replace(joint, moving=1.9, off=off).trust(0.1) for off in (0.0, 1.0, 19.0)]
-    assert weights == pytest.approx([1.0, 1 / 4, 1 / 400])
-
-
-def test_how_a_joint_follows_is_a_mean_square_of_half_a_second():
-    """Of a plan of 0.9 rad/s that is missed by 0.7 rad/s, after 0.1 s: shares 1 - exp(-2 * 0.1) of both squares."""
-    joint = AdaptationGains.start(None, 1).joints[0]
-    for _ in range(20):
-        joint = joint.filtered(Regressor(load=0.0, place=0.0, rate=0.9), 0.2, 0.1, 0.005)
-    assert (joint.moving, joint.off) == pytest.approx([(1.0 - np.exp(-0.2)) * each**2 for each in (0.9, 0.7)])

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import skyarm
-from skyarm.algebra import Mat3, Vec3
-from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.algebra import Vec3
 from skyarm.control.blocks.extrapolation import extrapolate
+from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.adaptation import AdaptationGains, adapt
-from skyarm.control.laws.centroidal.demands import Planned
+from skyarm.control.laws.centroidal.adaptation import Efforts
 from skyarm.control.laws.centroidal.law import Channel
 from skyarm.control.laws.ladder import _present
 from skyarm.control.model import Model
@@ -146,20 +144,15 @@ def observers_lag(bandwidth):
 
 
 @pytest.mark.parametrize("bandwidth", [34.0, 60.0])
-@pytest.mark.parametrize("periods", [0, 1, 3])
-def test_a_plan_is_heard_exactly_as_late_as_the_observer_finds_what_it_needs(bandwidth, periods):
-    """Its own lag and the age of the measurements. A pole that moves for the age is off by dt^2 bandwidth / 6 s."""
-    observer = (27.0, 31.0, bandwidth, 60.0)
-    par = make_centroidal(MODEL, delay=DT * periods, observer=observer, adaptation=0.0).par
-    learned, zero = AdaptationGains.start(None, 2), Vec3(0.0, 0.0, 0.0)
-    still = SimpleNamespace(joint_rates=(0.2, -0.1), efforts=(0.0, 0.0))
+def test_a_motion_is_heard_exactly_as_late_as_the_observer_finds_what_it_needs(bandwidth):
+    """Two stages at the observer's poles: rates and loads that grow evenly, beside the efforts found under them."""
+    joint = make_centroidal(MODEL).par.parts.adaptation.start(2).joints[0]
+    share = low_pass_share(bandwidth, DT)
     for k in range(240):
-        joints = tuple(Taylor.of_derivatives((slope * k * DT, slope, 0.0)) for slope in (0.2, -0.1))
-        weight = Vec3(0.0, 0.0, 9.8)
-        plan = Planned(R=Mat3.identity(), rate=zero, alpha=zero, proper=weight, joints=joints)
-        learned = adapt(par.parts.adaptation, par, learned, plan, still, (1.0, 1.0, 1.0), DT)
-    for joint, slope in zip(learned.joints, (0.2, -0.1), strict=True):
-        lag = 239 * DT - joint.twice.place / slope
-        assert lag == pytest.approx(observers_lag(bandwidth) + DT * periods, abs=DT**2 * bandwidth / 6.0)
+        grown = Efforts(load=-0.3 * k * DT, rate=0.2 * k * DT, given=0.1 * k * DT)
+        joint = joint.filtered(grown, 0.0, share, DT)
+    for name, slope in (("load", -0.3), ("rate", 0.2), ("given", 0.1)):
+        lag = 239 * DT - getattr(joint.twice, name) / slope
+        assert lag == pytest.approx(observers_lag(bandwidth), rel=1e-9)
         # the first of the two stages is half as late
-        assert 239 * DT - joint.once.place / slope == pytest.approx(0.5 * lag, rel=1e-9)
+        assert 239 * DT - getattr(joint.once, name) / slope == pytest.approx(0.5 * lag, rel=1e-9)

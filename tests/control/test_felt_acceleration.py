@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import (
     AccelerometerGains,
     Felt,
@@ -21,7 +22,7 @@ from skyarm.control.blocks.disturbance_observer import (
     unmodelled_thrust,
 )
 from skyarm.control.blocks.prediction import Disturbance as Unknown
-from skyarm.control.blocks.prediction import actuation
+from skyarm.control.blocks.prediction import acceleration, actuation, rotor_wrench
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.force_trend import lateness
@@ -182,6 +183,34 @@ def test_rotors_at_their_limit_hold_the_force_with_and_without_an_accelerometer(
     )
     assert list(observed.force) == [0.0] * 3
     assert list(observed.torque) == [0.0] * 3
+
+
+def test_what_turns_a_joint_is_hardly_taken_for_a_force_on_the_base():
+    """An unknown effort throws the arm of a vehicle that hovers, and the arm shakes the base.
+
+    It is so small that nothing has moved far after a tenth of a second. What is left is the base's own turn.
+    """
+    gains = ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=1e6, accelerometer=GAINS)
+    command, still = standing_command(ARM), (0.0, 0.0)
+    done = actuation(ARM, command.rotor_speeds, command, DT)
+    thrown = Unknown(force=ZERO3, torque=ZERO3, efforts=(0.0, 1e-6))
+    wrench = rotor_wrench(ARM, done.squares)
+    linear, angular, qdd = acceleration(ARM, Mat3.identity(), ZERO3, still, still, wrench, still, thrown)
+    observed, found = first_observed(2, command.rotor_speeds, True), []
+    for k in range(1, 21):
+        measured = dataclasses.replace(
+            blank_measurement(2, 4),
+            velocity=linear * (k * DT),
+            rate=angular * (k * DT),
+            joint_rates=tuple(a * k * DT for a in qdd),
+            specific_force=linear + Vec3(0.0, 0.0, G),
+            rotor_speeds=command.rotor_speeds,
+        )
+        known = Unknown(force=observed.force, torque=observed.torque, efforts=observed.efforts)
+        observed, _ = observe(ARM, gains, observed, measured, done, known, 1.0, (1.0,) * 3, DT)
+        found.append(float(np.linalg.norm(list(observed.force))))
+    assert observed.efforts[1] == pytest.approx(1e-6, rel=0.2)
+    assert max(found) < 0.02 * float(ARM.vehicle.mass) * float(np.linalg.norm(list(linear)))
 
 
 def test_the_part_is_left_out_by_twice_zero_and_its_force_goes_with_the_bandwidth():

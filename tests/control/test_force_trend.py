@@ -130,7 +130,7 @@ def test_the_observer_is_late_by_its_poles_and_at_most_by_those_of_1_rad_s():
     """Two of the velocity's observer, one with an accelerometer."""
     model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
     seen, heard = (make_centroidal(model, mode="tip", **told).par for told in ({"accelerometer": (0.0, 0.0)}, {}))
-    assert [lateness(seen), lateness(heard)] == pytest.approx([2.0 / 27.0, 1.0 / 30.0])
+    assert [lateness(seen), lateness(heard)] == pytest.approx([2.0 / 27.0, 1.0 / 40.0])
     assert [lateness(at_shares(each, 0.01, 1.0)) for each in (seen, heard)] == [2.0, 1.0]
 
 
@@ -156,10 +156,10 @@ def test_the_force_is_foretold_across_observer_and_filter():
     for shift_rate, late in ((3.0, 1.0 / 3.0), (0.5, 1.0)):
         par = make_centroidal(model, mode="tip", shift_rate=shift_rate).par
         found = foresee(par, trend, effect, slow, adapted).steady
-        np.testing.assert_allclose([*found], [*(slow + adapted + rate * (1.0 / 30.0 + late))], rtol=1e-12)
+        np.testing.assert_allclose([*found], [*(slow + adapted + rate * (1.0 / 40.0 + late))], rtol=1e-12)
     joint = make_centroidal(model, mode="joint").par
     found = foresee(joint, trend, effect, slow, adapted).steady
-    np.testing.assert_allclose([*found], [*(effect.force + adapted + rate * (1.0 / 30.0))], rtol=1e-12)
+    np.testing.assert_allclose([*found], [*(effect.force + adapted + rate * (1.0 / 40.0))], rtol=1e-12)
     without = make_centroidal(model, mode="tip", force_trend=0.0).par
     assert [*foresee(without, None, effect, slow, adapted).steady] == [*(slow + adapted)]
 
@@ -177,7 +177,7 @@ def test_a_rate_is_believed_as_far_as_no_force_acts_on_the_tip(external):
     near = rate * (own / far)
     np.testing.assert_allclose([*coming.near_rate], near, rtol=1e-12)
     np.testing.assert_allclose([*coming.rate], rate, rtol=1e-12)
-    np.testing.assert_allclose([*coming.unknown.force], [0.5, 0.6, 0.7] + near / 30.0, rtol=1e-12)
+    np.testing.assert_allclose([*coming.unknown.force], [0.5, 0.6, 0.7] + near / 40.0, rtol=1e-12)
     assert external == 1.0 or abs(rate[0]) > 0.05
 
 

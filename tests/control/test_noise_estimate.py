@@ -144,7 +144,7 @@ def test_the_poles_of_the_accelerometer_go_with_both_noises(seen, felt):
     )
     observer = par.parts.noise.adjust_gains(memory, par, DT).observer
     more, worse = max(seen, 1.0), max(felt, 1.0)
-    assert observer.accelerometer.force == pytest.approx(30.0 * worse**-0.5)
+    assert observer.accelerometer.force == pytest.approx(40.0 * worse**-0.5)
     # v' = a + n_a, measured with n_v: the pole is the ratio of the densities
     P = solve_continuous_are(np.zeros((1, 1)), np.ones((1, 1)), [[(worse * FELT) ** 2]], [[(more * SEEN) ** 2]])[0, 0]
     ratio = P / (more * SEEN) ** 2 / (FELT / SEEN)

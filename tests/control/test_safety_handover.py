@@ -154,7 +154,9 @@ def test_the_centroidal_law_trim_and_what_it_learns_stand_still_while_what_was_s
     reading = reading_of(run(dataclasses.replace(scenario, reference=MOVED)))
     wanted = MOVED.at(0.0).dense()
     memory, command = law.law(law.memory, reading, wanted, 0.005, par=law.par)
-    learned = dataclasses.replace(memory.parts.adaptation, tip_mass=0.01)
+    learned = memory.parts.adaptation
+    sticky = tuple(dataclasses.replace(joint, damping=0.002) for joint in learned.joints)
+    learned = dataclasses.replace(learned, tip_mass=0.01, joints=sticky)
     memory = with_parts(memory, adaptation=learned)
     turned, pulled = list(command.rotor_speeds), list(command.efforts)
     if changed == "rotor":
@@ -168,7 +170,7 @@ def test_the_centroidal_law_trim_and_what_it_learns_stand_still_while_what_was_s
     assert free.applied == held.applied == all_applied(2)
     adapted, before, still = (each.parts.adaptation for each in (free, memory, held))
     assert adapted.tip_mass != before.tip_mass == still.tip_mass
-    assert adapted.joints[0].level != before.joints[0].level == still.joints[0].level
+    assert adapted.joints[0].damping != before.joints[0].damping == still.joints[0].damping
     # the trim is of the rotors alone
     assert free.trim != memory.trim
     assert held.trim == memory.trim if changed == "rotor" else held.trim != memory.trim

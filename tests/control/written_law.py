@@ -58,7 +58,8 @@ class WrittenLaw(WrittenParts):
         self.pose = (np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros(n))
         self.rates = (np.zeros(3), np.zeros(3), np.zeros(n))
         self.d = (np.zeros(3), np.zeros(3), np.zeros(n))
-        self.adapted = (np.zeros(3), np.zeros(3), np.zeros(n))
+        self.fed = [(np.zeros(3), np.zeros(3), np.zeros(n))] * (1 + delay)
+        self.left, self.modelled = np.zeros(n), np.zeros(n)
         self.W = W
         self.free = np.ones(1 + n)
         self.slow, self.bias = np.zeros(3), np.zeros(3)
@@ -93,10 +94,9 @@ class WrittenLaw(WrittenParts):
         self.learned = SimpleNamespace(
             m=0.0,
             b=np.zeros(n),
-            c=np.zeros(n),
-            k=np.zeros(n),
             once=np.zeros((3, n)),
             twice=np.zeros((3, n)),
+            tip=np.zeros(3),
             u=np.zeros(n),
             o=np.zeros(n),
         )
@@ -151,7 +151,7 @@ class WrittenLaw(WrittenParts):
         # 5. prediction
         R = matrix(self.pose[1])
         side = v.side(self.W, R.T @ self.rates[0], self.rates[1])
-        unknown = [a + b for a, b in zip(self.d, self.adapted, strict=True)]
+        unknown = [a + b for a, b in zip(self.d, self.fed[0], strict=True)]
         unknown = [unknown[0] + R @ side[0], unknown[1] + side[1], unknown[2]]
         now = self._predict(since, unknown, a * dt)
         R, omega = matrix(now.quaternion), now.rate
@@ -160,7 +160,7 @@ class WrittenLaw(WrittenParts):
         lateness = 1 / max(heard[0], 1.0)
         unknown[0] = unknown[0] + led * lateness
         self.slow = self.slow + low(par.shift_rate, dt) * (self.d[0] - self.slow)
-        F = self.slow + self.adapted[0] + rate * (lateness + 1 / par.shift_rate)
+        F = self.slow + self.fed[0][0] + rate * (lateness + 1 / par.shift_rate)
         # 7. shift and quasi-static attitude
         base, psi, q = np.array([derivatives(s) for s in signals[:3]]).T, signals[3], signals[4:]
         com, point = v.com_tip(q)
@@ -228,7 +228,7 @@ class WrittenLaw(WrittenParts):
         F0 = v.rnea(now.joints, omega, now.joint_rates, alpha, np.zeros(3), qdd)[0]
         proper = (Fz * E_Z + R.T @ unknown[0] - F0) / m
         _, torque, efforts = v.rnea(now.joints, omega, now.joint_rates, alpha, proper, qdd)
-        torque, efforts = torque - unknown[1], efforts - unknown[2] + v.damping * now.joint_rates
+        torque, efforts = torque - unknown[1], efforts - unknown[2] + (v.damping + self._modelled()) * now.joint_rates
         given = np.clip(efforts, -v.limit, v.limit)
         M = v.mass_matrix(now.joints)
         lost = np.linalg.solve(M[6:, 6:] - M[6:, :3] @ M[:3, 6:] / m, efforts - given)
@@ -253,7 +253,7 @@ class WrittenLaw(WrittenParts):
         self._learn_lag(x, told, before, weights)
         self._learn_noise(self.noise, told.missed - self.noise.o, x.velocity - self.rates[0], par.velocity_noise)
         self._learn_noise(self.shaking, told.beside - self.shaking.o, told.beside, FELT)
-        self._adapt(qt, Rq, wq, aq, base[2] + g * E_Z, observer, before)
+        self._adapt(x, q[:, 1], qt, Rq, wq, aq, base[2] + g * E_Z, observer, before)
         self.command, self.started = (speeds, given), True
         return speeds, given
 
@@ -279,7 +279,7 @@ class WrittenLaw(WrittenParts):
         v = self.v
         f, t, u = v.rnea(q, w, qd, np.zeros(3), np.zeros(3), np.zeros(v.n))
         *torque, thrust = v.A @ squared
-        given = np.clip(efforts, -v.limit, v.limit) - v.damping * qd + unknown[2]
+        given = np.clip(efforts, -v.limit, v.limit) - (v.damping + self._modelled()) * qd + unknown[2]
         right = np.concatenate([thrust * E_Z + R.T @ unknown[0] - f, torque + unknown[1] - t, given - u])
         a = np.linalg.solve(v.mass_matrix(q), right)
         return R @ a[:3] - self.g * E_Z, a[3:6], a[6:]
@@ -296,8 +296,9 @@ class WrittenLaw(WrittenParts):
         self.pose = p + share * (x.position - p), new, joints + share * (x.joints - joints)
         R, amid = matrix(unit(quaternion + new)), (q + self.pose[2]) / 2 if self.started else self.pose[2]
         side = v.side(done.speeds, R.T @ velocity, w)
-        unknown = [a + b for a, b in zip(self.d, self.adapted, strict=True)]
+        unknown = [a + b for a, b in zip(self.d, self.fed[self.delay], strict=True)]
         unknown = [unknown[0] + R @ side[0], unknown[1] + side[1], unknown[2]]
+        self.modelled = qd
         linear, angular, bend = self._accelerations(R, w, amid, qd, done.squares, done.efforts, unknown)
         ahead = velocity + linear * dt, w + angular * dt, qd + bend * dt
         seen = x.velocity, x.rate, x.joint_rates
@@ -306,12 +307,17 @@ class WrittenLaw(WrittenParts):
         slow = [(1 - b) ** 2 * e / dt for b, e in zip(poles, errors, strict=True)]
         translation = ahead[0] + (1 - poles[0] ** 2) * errors[0], slow[0], self.free[0]
         translation, beside = self._hear(x, R, linear, done, heard, translation)
-        force, torque, efforts = v.rnea(amid, np.zeros(3), np.zeros(v.n), slow[1], R.T @ translation[1], slow[2])
+        still = amid, np.zeros(3), np.zeros(v.n), slow[1], R.T @ translation[1]
+        _, torque, efforts = v.rnea(*still, slow[2])
+        trust = self.free.prod()
+        quick = trust * low(heard[0], dt) * (errors[2] - self.left) / dt + (1 - trust) * slow[2]
+        force = v.rnea(*still, quick)[0]
         told = SimpleNamespace(R=R, w=w, q=amid, qd=qd, unknown=unknown, corrections=np.array([*slow[1][:2], *slow[2]]))
         told.missed, told.beside = errors[0], beside
         if self.started:
             self.rates = tuple(a + (1 - b * b) * e for a, b, e in zip(ahead, poles, errors, strict=True))
             self.rates = (translation[0], *self.rates[1:])
+            self.left = poles[2] ** 2 * errors[2]
             self.d = (
                 self.d[0] + R @ force * translation[2],
                 self.d[1] + torque * self.free[0],

@@ -15,6 +15,7 @@ from written_vehicle import (
     dot,
     low,
     matmul,
+    matrix,
     mul,
     pass_on,
     power,
@@ -43,10 +44,10 @@ NUMBERS = SimpleNamespace(
     trim_rate=3.0,
     preview=0.6,
     lag=(0.020, 0.012),
-    accelerometer=(30.0, 8.0),
+    accelerometer=(40.0, 8.0),
     force_trend=20.0,
     velocity_noise=0.0018,
-    adaptation=0.6,
+    adaptation=2.0,
     friction_adaptation=2.0,
     tip_mass_limit=0.2,
 )
@@ -331,25 +332,39 @@ class WrittenParts:
         a.V += 2.0 * self.dt * (np.clip(-(c @ a.c) / 3, -most, most) - a.V)
         a.o, a.c = left, c
 
-    def _adapt(self, qt: Any, Rq: Any, wq: Any, aq: Any, proper: Any, observer: Any, free: Any) -> None:
+    def _modelled(self) -> Any:
+        """Of the learned damping what the model's joints have."""
+        return np.minimum(self.learned.b, self.stickiest / 10.0)
+
+    def _adapt(
+        self, x: Any, wanted: Any, qt: Any, Rq: Any, wq: Any, aq: Any, proper: Any, observer: Any, free: Any
+    ) -> None:
         """Mass at the tip and damping of the joints, and what they need in the next period."""
         par, v, dt, a = self.par, self.v, self.dt, self.learned
-        q, qd = qt[:, 0], qt[:, 1]
-        r = derivatives(v.com_tip(qt[:, :3])[1])
-        push = -(Rq.T @ proper + vector(aq, r[0]) + vector(wq, vector(wq, r[0])) + 2 * vector(wq, r[1]) + r[2])
-        Y = v.tip_jacobian(q).T @ push
-        share = low(1 / (1 / observer[2] + self.delay * dt / 2), dt)
-        a.once = a.once + share * (np.array([Y, q, qd]) - a.once)
+        R, J = matrix(x.quaternion), v.tip_jacobian(x.joints)
+        tip = x.velocity + R @ (vector(x.rate, v.com_tip(x.joints[:, None])[1][:, 0]) + J @ x.joint_rates)
+        felt = (tip - a.tip) / dt * self.started + self.g * E_Z
+        given = self.fed[self.delay][2] - self._modelled() * self.modelled
+        a.tip, share, slow = tip, low(observer[2], dt), low(2.0, dt)
+        a.once = a.once + share * (np.array([-J.T @ R.T @ felt, x.joint_rates, given]) - a.once)
         a.twice = a.twice + share * (a.once - a.twice)
-        slow = low(2.0, dt)
-        a.u, a.o = a.u + slow * (qd**2 - a.u), a.o + slow * ((self.rates[2] - qd) ** 2 - a.o)
-        weight = free[1:] * (1 + 2 * a.o / (a.u + 0.1)) ** -2.0
-        load, place, rate = a.twice
-        d = self.d[2]
-        a.m += par.adaptation * dt * (weight * load * d).sum() / (0.001 + (load**2).sum())
+        a.u, a.o = a.u + slow * (wanted**2 - a.u), a.o + slow * ((x.joint_rates - wanted) ** 2 - a.o)
+        Y, rate, given = a.twice
+        e, old = free[1:] * (self.d[2] + given - a.m * Y + a.b * rate), (a.m, a.b)
+        a.m += par.adaptation * dt * (Y * e).sum() / (0.001 + (Y**2).sum())
         a.m = np.clip(a.m, -par.tip_mass_limit, par.tip_mass_limit)
-        e = weight * (d - a.c - a.k * place)
-        a.b = a.b - par.friction_adaptation * dt * e * rate / (0.1 + rate**2)
+        weight = a.u / (a.u + 0.001) * (1 + 2 * a.o / (a.u + 0.1)) ** -2.0
+        a.b = a.b - par.friction_adaptation * dt * weight * e * rate / (0.1 + rate**2)
         a.b = np.clip(a.b, -v.damping, self.stickiest)
-        a.c, a.k = a.c + dt * e, a.k + dt * e * place / (0.01 + place**2)
-        self.adapted = Rq @ push * a.m, vector(r[0], push) * a.m, Y * a.m - a.b * qd
+        # along the plan
+        q, r = qt[:, 0], derivatives(v.com_tip(qt[:, :3])[1])
+        push = -(Rq.T @ proper + vector(aq, r[0]) + vector(wq, vector(wq, r[0])) + 2 * vector(wq, r[1]) + r[2])
+        rest = (a.b - self._modelled()) * qt[:, 1]
+        unit = Rq @ push, vector(r[0], push), v.tip_jacobian(q).T @ push
+        over = [each * (a.m - old[0]) for each in unit]
+        over[2] = over[2] - (a.b - old[1]) * self.rates[2]
+        self.d = [seen - taken for seen, taken in zip(self.d, over, strict=True)]
+        fed = [each * a.m for each in unit]
+        fed[2] = fed[2] - rest
+        before = [[each + taken for each, taken in zip(row, over, strict=True)] for row in self.fed[: self.delay]]
+        self.fed = [fed, *before]

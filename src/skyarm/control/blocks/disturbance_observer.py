@@ -15,7 +15,9 @@ both poles at beta = exp(-w dt):
 and the acceleration of the unknown force follows r within 1 / (bandwidth of the force). A constant error of the
 accelerometer, or of the attitude, which turns the weight, goes to b and is no force: below w force and velocity are
 those of the measured velocity, above it the accelerometer's. Where noise of the two is white, they are equally good at
-w = (noise of the specific force) / (noise of the velocity).
+w = (noise of the specific force) / (noise of the velocity). An unknown effort of a joint accelerates the base, too, and
+M sees that it is no force on it only by the joint's acceleration at the same time: the force's row of M takes the
+measured change of the joints' rates beyond the model, (e_k - (1 - L1) e_(k-1)) / dt, at the bandwidth of the force.
 Sources: Brown, Hwang 2012, chapter 8 (complementary filters); Gao 2003 (both poles at one place); Smeur, Chu, de Croon
 2016 (the external force from the specific force).
 """
@@ -70,6 +72,7 @@ class Felt:
         velocity: of the base origin, world axes, m/s. bias: of the accelerometer, base axes, m/s^2; empty without one.
         change: acceleration by which the unknown force varies, world axes, m/s^2.
         learns: 1 where that change is taken, 0 where the force is held.
+        heard: 1 where that change is the accelerometer's, 0 where it is that of the measured velocity.
         beside: acceleration beyond the model by the accelerometer, world axes, m/s^2; empty without one.
     """
 
@@ -77,6 +80,7 @@ class Felt:
     bias: Any
     change: Vec3
     learns: Any
+    heard: Any = 0
     beside: Vec3 | tuple[()] = ()
 
 
@@ -126,6 +130,7 @@ def measure_translation(
         bias=vector_data(seen.bias - R.apply_T(e) * mul(there, divide(slow, dt))),
         change=beside * mul(share, low_pass_share(gains.force, dt)) + seen.change * (1.0 - share),
         learns=share + mul(1.0 - share, seen.learns),
+        heard=share,
         beside=beside,
     )
 
@@ -145,6 +150,7 @@ def first_observed(joints: int, rotor_speeds: Sequence[Scalar], accelerometer: b
         efforts=still,
         rotor_speeds=tuple(rotor_speeds),
         bias=ZERO3_DATA if accelerometer else (),
+        left=still if accelerometer else (),
     )
 
 
@@ -194,12 +200,17 @@ def observe(
     fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
     turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
     base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0], learns=free[0])
+    quick, left = bending, memory.left
     if gains.accelerometer is not None:
         rotors = unmodelled_thrust(model, squares, half, speeds)
         base = measure_translation(
             model, gains.accelerometer, memory.velocity, base, measurement, R, linear, rotors, free, dt
         )
-    push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
+        pace, rest = base.heard * divide(low_pass_share(gains.accelerometer.force, dt), dt), 1.0 - base.heard
+        quick = [(e - last) * pace + b * rest for e, last, b in zip(er, left, bending, strict=True)]
+        left = tuple(data(e * (1.0 - fast[2])) for e in er)
+    push, *_ = inertia_times(model, R, joints, base.change, turning, quick)
+    _, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
     learned = Observed(
         position=place.position,
         quaternion=place.quaternion,
@@ -212,6 +223,7 @@ def observe(
         efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
         rotor_speeds=tuple(data(s) for s in speeds),
         bias=base.bias,
+        left=left,
     )
     begun = dataclasses.replace(
         memory,
@@ -356,7 +368,7 @@ class Observed:
         velocity, rate, joint_rates: estimates.
         force: N, world axes, at the base origin. torque: N m, base axes. efforts: of the joints.
         rotor_speeds: of the modelled motors, rad/s.
-        bias: of the accelerometer, m/s^2, base axes; empty where none is used.
+        bias: of the accelerometer, m/s^2, base axes. left: of the joints' innovations. Both empty where none is used.
     """
 
     position: Annotated[Vec3, Unit("m", "filtered")]
@@ -370,6 +382,7 @@ class Observed:
     efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "unknown efforts of the joints")]
     rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "of the modelled motors")]
     bias: Annotated[Vec3 | tuple[()], Unit("m/s^2", "of the accelerometer, base axes")] = ()
+    left: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured less estimated joint rates, corrected")] = ()
 
     def state(self) -> State:
         """Vehicle state as estimated by the disturbance observer."""
@@ -381,6 +394,16 @@ class Observed:
             joints=self.joints,
             joint_rates=self.joint_rates,
             rotor_speeds=self.rotor_speeds,
+        )
+
+    def without(self, known: Disturbance) -> Observed:
+        """State whose disturbance is less by a part that is fed forward from now on."""
+        less = disturbance(self) - known
+        return dataclasses.replace(
+            self,
+            force=vector_data(less.force),
+            torque=vector_data(less.torque),
+            efforts=tuple(data(each) for each in less.efforts),
         )
 
 

@@ -120,7 +120,10 @@ def without_adaptation(scenario: Scenario) -> Scenario:
     adaptation = part_of(scenario.controller.par, "adaptation")
     if adaptation is None:
         return scenario
-    return _with_part(scenario, adaptation=dataclasses.replace(adaptation, load=None, friction=False))
+    return _with_part(
+        scenario,
+        adaptation=dataclasses.replace(adaptation, load=None, damping_limits=((0.0, 0.0),) * len(adaptation.slow)),
+    )
 
 
 def with_held_lag(scenario: Scenario) -> Scenario:

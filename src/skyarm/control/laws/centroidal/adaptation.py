@@ -1,223 +1,274 @@
 """Adaptive feed-forward of an unknown load at the tip and of the joints' friction.
 
-A mass m at the tip pushes with -m Y on base and joints, Y that of 1 kg in the *planned* motion; damping b takes
-b qd_d of a joint's torque. Both move along normalised gradients of the observer's effort at the joints, within bounds;
-its constant part and that which goes with the joint's position are estimated the same way. Regressors are filtered by
-the observer's two poles and the known delay; a joint that does not follow its plan counts less. The force on the base
-is not used: wind and thrust errors look like mass there.
+A mass m at the tip pushes with m Y on base and joints, Y that of 1 kg; damping b takes b qd of a joint's effort. The
+mass is fed forward in the *planned* motion. Of the damping as much is added to the model's joints as leaves their loop
+damped if it is wrong; the rest acts at the planned rate, which moves no pole. Learned they are in the measured motion:
+the observer's effort and what it was found beside, late by the same two poles, are together the effort D that the
+vehicle's own model lacks, and
+
+    m' = r sum_i y_i e_i / (s + sum_i y_i^2),   b_i' = -r_b w_i e_i v_i / (s_i + v_i^2),   e_i = D_i - m y_i + b_i v_i,
+
+y_i and v_i the effort of 1 kg and the rate of joint i, filtered by those poles, too: normalised gradients of |e|^2,
+within bounds. The weight w_i of a joint falls with what its rate is off its reference's: what a push moves is no
+friction. The force on the base is not used: wind and thrust errors look like mass there. What is learned is taken from
+the observed disturbance at once, so that their sum is the observer's alone: where the tip is held, the forces on it
+answer whatever is commanded, and another integral of them would grow without end.
 Sources: Sadegh, Horowitz 1990 (desired compensation); Ioannou, Sun 1996, 4.3, 4.4 (filtered regressors, projection).
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
-from skyarm.algebra import Mat3
-from skyarm.algebra.scalars import Scalar, add, clip, data, divide, exp, mul, sub
+from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Vec3
+from skyarm.algebra.scalars import Scalar, add, clip, data, divide, minimum, mul, sub, where
 from skyarm.control.blocks.attitude import derivative, posture
-from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.demands import Planned
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Part
+from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.dynamics import mass_matrix
-from skyarm.dynamics.kinematics import jacobian_columns
+from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
+from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SMALL = 1e-3
-"""Squared regressor of the load, (N m / kg)^2, below which the mass is adapted slowly."""
+"""Squared effort of the load, (N m / kg)^2, below which the mass is adapted slowly."""
 
-SLOW = {"revolute": (0.01, 0.1), "prismatic": (1e-4, 1e-3)}
-"""Squared position and rate (rad, m) of a joint, by its kind, below which its friction is adapted slowly."""
+SLOW = {"revolute": 0.1, "prismatic": 1e-3}
+"""Squared rate of a joint, (rad/s)^2 or (m/s)^2, by its kind, below which its friction is adapted slowly."""
+RESTING = 0.01
+"""Of that, the mean square of the reference's rate below which it is not adapted."""
 
 FRICTION = 2.0
 """1/s, rate of the adapted damping of the joints: without, ten wrong plants err by 1.9 times as much."""
 
-WEIGHT = 1.0
-"""Adaptation rate, 1/s, of the constant part of the observer's efforts and of that proportional to the position."""
-
 STICKIEST = 50.0
 """Largest adapted damping over the joint's inertia on a fixed base, 1/s."""
 
+MODELLED = 5.0
+"""Of it, over the same inertia, what the model's joints have, 1/s: with 20, slow swings under 50 g that nobody told of
+are lost where no mass is adapted; with 0, joints that swing at 2 Hz carry the tip off by 13 mm for 9."""
+
 FOLLOWING = 2.0
-"""Bandwidth, 1/s, of the mean squares of a joint's planned rate and of its rate error."""
+"""1/s, rate of the mean squares of a joint's wanted rate and of its rate error."""
 
 
-def _towards(old: Scalar, new: Scalar, share: Scalar) -> Scalar:
+def towards(old: Scalar, new: Scalar, share: Scalar) -> Scalar:
+    """Value after one low-pass step."""
     return add(old, mul(share, sub(new, old)))
 
 
 @immutable
-class Regressor:
-    """Adaptation regressor of one joint: effort per kg at the tip, planned position and planned rate."""
+class Efforts:
+    """Signals of one joint from which load and friction are learned."""
 
-    load: Annotated[Scalar, Unit("N m/kg or N/kg", "effort of 1 kg at the tip in the planned motion, late")]
-    place: Annotated[Scalar, Unit("rad or m", "planned position, late")]
-    rate: Annotated[Scalar, Unit("rad/s or m/s", "planned rate, late")]
+    load: Annotated[Scalar, Unit("N m/kg or N/kg", "effort of 1 kg at the tip in the measured motion")]
+    rate: Annotated[Scalar, Unit("rad/s or m/s", "measured")]
+    given: Annotated[Scalar, Unit("N m or N", "effort beside which the observer found its own")]
 
-    def towards(self, new: Regressor, share: Scalar) -> Regressor:
-        """Regressor after one low-pass step towards a new regressor."""
-        pairs = ((self.load, new.load), (self.place, new.place), (self.rate, new.rate))
-        load, place, rate = (_towards(a, b, share) for a, b in pairs)
-        return Regressor(load=load, place=place, rate=rate)
+    def towards(self, new: Efforts, share: Scalar) -> Efforts:
+        """Signals after one low-pass step towards new ones."""
+        pairs = ((self.load, new.load), (self.rate, new.rate), (self.given, new.given))
+        load, rate, given = (towards(old, now, share) for old, now in pairs)
+        return Efforts(load=load, rate=rate, given=given)
 
 
 @immutable
 class JointLearned:
-    """Adaptation state of one joint: friction damping, effort offset and slope, and filtered signals.
+    """Adaptation state of one joint: friction damping, filtered signals, and how its rate follows.
 
-    ``once`` and ``twice`` are the planned signals after one and two stages of the observer's lag.
+    ``once`` and ``twice`` are the signals after one and two stages of the observer's lag.
     """
 
     damping: Annotated[Scalar, Unit("N m s/rad or N s/m", "adapted")]
-    level: Annotated[Scalar, Unit("N m or N", "constant part of the observer's effort")]
-    slope: Annotated[Scalar, Unit("", "per rad or m, part of the observer's effort that goes with the position")]
-    once: Regressor
-    twice: Regressor
-    moving: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of the planned rate")]
+    once: Efforts
+    twice: Efforts
+    moving: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of the reference's rate")]
     off: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of what the rate is off")]
 
-    def filtered(self, regressor: Regressor, rate: Scalar, share: Scalar, dt: Scalar) -> JointLearned:
-        """Joint state with filtered regressors and rate-tracking statistics, one period later."""
-        once, slow = self.once.towards(regressor, share), low_pass_share(FOLLOWING, dt)
-        off = sub(rate, regressor.rate)
-        return dataclasses.replace(
+    def filtered(self, new: Efforts, wanted: Scalar, share: Scalar, dt: Scalar) -> JointLearned:
+        """Joint state with filtered signals and statistics, one period later; ``wanted`` is the reference's rate."""
+        once, slow = self.once.towards(new, share), low_pass_share(FOLLOWING, dt)
+        off = sub(new.rate, wanted)
+        return replace(
             self,
             once=once,
             twice=self.twice.towards(once, share),
-            moving=_towards(self.moving, mul(regressor.rate, regressor.rate), slow),
-            off=_towards(self.off, mul(off, off), slow),
+            moving=towards(self.moving, mul(wanted, wanted), slow),
+            off=towards(self.off, mul(off, off), slow),
         )
 
     def trust(self, slow: Scalar) -> Scalar:
-        """Adaptation weight of a joint, 0 to 1, from how well the joint tracks its planned rate."""
-        # never 0: a load that nobody knows of is itself what takes a joint off its plan
-        planned = add(self.moving, slow)
-        share = divide(planned, add(planned, mul(2.0, self.off)))
-        return mul(share, share)
+        """Weight of a joint in the adaptation of friction, 0 to 1, by how its rate follows its reference's.
 
-    def learned(
-        self,
-        left: Scalar,
-        weight: Scalar,
-        least: tuple[Scalar, Scalar],
-        limits: tuple[Scalar, Scalar],
-        dt: Scalar,
-    ) -> JointLearned:
-        """Joint state after one gradient step of damping, effort offset and position slope."""
-        (small, slow), (low, high), place, rate = least, limits, self.twice.place, self.twice.rate
-        error = mul(weight, sub(sub(left, self.level), mul(self.slope, place)))
-        step = divide(mul(error, rate), add(mul(rate, rate), slow))
-        turn = divide(mul(error, place), add(mul(place, place), small))
-        return dataclasses.replace(
-            self,
-            damping=clip(sub(self.damping, mul(FRICTION * dt, step)), low, high),
-            level=add(self.level, mul(WEIGHT * dt, error)),
-            slope=add(self.slope, mul(WEIGHT * dt, turn)),
-        )
+        None where the reference rests: a constant force and a slow drift are then no friction.
+        """
+        wanted = add(self.moving, slow)
+        share = divide(wanted, add(wanted, mul(2.0, self.off)))
+        return mul(mul(share, share), divide(self.moving, add(self.moving, mul(RESTING, slow))))
+
+    def residual(self, left: Scalar, mass: Scalar) -> Scalar:
+        """Effort that neither adapted load nor adapted damping explains; ``left`` is the observer's."""
+        late = self.twice
+        return add(sub(add(left, late.given), mul(mass, late.load)), mul(self.damping, late.rate))
 
 
 @immutable
 class Learned:
-    """Adapted tip mass and joint friction, and the resulting feed-forward of the next period."""
+    """Adapted tip mass and joint friction, and the resulting feed-forward of the next period.
+
+    Attributes:
+        earlier: feed-forwards of the periods before with the mass and damping of now, the last one first, as many as
+            the known delay has.
+    """
 
     tip_mass: Annotated[Scalar, Unit("kg", "adapted")]
     joints: tuple[JointLearned, ...]
     feedforward: Disturbance
+    earlier: tuple[Disturbance, ...]
+    tip_velocity: Annotated[Vec3, Unit("m/s", "of the last measurement, world axes")]
+
+    def at_measurement(self) -> Disturbance:
+        """Feed-forward of the period before the measurement."""
+        return self.earlier[-1] if self.earlier else self.feedforward
 
 
 @immutable
 class AdaptationGains(Part):
-    """Rates and bounds of the tip-mass and friction adaptation; a rate of None leaves the mass out.
-
-    Where ``friction`` is left out nothing is learned of the joints.
-    """
+    """Rates and bounds of the tip-mass and friction adaptation; a rate of None leaves the mass out."""
 
     load: Annotated[Scalar, Unit("1/s", "rate of the adapted tip mass")] | None
     mass_limit: Annotated[Scalar, Unit("kg", "largest adapted tip mass")]
-    friction: bool
     damping_limits: Annotated[
         tuple[tuple[Scalar, Scalar], ...], Unit("N m s/rad or N s/m", "least and largest adapted damping of each joint")
     ]
-    slow: Annotated[
-        tuple[tuple[Scalar, Scalar], ...], Unit("", "squares of position and rate below which a joint teaches little")
-    ]
+    modelled: Annotated[tuple[Scalar, ...], Unit("N m s/rad or N s/m", "most of it that the model's joints have")]
+    slow: Annotated[tuple[Scalar, ...], Unit("", "squared rate below which a joint teaches little")]
+    delay_periods: int
+
+    def adjust_gains(self, memory: Learned, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
+        """Add the learned damping to that of the model's joints, up to a bound."""
+        links = []
+        for link, learned, most in zip(par.model.vehicle.links, memory.joints, self.modelled, strict=True):
+            joint = replace(link.joint, damping=add(link.joint.damping, minimum(learned.damping, most)))
+            links.append(replace(link, joint=joint))
+        vehicle = replace(par.model.vehicle, links=tuple(links))
+        return replace(par, model=replace(par.model, vehicle=vehicle))
 
     def start(self, joints: int) -> Learned:
         """Initial state of the tip-mass and friction adaptation: all estimates zero."""
-        silent = Regressor(load=0.0, place=0.0, rate=0.0)
-        joint = JointLearned(damping=0.0, level=0.0, slope=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
-        return Learned(tip_mass=0.0, joints=(joint,) * joints, feedforward=no_disturbance(joints))
+        silent, none = Efforts(load=0.0, rate=0.0, given=0.0), no_disturbance(joints)
+        joint = JointLearned(damping=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
+        return Learned(
+            tip_mass=0.0,
+            joints=(joint,) * joints,
+            feedforward=none,
+            earlier=(none,) * self.delay_periods,
+            tip_velocity=ZERO3_DATA,
+        )
 
 
-def adaptation_gains(vehicle: Vehicle, rate: float, limit: float) -> AdaptationGains | None:
-    """Constants for a rate (1/s) and a largest mass (kg) at the tip; None if neither mass nor friction is adapted."""
-    load = rate if vehicle.n and vehicle.end_effector else 0.0
-    friction = vehicle.n > 0
-    if not load and not friction:
+def adaptation_gains(vehicle: Vehicle, rate: float, limit: float, delay_periods: int) -> AdaptationGains | None:
+    """Constants for a rate (1/s) and a largest mass (kg) at the tip; None without joints."""
+    if not vehicle.n:
         return None
     # damping is learned back to none, and up to a share of the joint's inertia at rest
     M = mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
     joints = [link.joint for link in vehicle.links]
+    inertias = [float(M[6 + i][6 + i]) for i in range(vehicle.n)]
     return AdaptationGains(
-        load=load or None,
+        load=(rate or None) if vehicle.end_effector else None,
         mass_limit=limit,
-        friction=friction,
-        damping_limits=tuple((-float(q.damping), STICKIEST * float(M[6 + i][6 + i])) for i, q in enumerate(joints)),
+        damping_limits=tuple((-float(q.damping), STICKIEST * each) for q, each in zip(joints, inertias, strict=True)),
+        modelled=tuple(MODELLED * each for each in inertias),
         slow=tuple(SLOW[q.kind] for q in joints),
+        delay_periods=delay_periods,
     )
 
 
 def adapt(
-    gains: AdaptationGains,
-    par: CentroidalParameters,
-    learned: Learned,
-    planned: Planned,
-    observed: Observed,
-    free: Sequence[Scalar],
-    dt: Scalar,
-) -> Learned:
-    """Adapted tip mass, joint friction and feed-forward one period later.
+    gains: AdaptationGains, step: Step, learned: Learned, planned: Planned, free: Sequence[Scalar]
+) -> tuple[Learned, Disturbance]:
+    """Adapted tip mass, joint friction and feed-forward one period later, and what of the disturbance they took over.
 
     ``free``: 1 or 0 for the base and each joint, 0 holds its estimates.
     """
-    rates, left = observed.joint_rates, observed.efforts
-    wanted = [q.derivative(1) for q in planned.joints]
-    unit = unit_load(par.model.vehicle, planned) if gains.load is not None else no_disturbance(len(wanted))
-    # two stages with the delay of the joints' observer and of the measurements' age
-    late = add(divide(1.0, par.observer.joints), 0.5 * par.delay_periods * dt)
-    share = 1.0 - exp(-divide(dt, late))
-    joints, weights = [], []
-    for joint, q, load, rate, (_, slow), f in zip(
-        learned.joints, planned.joints, unit.efforts, rates, gains.slow, free[1:], strict=True
-    ):
-        regressor = Regressor(load=load, place=q.derivative(0), rate=q.derivative(1))
-        joints.append(joint.filtered(regressor, rate, share, dt))
-        weights.append(mul(f, joints[-1].trust(slow)))
-    mass = learned.tip_mass
+    par, measurement, dt = step.par, step.measurement, step.dt
+    vehicle, mass, velocity = par.model.vehicle, learned.tip_mass, learned.tip_velocity
+    unit = no_disturbance(vehicle.n)
+    loads: Sequence[Scalar] = (0.0,) * vehicle.n
+    if gains.load is not None:
+        unit = unit_load(vehicle, planned)
+        moved = tip_velocity(vehicle, measurement)
+        since = where(step.memory.started > 0.5, divide(1.0, dt), 0.0)
+        loads = felt_load(vehicle, measurement, (moved - velocity) * since + E_Z * par.model.gravity)
+        velocity = vector_data(moved)
+    share = low_pass_share(par.observer.joints, dt)
+    rates = [signal.derivative(1) for signal in step.motion.signals[4:]]
+    beside = zip(
+        learned.at_measurement().efforts, learned.joints, gains.modelled, step.memory.observed.joint_rates, strict=True
+    )
+    given = [sub(effort, mul(minimum(joint.damping, most), v)) for effort, joint, most, v in beside]
+    rows = zip(learned.joints, loads, measurement.joint_rates, given, rates, strict=True)
+    joints = [joint.filtered(Efforts(load=y, rate=v, given=d), wanted, share, dt) for joint, y, v, d, wanted in rows]
+    found = zip(joints, step.seen.observed.efforts, free[1:], strict=True)
+    errors = [mul(f, joint.residual(left, mass)) for joint, left, f in found]
     if gains.load is not None:
         match: Scalar = 0.0
         size: Scalar = SMALL
-        for joint, d, weight in zip(joints, left, weights, strict=True):
+        for joint, e in zip(joints, errors, strict=True):
             y = joint.twice.load
-            match, size = add(match, mul(weight, mul(y, d))), add(size, mul(y, y))
+            match, size = add(match, mul(y, e)), add(size, mul(y, y))
         mass = clip(add(mass, mul(gains.load * dt, divide(match, size))), -gains.mass_limit, gains.mass_limit)
-    if gains.friction:
-        rows = zip(joints, left, weights, gains.slow, gains.damping_limits, strict=True)
-        joints = [joint.learned(*row, dt) for joint, *row in rows]
-    taken = [mul(joint.damping, rate) for joint, rate in zip(joints, wanted, strict=True)]
+    after = []
+    for joint, e, slow, limits in zip(joints, errors, gains.slow, gains.damping_limits, strict=True):
+        v = joint.twice.rate
+        less = mul(FRICTION * dt, mul(joint.trust(slow), divide(mul(e, v), add(mul(v, v), slow))))
+        damping = clip(sub(joint.damping, less), *limits)
+        after.append(replace(joint, damping=damping))
+    rest = [sub(joint.damping, minimum(joint.damping, most)) for joint, most in zip(after, gains.modelled, strict=True)]
+    taken = [mul(b, q.derivative(1)) for b, q in zip(rest, planned.joints, strict=True)]
     feedforward = Disturbance(
         force=vector_data(unit.force * mass),
         torque=vector_data(unit.torque * mass),
         efforts=tuple(data(sub(mul(mass, y), t)) for y, t in zip(unit.efforts, taken, strict=True)),
     )
-    return Learned(tip_mass=mass, joints=tuple(joints), feedforward=feedforward)
+    more = sub(mass, learned.tip_mass)
+    shares = zip(unit.efforts, after, learned.joints, step.seen.observed.joint_rates, strict=True)
+    over = Disturbance(
+        force=vector_data(unit.force * more),
+        torque=vector_data(unit.torque * more),
+        efforts=tuple(data(sub(mul(more, y), mul(sub(new.damping, old.damping), v))) for y, new, old, v in shares),
+    )
+    earlier = tuple(each + over for each in (learned.feedforward, *learned.earlier)[: gains.delay_periods])
+    following = Learned(
+        tip_mass=mass, joints=tuple(after), feedforward=feedforward, earlier=earlier, tip_velocity=velocity
+    )
+    return following, over
+
+
+def tip_velocity(vehicle: Vehicle, measurement: Measurement) -> Vec3:
+    """Measured velocity of the tip, m/s, world axes."""
+    frame, joints = vehicle.frame(), measurement.joints
+    turning = measurement.rate.cross(frame_pose(vehicle, frame, joints, summed=True).p)
+    columns = jacobian_columns(vehicle, frame, joints, summed=True)
+    for column, rate in zip(columns, measurement.joint_rates, strict=True):
+        turning = turning + column.linear * rate
+    return measurement.velocity + measurement.quaternion.rotation().apply(turning)
+
+
+def felt_load(vehicle: Vehicle, measurement: Measurement, proper: Vec3) -> tuple[Scalar, ...]:
+    """Efforts of the joints under 1 kg at the tip, N m or N; ``proper``: its acceleration less gravity."""
+    pull = -measurement.quaternion.rotation().apply_T(proper)
+    columns = jacobian_columns(vehicle, vehicle.frame(), measurement.joints, summed=True)
+    return tuple(column.linear.dot(pull) for column in columns)
 
 
 def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:

@@ -87,8 +87,10 @@ def centroidal(
     timing = time_of_action(par, memory, dt)
     motion, channels, age = continue_reference(par, memory, reference, timing.lead, dt)
     par = gains_of_now(par, memory, measurement, timing.lead, dt)
-    adapted = no_feedforward(par) if par.parts.adaptation is None else held.adaptation.feedforward
-    seen = see(par, memory, measurement, timing.acted, adapted, dt)
+    before = adapted = no_feedforward(par)
+    if par.parts.adaptation is not None:
+        before, adapted = held.adaptation.at_measurement(), held.adaptation.feedforward
+    seen = see(par, memory, measurement, timing.acted, (before, adapted), dt)
     step = Step(
         par=par,
         memory=memory,
@@ -116,15 +118,16 @@ def centroidal(
         memories["noise"] = par.parts.noise.after(held.noise, seen, measurement.velocity, dt)
     for name, part in touching:
         memories[name] = part.learn(memories[name], effect, demand)
+    observed = seen.observed
     if par.parts.adaptation is not None:
         free = learning(memory, effect.learns)
-        planned, observed = demand.planned, seen.observed
-        memories["adaptation"] = adapt(par.parts.adaptation, par, held.adaptation, planned, observed, free, dt)
+        memories["adaptation"], over = adapt(par.parts.adaptation, step, held.adaptation, demand.planned, free)
+        observed = observed.without(over)
     following = CentroidalMemory(
         started=memory.started * 0.0 + 1.0,
         age=age,
         channels=channels,
-        observed=seen.observed,
+        observed=observed,
         sent=output.command,
         past=timing.past,
         applied=all_applied(par.model.vehicle.n),
@@ -176,16 +179,19 @@ def see(
     memory: CentroidalMemory,
     measurement: Measurement,
     acted: Actuation,
-    adapted: Disturbance,
+    adapted: tuple[Disturbance, Disturbance],
     dt: Scalar,
 ) -> Seen:
-    """Update of the observer by one measurement: state and disturbance at the measurement's time."""
+    """Update of the observer by one measurement: state and disturbance at the measurement's time.
+
+    ``adapted``: feed-forward of the period before the measurement, and that of now.
+    """
     model = par.model
-    known = disturbance(memory.observed) + adapted
+    known = disturbance(memory.observed) + adapted[0]
     observed, told = observe(
         model, par.observer, memory.observed, measurement, acted, known, memory.started, memory.free, dt
     )
-    alone, R = disturbance(observed) + adapted, observed.quaternion.rotation()
+    alone, R = disturbance(observed) + adapted[1], observed.quaternion.rotation()
     across = par.center.sideways is not None
     unknown = with_side(model, alone, R, observed.rotor_speeds, observed.velocity, observed.rate, across)
     return Seen(observed=observed, told=told, alone=alone, unknown=unknown)

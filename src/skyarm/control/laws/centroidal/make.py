@@ -153,7 +153,7 @@ def make_centroidal(
             noise=noise_gains(vehicle, hears),
             **contact_parts(gains, admittance, vehicle, leads=leads, lead=lead),
             trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] else None,
-            adaptation=adaptation_gains(vehicle, 0.0 if carries else gains["adaptation"], most),
+            adaptation=adaptation_gains(vehicle, 0.0 if carries else gains["adaptation"], most, periods),
         ),
     )
     if gains["bandwidth"] != 1.0:

@@ -43,9 +43,9 @@ OPTIONS: Mapping[str, tuple[Any, float, float]] = {
     "preview": (0.6, 0.0, 2.0),
     "shift_rate": (3.0, 0.0, 1e3),
     "force_trend": (20.0, 0.0, 1e3),
-    "accelerometer": ((30.0, 8.0), 0.0, 1e3),
+    "accelerometer": ((40.0, 8.0), 0.0, 1e3),
     "lag": ((0.02, 0.012), 0.0, math.inf),
-    "adaptation": (0.6, 0.0, 5.0),
+    "adaptation": (2.0, 0.0, 5.0),
 }
 """Options with their values, and the lowest and highest one; see :class:`CentroidalParameters`."""
 
