@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from law_parts import with_parts
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import moving, posture
 from skyarm.control.laws.centroidal import make_centroidal
@@ -235,3 +236,18 @@ def test_a_box_held_beside_its_middle_stands_within_5_mm_of_where_it_was_to_be(s
     way = np.asarray(log.object_position)[-1] - np.asarray(log.object_position)[0]
     assert way == pytest.approx([0.3, 0.0, 0.0], abs=5e-3)
     assert np.linalg.norm((log.tip - log.tip_reference)[log.time < grasp.end], axis=1).max() < 0.02
+
+
+@pytest.mark.thorough
+def test_a_box_that_nobody_told_of_is_not_torn_from_the_magnet_while_it_still_stands():
+    """The magnet holds the tip 10 mm above where it is to be: what is learned meanwhile presses no harder."""
+    scenario = skyarm.load_scenario("pick_and_carry")
+    found = [skyarm.run(scenario)]
+    law = scenario.controller
+    kept = dataclasses.replace(law.par.parts.adaptation, load=None)
+    plain = with_parts(law.par, adaptation=kept)
+    found.append(skyarm.run(dataclasses.replace(scenario, controller=dataclasses.replace(law, par=plain))))
+    (period,) = found[0].grasp_periods
+    assert (period.gave_way, period.end) == (False, pytest.approx(11.2, abs=0.02))
+    pressed = [float(np.abs(log.efforts[(log.time > 4.0) & (log.time < 4.4)]).max()) for log in found]
+    assert pressed[0] < 1.15 * pressed[1]

@@ -155,7 +155,7 @@ def test_the_centroidal_law_trim_and_what_it_learns_stand_still_while_what_was_s
     wanted = MOVED.at(0.0).dense()
     memory, command = law.law(law.memory, reading, wanted, 0.005, par=law.par)
     learned = memory.parts.adaptation
-    sticky = tuple(dataclasses.replace(joint, damping=0.002) for joint in learned.joints)
+    sticky = tuple(dataclasses.replace(joint, damping=0.002, moving=0.1) for joint in learned.joints)
     learned = dataclasses.replace(learned, tip_mass=0.01, joints=sticky)
     memory = with_parts(memory, adaptation=learned)
     turned, pulled = list(command.rotor_speeds), list(command.efforts)
