@@ -144,6 +144,18 @@ def test_slow_motors_track_the_rate_of_a_force_slowly():
     assert make_centroidal(slow, force_trend=0.0).par.parts.trend is None
 
 
+@pytest.mark.parametrize("mode", ["tip", "joint"])
+def test_a_vehicle_that_picks_loads_hears_its_accelerometer_more_calmly_unless_it_is_said(mode):
+    def heard(**options):
+        gains = make_centroidal(MODEL, mode=mode, **options).par.observer.accelerometer
+        return gains and (gains.force, gains.velocity)
+
+    assert heard() == (40.0, 8.0)
+    assert heard(load=0.3) == (30.0, 8.0)
+    assert heard(load=0.3, accelerometer=(44.0, 7.0)) == (44.0, 7.0)
+    assert heard(load=0.3, accelerometer=(0.0, 0.0)) is None
+
+
 def test_an_option_that_a_vehicle_or_another_option_does_not_allow_is_refused_by_its_own_name():
     bare, arm = (Model(vehicle=skyarm.load_vehicle(name)) for name in ("hummingbird", "hummingbird_arm2"))
     with pytest.raises(ControllerError, match=r"^controller.adaptation = 0.3: must be 0: 'hummingbird' has no end_eff"):
