@@ -156,6 +156,22 @@ def test_a_vehicle_that_picks_loads_hears_its_accelerometer_more_calmly_unless_i
     assert heard(load=0.3, accelerometer=(0.0, 0.0)) is None
 
 
+def test_a_preview_reaches_beyond_the_period_of_the_reference_or_is_none():
+    """Its first sample, an eighth of it, is to come whenever within a period the law asks."""
+
+    def preview(**options):
+        return make_centroidal(MODEL, mode="tip", **options).par.tip.preview
+
+    assert (preview(preview=0.16), preview(preview=0.0), preview()) == (0.16, None, pytest.approx(0.6))
+    assert preview(reference_period=0.1) == pytest.approx(0.8)
+    # the commands are known to be late by three periods more
+    assert preview(delay=0.03, age=0.015, preview=0.28) == 0.28
+    for options, least in (({}, 0.16), ({"delay": 0.03, "age": 0.015}, 0.28)):
+        words = f"^controller.preview = 0.15: must be 0, or 8 periods of the reference at least, {least} s$"
+        with pytest.raises(ControllerError, match=words):
+            make_centroidal(MODEL, mode="tip", preview=0.15, **options)
+
+
 def test_an_option_that_a_vehicle_or_another_option_does_not_allow_is_refused_by_its_own_name():
     bare, arm = (Model(vehicle=skyarm.load_vehicle(name)) for name in ("hummingbird", "hummingbird_arm2"))
     with pytest.raises(ControllerError, match=r"^controller.adaptation = 0.3: must be 0: 'hummingbird' has no end_eff"):

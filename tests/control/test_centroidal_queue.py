@@ -210,6 +210,10 @@ def test_the_preview_counts_from_when_the_command_acts():
         motion, _, _ = law_module.continue_reference(par, memory, told, late * DT, DT)
         left = [max(each - late * DT, DT) for each in leads[2:]]
         assert [float(time) for time, _ in motion.ahead] == pytest.approx(left)
+        # what a command that is still later has missed: no two instants are one
+        motion, _, _ = law_module.continue_reference(par, memory, told, leads[3], DT)
+        left = [DT, 2 * DT, *(each - leads[3] for each in leads[4:])]
+        assert [float(time) for time, _ in motion.ahead] == pytest.approx(left)
 
 
 def test_a_command_that_others_changed_teaches_nothing():

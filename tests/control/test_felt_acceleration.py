@@ -213,6 +213,29 @@ def test_what_turns_a_joint_is_hardly_taken_for_a_force_on_the_base():
     assert max(found) < 0.02 * float(ARM.vehicle.mass) * float(np.linalg.norm(list(linear)))
 
 
+def test_beside_a_joint_at_its_limit_the_force_is_that_of_the_velocities_alone():
+    """Rates of joints too: only their disturbance at the limit is held."""
+    speeds, rates = (500.0,) * 4, (0.3, -0.2)
+    measured = dataclasses.replace(
+        blank_measurement(2, 4),
+        velocity=Vec3(0.1, -0.05, 0.02),
+        rate=Vec3(0.1, 0.2, 0.0),
+        joint_rates=rates,
+        specific_force=Vec3(2.0, 0.0, G),
+    )
+    found = []
+    for pair in (None, GAINS):
+        gains = ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0, accelerometer=pair)
+        done = actuation(ARM, speeds, Command(rotor_speeds=speeds, efforts=(0.0, 0.0)), DT)
+        known = Unknown(force=ZERO3, torque=ZERO3, efforts=(0.0, 0.0))
+        start = first_observed(2, speeds, pair is not None)
+        observed, _ = observe(ARM, gains, start, measured, done, known, 1.0, (1.0, 0.0, 1.0), DT)
+        found.append([*observed.force, *observed.torque, *observed.efforts])
+    assert np.abs(found[0][:2]).min() > 0.01
+    assert found[0][6] == 0.0
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-12)
+
+
 def test_the_part_is_left_out_by_twice_zero_and_its_force_goes_with_the_bandwidth():
     off, on = (make_centroidal(ARM, accelerometer=pair) for pair in ((0.0, 0.0), (40.0, 5.0)))
     assert off.par.observer.accelerometer is None

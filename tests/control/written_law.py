@@ -129,7 +129,10 @@ class WrittenLaw(WrittenParts):
         self.age, self.sample = (0.0 if changed else min(self.age + dt, T)), held.copy()
         late = self.age + L[0]
         signals = np.array([self._signal(*rows, late) for rows in zip(held, ahead[0], ahead[1], strict=True)])
-        lead = [max(p * par.preview - late, dt) for p in SHARES]
+        lead = [0.0]
+        for p in SHARES:
+            lead.append(max(p * par.preview - late, lead[-1] + dt))
+        lead = lead[1:]
         # 3. gains
         r = par.lag[0] / (par.lag[0] + max(L[0] * (1 - self._delay_share()) - 0.002, 0.0))
         j = par.lag[1] / (par.lag[1] + max(L[1] - L[0] - 0.002, 0.0))

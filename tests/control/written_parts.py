@@ -350,7 +350,7 @@ class WrittenParts:
         a.twice = a.twice + share * (a.once - a.twice)
         a.u, a.o = a.u + slow * (wanted**2 - a.u), a.o + slow * ((x.joint_rates - wanted) ** 2 - a.o)
         Y, rate, given = a.twice
-        e, old = free[1:] * (self.d[2] + given - a.m * Y + a.b * rate), (a.m, a.b)
+        e, old = free[1:] * (self.d[2] + given - a.m * Y + a.b * rate), (a.m, a.b, self._modelled())
         a.m += par.adaptation * dt * (Y * e).sum() / (0.001 + (Y**2).sum())
         a.m = np.clip(a.m, -par.tip_mass_limit, par.tip_mass_limit)
         weight = a.u / (a.u + 0.001) * (1 + 2 * a.o / (a.u + 0.1)) ** -2.0
@@ -359,12 +359,15 @@ class WrittenParts:
         # along the plan
         q, r = qt[:, 0], derivatives(v.com_tip(qt[:, :3])[1])
         push = -(Rq.T @ proper + vector(aq, r[0]) + vector(wq, vector(wq, r[0])) + 2 * vector(wq, r[1]) + r[2])
-        rest = (a.b - self._modelled()) * qt[:, 1]
-        unit = Rq @ push, vector(r[0], push), v.tip_jacobian(q).T @ push
-        over = [each * (a.m - old[0]) for each in unit]
-        over[2] = over[2] - (a.b - old[1]) * self.rates[2]
+        unit = [Rq @ push, vector(r[0], push), v.tip_jacobian(q).T @ push]
+
+        def along(m: float, rest: Any) -> list[Any]:
+            return [unit[0] * m, unit[1] * m, unit[2] * m - rest * qt[:, 1]]
+
+        rest, inside = a.b - self._modelled(), self._modelled()
+        change = along(a.m - old[0], rest - (old[1] - old[2]))
+        over = [*change[:2], change[2] - (inside - old[2]) * self.rates[2]]
         self.d = [seen - taken for seen, taken in zip(self.d, over, strict=True)]
-        fed = [each * a.m for each in unit]
-        fed[2] = fed[2] - rest
-        before = [[each + taken for each, taken in zip(row, over, strict=True)] for row in self.fed[: self.delay]]
+        fed = along(a.m, rest)
+        before = [[each + more for each, more in zip(row, change, strict=True)] for row in self.fed[: self.delay]]
         self.fed = [fed, *before]

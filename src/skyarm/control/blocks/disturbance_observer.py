@@ -150,7 +150,7 @@ def first_observed(joints: int, rotor_speeds: Sequence[Scalar], accelerometer: b
         efforts=still,
         rotor_speeds=tuple(rotor_speeds),
         bias=ZERO3_DATA if accelerometer else (),
-        left=still if accelerometer else (),
+        joint_residuals=still if accelerometer else (),
     )
 
 
@@ -200,17 +200,18 @@ def observe(
     fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
     turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
     base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0], learns=free[0])
-    quick, left = bending, memory.left
+    residuals, quick = memory.joint_residuals, bending
     if gains.accelerometer is not None:
         rotors = unmodelled_thrust(model, squares, half, speeds)
         base = measure_translation(
             model, gains.accelerometer, memory.velocity, base, measurement, R, linear, rotors, free, dt
         )
         pace, rest = base.heard * divide(low_pass_share(gains.accelerometer.force, dt), dt), 1.0 - base.heard
-        quick = [(e - last) * pace + b * rest for e, last, b in zip(er, left, bending, strict=True)]
-        left = tuple(data(e * (1.0 - fast[2])) for e in er)
-    push, *_ = inertia_times(model, R, joints, base.change, turning, quick)
-    _, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
+        quick = [(e - last) * pace + b * rest for e, last, b in zip(er, residuals, bending, strict=True)]
+        residuals = tuple(data(e * (1.0 - fast[2])) for e in er)
+    push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
+    if gains.accelerometer is not None:
+        push, *_ = inertia_times(model, R, joints, base.change, turning, quick)
     learned = Observed(
         position=place.position,
         quaternion=place.quaternion,
@@ -223,7 +224,7 @@ def observe(
         efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
         rotor_speeds=tuple(data(s) for s in speeds),
         bias=base.bias,
-        left=left,
+        joint_residuals=residuals,
     )
     begun = dataclasses.replace(
         memory,
@@ -368,7 +369,7 @@ class Observed:
         velocity, rate, joint_rates: estimates.
         force: N, world axes, at the base origin. torque: N m, base axes. efforts: of the joints.
         rotor_speeds: of the modelled motors, rad/s.
-        bias: of the accelerometer, m/s^2, base axes. left: of the joints' innovations. Both empty where none is used.
+        bias: of the accelerometer, m/s^2, base axes. joint_residuals: for the force's row. Both () without one.
     """
 
     position: Annotated[Vec3, Unit("m", "filtered")]
@@ -382,7 +383,7 @@ class Observed:
     efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "unknown efforts of the joints")]
     rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "of the modelled motors")]
     bias: Annotated[Vec3 | tuple[()], Unit("m/s^2", "of the accelerometer, base axes")] = ()
-    left: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured less estimated joint rates, corrected")] = ()
+    joint_residuals: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "measured less estimated joint rates")] = ()
 
     def state(self) -> State:
         """Vehicle state as estimated by the disturbance observer."""

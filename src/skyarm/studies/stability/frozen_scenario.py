@@ -113,7 +113,7 @@ def _without_tilts(scenario: Scenario) -> Scenario:
 
 
 def without_adaptation(scenario: Scenario) -> Scenario:
-    """Scenario with the controller's adaptation frozen, since parameter projection is not differentiable at bounds.
+    """Scenario whose controller learns neither load nor damping: projection onto bounds is not differentiable.
 
     Of a law under layers, its own constants are looked at.
     """

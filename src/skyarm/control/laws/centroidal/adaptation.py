@@ -10,10 +10,11 @@ vehicle's own model lacks, and
 
 y_i and v_i the effort of 1 kg and the rate of joint i, filtered by those poles, too: normalised gradients of |e|^2,
 within bounds. The weight w_i of a joint falls with what its rate is off its reference's: what a push moves is no
-friction. The force on the base is not used: wind and thrust errors look like mass there. What is learned is taken from
-the observed disturbance at once, so that their sum is the observer's alone: where the tip is held, the forces on it
-answer whatever is commanded, and another integral of them would grow without end.
-Sources: Sadegh, Horowitz 1990 (desired compensation); Ioannou, Sun 1996, 4.3, 4.4 (filtered regressors, projection).
+friction. The force on the base is not used: wind and thrust errors look like mass there.
+
+What is learned in a period is taken from the observed disturbance at once, so that their sum is the observer's alone:
+where the tip is held, the forces on it answer whatever is commanded, and a second integral of them grows without end.
+The filters of what acted beside have it two poles later, for which learning is slower by a tenth.
 """
 
 from __future__ import annotations
@@ -39,15 +40,16 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SMALL = 1e-3
-"""Squared effort of the load, (N m / kg)^2, below which the mass is adapted slowly."""
+"""Squared effort of 1 kg, (N m)^2 or N^2, below which the mass is adapted slowly."""
 
 SLOW = {"revolute": 0.1, "prismatic": 1e-3}
 """Squared rate of a joint, (rad/s)^2 or (m/s)^2, by its kind, below which its friction is adapted slowly."""
+
 RESTING = 0.01
-"""Of that, the mean square of the reference's rate below which it is not adapted."""
+"""Share of ``SLOW``: the mean square of the reference's rate with which friction is adapted at half its rate."""
 
 FRICTION = 2.0
-"""1/s, rate of the adapted damping of the joints: without, ten wrong plants err by 1.9 times as much."""
+"""1/s, rate of the adapted damping of the joints."""
 
 STICKIEST = 50.0
 """Largest adapted damping over the joint's inertia on a fixed base, 1/s."""
@@ -114,10 +116,16 @@ class JointLearned:
         share = divide(wanted, add(wanted, mul(2.0, self.off)))
         return mul(mul(share, share), divide(self.moving, add(self.moving, mul(RESTING, slow))))
 
-    def residual(self, left: Scalar, mass: Scalar) -> Scalar:
-        """Effort that neither adapted load nor adapted damping explains; ``left`` is the observer's."""
+    def residual(self, observed: Scalar, mass: Scalar) -> Scalar:
+        """Effort that neither adapted load nor adapted damping explains; ``observed`` is the observer's."""
         late = self.twice
-        return add(sub(add(left, late.given), mul(mass, late.load)), mul(self.damping, late.rate))
+        return add(sub(add(observed, late.given), mul(mass, late.load)), mul(self.damping, late.rate))
+
+    def learned(self, error: Scalar, slow: Scalar, limits: tuple[Scalar, Scalar], dt: Scalar) -> JointLearned:
+        """Joint state after one step of the damping along the gradient of the squared residual ``error``."""
+        rate = self.twice.rate
+        less = mul(self.trust(slow), divide(mul(error, rate), add(mul(rate, rate), slow)))
+        return replace(self, damping=clip(sub(self.damping, mul(FRICTION * dt, less)), *limits))
 
 
 @immutable
@@ -125,8 +133,8 @@ class Learned:
     """Adapted tip mass and joint friction, and the resulting feed-forward of the next period.
 
     Attributes:
-        earlier: feed-forwards of the periods before with the mass and damping of now, the last one first, as many as
-            the known delay has.
+        earlier: feed-forwards of the periods before, with what was learned since, the last one first, as many as the
+            known delay has.
     """
 
     tip_mass: Annotated[Scalar, Unit("kg", "adapted")]
@@ -142,7 +150,11 @@ class Learned:
 
 @immutable
 class AdaptationGains(Part):
-    """Rates and bounds of the tip-mass and friction adaptation; a rate of None leaves the mass out."""
+    """Rates and bounds of the tip-mass and friction adaptation; a rate of None leaves the mass out.
+
+    Attributes:
+        delay_periods: known delay of the measurements, structure.
+    """
 
     load: Annotated[Scalar, Unit("1/s", "rate of the adapted tip mass")] | None
     mass_limit: Annotated[Scalar, Unit("kg", "largest adapted tip mass")]
@@ -150,17 +162,22 @@ class AdaptationGains(Part):
         tuple[tuple[Scalar, Scalar], ...], Unit("N m s/rad or N s/m", "least and largest adapted damping of each joint")
     ]
     modelled: Annotated[tuple[Scalar, ...], Unit("N m s/rad or N s/m", "most of it that the model's joints have")]
-    slow: Annotated[tuple[Scalar, ...], Unit("", "squared rate below which a joint teaches little")]
+    slow: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2 or (m/s)^2", "squared rate below which a joint teaches little")]
     delay_periods: int
 
     def adjust_gains(self, memory: Learned, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Add the learned damping to that of the model's joints, up to a bound."""
         links = []
-        for link, learned, most in zip(par.model.vehicle.links, memory.joints, self.modelled, strict=True):
-            joint = replace(link.joint, damping=add(link.joint.damping, minimum(learned.damping, most)))
+        for link, more in zip(par.model.vehicle.links, self.parts(memory.joints)[0], strict=True):
+            joint = replace(link.joint, damping=add(link.joint.damping, more))
             links.append(replace(link, joint=joint))
         vehicle = replace(par.model.vehicle, links=tuple(links))
         return replace(par, model=replace(par.model, vehicle=vehicle))
+
+    def parts(self, joints: Sequence[JointLearned]) -> tuple[list[Scalar], list[Scalar]]:
+        """Learned damping of each joint that the model's joint has, and the rest, which is fed forward."""
+        inside = [minimum(joint.damping, most) for joint, most in zip(joints, self.modelled, strict=True)]
+        return inside, [sub(joint.damping, part) for joint, part in zip(joints, inside, strict=True)]
 
     def start(self, joints: int) -> Learned:
         """Initial state of the tip-mass and friction adaptation: all estimates zero."""
@@ -198,60 +215,70 @@ def adapt(
 ) -> tuple[Learned, Disturbance]:
     """Adapted tip mass, joint friction and feed-forward one period later, and what of the disturbance they took over.
 
-    ``free``: 1 or 0 for the base and each joint, 0 holds its estimates.
+    ``free``: of each joint, 1 where it may be adapted; 0 leaves its damping and keeps it out of the mass.
     """
+    dt, rates = step.dt, step.seen.observed.joint_rates
+    heard, velocity = listen(gains, step, learned)
+    efforts = zip(heard, step.seen.observed.efforts, free, strict=True)
+    errors = [mul(may, joint.residual(effort, learned.tip_mass)) for joint, effort, may in efforts]
+    mass = learned.tip_mass if gains.load is None else learn_mass(gains, learned.tip_mass, heard, errors, dt)
+    steps = zip(heard, errors, gains.slow, gains.damping_limits, strict=True)
+    joints = [joint.learned(error, slow, limits, dt) for joint, error, slow, limits in steps]
+    unit = no_disturbance(len(joints)) if gains.load is None else unit_load(step.par.model.vehicle, planned)
+    turned = [q.derivative(1) for q in planned.joints]
+
+    def fed(kg: Scalar, dampings: Sequence[Scalar]) -> Disturbance:
+        """Feed-forward for a mass and for dampings, along the plan."""
+        held = zip(unit.efforts, dampings, turned, strict=True)
+        efforts = tuple(data(sub(mul(kg, effort), mul(b, rate))) for effort, b, rate in held)
+        return Disturbance(force=vector_data(unit.force * kg), torque=vector_data(unit.torque * kg), efforts=efforts)
+
+    (inside, rest), (inside_before, rest_before) = gains.parts(joints), gains.parts(learned.joints)
+    change = fed(sub(mass, learned.tip_mass), [sub(new, old) for new, old in zip(rest, rest_before, strict=True)])
+    # what the model's joints have of it acts at the observed rates
+    shares = zip(change.efforts, inside, inside_before, rates, strict=True)
+    taken = tuple(data(sub(effort, mul(sub(new, old), rate))) for effort, new, old, rate in shares)
+    following = Learned(
+        tip_mass=mass,
+        joints=tuple(joints),
+        feedforward=fed(mass, rest),
+        earlier=tuple(each + change for each in (learned.feedforward, *learned.earlier)[: len(learned.earlier)]),
+        tip_velocity=velocity,
+    )
+    return following, replace(change, efforts=taken)
+
+
+def listen(gains: AdaptationGains, step: Step, learned: Learned) -> tuple[list[JointLearned], Vec3]:
+    """Joints with the signals of this measurement, filtered, and the measured velocity of the tip, m/s, world axes."""
     par, measurement, dt = step.par, step.measurement, step.dt
-    vehicle, mass, velocity = par.model.vehicle, learned.tip_mass, learned.tip_velocity
-    unit = no_disturbance(vehicle.n)
+    vehicle, velocity = par.model.vehicle, learned.tip_velocity
     loads: Sequence[Scalar] = (0.0,) * vehicle.n
     if gains.load is not None:
-        unit = unit_load(vehicle, planned)
-        moved = tip_velocity(vehicle, measurement)
-        since = where(step.memory.started > 0.5, divide(1.0, dt), 0.0)
-        loads = felt_load(vehicle, measurement, (moved - velocity) * since + E_Z * par.model.gravity)
-        velocity = vector_data(moved)
+        velocity = vector_data(tip_velocity(vehicle, measurement))
+        # the first measurement has none before it
+        rate = where(step.memory.started > 0.5, divide(1.0, dt), 0.0)
+        change = (velocity - learned.tip_velocity) * rate
+        loads = felt_load(vehicle, measurement, change + E_Z * par.model.gravity)
     share = low_pass_share(par.observer.joints, dt)
-    rates = [signal.derivative(1) for signal in step.motion.signals[4:]]
-    beside = zip(
-        learned.at_measurement().efforts, learned.joints, gains.modelled, step.memory.observed.joint_rates, strict=True
-    )
-    given = [sub(effort, mul(minimum(joint.damping, most), v)) for effort, joint, most, v in beside]
-    rows = zip(learned.joints, loads, measurement.joint_rates, given, rates, strict=True)
-    joints = [joint.filtered(Efforts(load=y, rate=v, given=d), wanted, share, dt) for joint, y, v, d, wanted in rows]
-    found = zip(joints, step.seen.observed.efforts, free[1:], strict=True)
-    errors = [mul(f, joint.residual(left, mass)) for joint, left, f in found]
-    if gains.load is not None:
-        match: Scalar = 0.0
-        size: Scalar = SMALL
-        for joint, e in zip(joints, errors, strict=True):
-            y = joint.twice.load
-            match, size = add(match, mul(y, e)), add(size, mul(y, y))
-        mass = clip(add(mass, mul(gains.load * dt, divide(match, size))), -gains.mass_limit, gains.mass_limit)
-    after = []
-    for joint, e, slow, limits in zip(joints, errors, gains.slow, gains.damping_limits, strict=True):
-        v = joint.twice.rate
-        less = mul(FRICTION * dt, mul(joint.trust(slow), divide(mul(e, v), add(mul(v, v), slow))))
-        damping = clip(sub(joint.damping, less), *limits)
-        after.append(replace(joint, damping=damping))
-    rest = [sub(joint.damping, minimum(joint.damping, most)) for joint, most in zip(after, gains.modelled, strict=True)]
-    taken = [mul(b, q.derivative(1)) for b, q in zip(rest, planned.joints, strict=True)]
-    feedforward = Disturbance(
-        force=vector_data(unit.force * mass),
-        torque=vector_data(unit.torque * mass),
-        efforts=tuple(data(sub(mul(mass, y), t)) for y, t in zip(unit.efforts, taken, strict=True)),
-    )
-    more = sub(mass, learned.tip_mass)
-    shares = zip(unit.efforts, after, learned.joints, step.seen.observed.joint_rates, strict=True)
-    over = Disturbance(
-        force=vector_data(unit.force * more),
-        torque=vector_data(unit.torque * more),
-        efforts=tuple(data(sub(mul(more, y), mul(sub(new.damping, old.damping), v))) for y, new, old, v in shares),
-    )
-    earlier = tuple(each + over for each in (learned.feedforward, *learned.earlier)[: gains.delay_periods])
-    following = Learned(
-        tip_mass=mass, joints=tuple(after), feedforward=feedforward, earlier=earlier, tip_velocity=velocity
-    )
-    return following, over
+    acted, modelled = learned.at_measurement().efforts, gains.parts(learned.joints)[0]
+    observed = zip(acted, modelled, step.memory.observed.joint_rates, strict=True)
+    given = [sub(effort, mul(b, rate)) for effort, b, rate in observed]
+    references = [signal.derivative(1) for signal in step.motion.signals[4:]]
+    rows = zip(learned.joints, loads, measurement.joint_rates, given, references, strict=True)
+    heard = [joint.filtered(Efforts(load=y, rate=v, given=d), wanted, share, dt) for joint, y, v, d, wanted in rows]
+    return heard, velocity
+
+
+def learn_mass(
+    gains: AdaptationGains, mass: Scalar, joints: Sequence[JointLearned], errors: Sequence[Scalar], dt: Scalar
+) -> Scalar:
+    """Mass after one step along the gradient of the squared residuals ``errors``, kg."""
+    match: Scalar = 0.0
+    size: Scalar = SMALL
+    for joint, error in zip(joints, errors, strict=True):
+        load = joint.twice.load
+        match, size = add(match, mul(load, error)), add(size, mul(load, load))
+    return clip(add(mass, mul(gains.load * dt, divide(match, size))), -gains.mass_limit, gains.mass_limit)
 
 
 def tip_velocity(vehicle: Vehicle, measurement: Measurement) -> Vec3:
@@ -265,7 +292,10 @@ def tip_velocity(vehicle: Vehicle, measurement: Measurement) -> Vec3:
 
 
 def felt_load(vehicle: Vehicle, measurement: Measurement, proper: Vec3) -> tuple[Scalar, ...]:
-    """Efforts of the joints under 1 kg at the tip, N m or N; ``proper``: its acceleration less gravity."""
+    """Efforts of the joints under 1 kg at the tip, N m or N.
+
+    ``proper`` is the measured acceleration of the tip plus g upwards, m/s^2, world axes.
+    """
     pull = -measurement.quaternion.rotation().apply_T(proper)
     columns = jacobian_columns(vehicle, vehicle.frame(), measurement.joints, summed=True)
     return tuple(column.linear.dot(pull) for column in columns)

@@ -121,7 +121,7 @@ def centroidal(
     observed = seen.observed
     if par.parts.adaptation is not None:
         free = learning(memory, effect.learns)
-        memories["adaptation"], over = adapt(par.parts.adaptation, step, held.adaptation, demand.planned, free)
+        memories["adaptation"], over = adapt(par.parts.adaptation, step, held.adaptation, demand.planned, free[1:])
         observed = observed.without(over)
     following = CentroidalMemory(
         started=memory.started * 0.0 + 1.0,
@@ -157,10 +157,13 @@ def continue_reference(
     signals, channels, age = extrapolate(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, ahead, lead
     )
-    # the preview from then on, a period at least
-    since = add(age, lead)
-    found = [(maximum(time - since, dt), row) for time, row in zip(par.preview, ahead, strict=False)]
-    return ReferenceMotion(signals=signals, ahead=found[FOLLOWING:]), channels, age
+    # the preview from then on; what a late command has missed follows at one period from the one before
+    since, found = add(age, lead), list[tuple[Scalar, Any]]()
+    last: Scalar = 0.0
+    for time, row in zip(par.preview[FOLLOWING:], ahead[FOLLOWING:], strict=False):
+        last = maximum(time - since, add(last, dt))
+        found.append((last, row))
+    return ReferenceMotion(signals=signals, ahead=found), channels, age
 
 
 def gains_of_now(

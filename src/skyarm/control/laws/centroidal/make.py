@@ -32,6 +32,7 @@ from skyarm.control.laws.centroidal.options import (
     note_former,
     number_within,
     periods_of,
+    preview_of,
     refuse,
     without_retired,
 )
@@ -105,12 +106,17 @@ def make_centroidal(
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
     if changes.get("adaptation") and not vehicle.end_effector:
         refuse("adaptation", gains["adaptation"], f"0: {vehicle.name!r} has no end_effector")
+    if changes.get("adaptation") and carries:
+        refuse("adaptation", gains["adaptation"], "0 with load, which is what the tip's load is estimated by")
+    most = number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)
+    if changes.get("adaptation") and not most:
+        refuse("tip_mass_limit", most, f"above 0 with adaptation = {gains['adaptation']:g}")
     ahead = 0 if age is None else periods - periods_of(age, control_period, "age")
     if ahead < 0:
         refuse("age", age, f"at most delay, {delay:g} s")
     # the observer finds a force late by its two poles and the known delay
     lead = periods * control_period + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0)
-    most = number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)
+    published = number_within("reference_period", reference_period, *PERIODS)
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
     ends, hears = ends_of(vehicle), any(gains["accelerometer"])
@@ -137,7 +143,7 @@ def make_centroidal(
         tip=TipGains(
             **_row("position velocity", gains["tip"]),
             **{name: gains[name] for name in ("reach", "damping", "posture", "shift_rate")},
-            preview=gains["preview"] if gains["preview"] and mode == "tip" else None,
+            preview=preview_of(gains, mode, published + ahead * control_period, given="preview" in changes),
         ),
         observer=ObserverGains(
             **_row("force torque joints pose", gains["observer"]),
@@ -145,7 +151,7 @@ def make_centroidal(
         ),
         delay_periods=periods,
         lead_periods=ahead,
-        reference_period=number_within("reference_period", reference_period, *PERIODS),
+        reference_period=published,
         parts=Parts(
             lag=LagGains(**_row("base joints", gains["lag"]), stride=stride_of(control_period))
             if any(gains["lag"])

@@ -14,6 +14,7 @@ from skyarm.algebra import Mat3
 from skyarm.control.controller import ControllerError, FormerNameWarning
 from skyarm.control.laws.centroidal.contact import options as contact
 from skyarm.control.laws.centroidal.noise_estimate import noise_share
+from skyarm.control.laws.centroidal.parameters import SHARES
 from skyarm.control.laws.centroidal.tilting import options as tilting
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import chain, jacobian_columns
@@ -111,6 +112,25 @@ def fit_gains(
                 found["observer"] = force, torque, joints * min(light, QUICKEST), pose
                 found["reach"] = min(gains["reach"], slide_room(vehicle))
     return {name: value for name, value in found.items() if name not in given}
+
+
+def preview_of(gains: Mapping[str, Any], mode: str, late: float, *, given: bool) -> float | None:
+    """Preview, s, whose first sample is still to come for all of a reference's period; None for none.
+
+    Args:
+        gains: the law's options.
+        mode: "tip" or "joint".
+        late: s, from a published sample to the next, and further as commands are known to be late.
+        given: as the user has set it, not as it goes with the vehicle.
+    """
+    preview, least = gains["preview"], late / SHARES[0]
+    if mode != "tip" or not preview:
+        return None
+    if preview < least * (1.0 - 1e-9):
+        if given or least > OPTIONS["preview"][2]:
+            refuse("preview", preview, f"0, or {1.0 / SHARES[0]:g} periods of the reference at least, {least:g} s")
+        return least
+    return float(preview)
 
 
 def damping_share(vehicle: Vehicle) -> float:
