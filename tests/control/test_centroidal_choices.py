@@ -164,6 +164,7 @@ def test_a_preview_reaches_beyond_the_period_of_the_reference_or_is_none():
 
     assert (preview(preview=0.16), preview(preview=0.0), preview()) == (0.16, None, pytest.approx(0.6))
     assert preview(reference_period=0.1) == pytest.approx(0.8)
+    assert preview(reference_period=0.5) is None
     # the commands are known to be late by three periods more
     assert preview(delay=0.03, age=0.015, preview=0.28) == 0.28
     for options, least in (({}, 0.16), ({"delay": 0.03, "age": 0.015}, 0.28)):

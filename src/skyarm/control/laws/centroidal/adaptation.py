@@ -218,7 +218,7 @@ def adapt(
     ``free``: of each joint, 1 where it may be adapted; 0 leaves its damping and keeps it out of the mass.
     """
     dt, rates = step.dt, step.seen.observed.joint_rates
-    heard, velocity = listen(gains, step, learned)
+    heard, velocity = filter_signals(gains, step, learned)
     efforts = zip(heard, step.seen.observed.efforts, free, strict=True)
     errors = [mul(may, joint.residual(effort, learned.tip_mass)) for joint, effort, may in efforts]
     mass = learned.tip_mass if gains.load is None else learn_mass(gains, learned.tip_mass, heard, errors, dt)
@@ -227,28 +227,30 @@ def adapt(
     unit = no_disturbance(len(joints)) if gains.load is None else unit_load(step.par.model.vehicle, planned)
     turned = [q.derivative(1) for q in planned.joints]
 
-    def fed(kg: Scalar, dampings: Sequence[Scalar]) -> Disturbance:
+    def feedforward(kg: Scalar, dampings: Sequence[Scalar]) -> Disturbance:
         """Feed-forward for a mass and for dampings, along the plan."""
         held = zip(unit.efforts, dampings, turned, strict=True)
         efforts = tuple(data(sub(mul(kg, effort), mul(b, rate))) for effort, b, rate in held)
         return Disturbance(force=vector_data(unit.force * kg), torque=vector_data(unit.torque * kg), efforts=efforts)
 
     (inside, rest), (inside_before, rest_before) = gains.parts(joints), gains.parts(learned.joints)
-    change = fed(sub(mass, learned.tip_mass), [sub(new, old) for new, old in zip(rest, rest_before, strict=True)])
+    change = feedforward(
+        sub(mass, learned.tip_mass), [sub(new, old) for new, old in zip(rest, rest_before, strict=True)]
+    )
     # what the model's joints have of it acts at the observed rates
     shares = zip(change.efforts, inside, inside_before, rates, strict=True)
     taken = tuple(data(sub(effort, mul(sub(new, old), rate))) for effort, new, old, rate in shares)
     following = Learned(
         tip_mass=mass,
         joints=tuple(joints),
-        feedforward=fed(mass, rest),
+        feedforward=feedforward(mass, rest),
         earlier=tuple(each + change for each in (learned.feedforward, *learned.earlier)[: len(learned.earlier)]),
         tip_velocity=velocity,
     )
     return following, replace(change, efforts=taken)
 
 
-def listen(gains: AdaptationGains, step: Step, learned: Learned) -> tuple[list[JointLearned], Vec3]:
+def filter_signals(gains: AdaptationGains, step: Step, learned: Learned) -> tuple[list[JointLearned], Vec3]:
     """Joints with the signals of this measurement, filtered, and the measured velocity of the tip, m/s, world axes."""
     par, measurement, dt = step.par, step.measurement, step.dt
     vehicle, velocity = par.model.vehicle, learned.tip_velocity

@@ -127,9 +127,9 @@ def preview_of(gains: Mapping[str, Any], mode: str, late: float, *, given: bool)
     if mode != "tip" or not preview:
         return None
     if preview < least * (1.0 - 1e-9):
-        if given or least > OPTIONS["preview"][2]:
+        if given:
             refuse("preview", preview, f"0, or {1.0 / SHARES[0]:g} periods of the reference at least, {least:g} s")
-        return least
+        return least if least <= OPTIONS["preview"][2] else None
     return float(preview)
 
 
