@@ -173,6 +173,21 @@ def test_a_preview_reaches_beyond_the_period_of_the_reference_or_is_none():
             make_centroidal(MODEL, mode="tip", preview=0.15, **options)
 
 
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"adaptation": 0.3, "load": 0.2}, "controller.adaptation = 0.3: must be 0 with load, which is what"),
+        (
+            {"adaptation": 0.3, "tip_mass_limit": 0.0},
+            "controller.tip_mass_limit = 0.0: must be above 0 with",
+        ),
+    ],
+)
+def test_a_stated_adaptation_that_would_learn_nothing_is_refused(options, words):
+    with pytest.raises(ControllerError, match=f"^{re.escape(words)}"):
+        make_centroidal(MODEL, **options)
+
+
 def test_an_option_that_a_vehicle_or_another_option_does_not_allow_is_refused_by_its_own_name():
     bare, arm = (Model(vehicle=skyarm.load_vehicle(name)) for name in ("hummingbird", "hummingbird_arm2"))
     with pytest.raises(ControllerError, match=r"^controller.adaptation = 0.3: must be 0: 'hummingbird' has no end_eff"):

@@ -15,6 +15,8 @@ friction. The force on the base is not used: wind and thrust errors look like ma
 What is learned in a period is taken from the observed disturbance at once, so that their sum is the observer's alone:
 where the tip is held, the forces on it answer whatever is commanded, and a second integral of them grows without end.
 The filters of what acted beside have it two poles later, for which learning is slower by a tenth.
+
+Sources: Sadegh, Horowitz 1990 (desired compensation); Ioannou, Sun 1996, 4.3, 4.4 (filtered regressors, projection).
 """
 
 from __future__ import annotations
@@ -168,13 +170,13 @@ class AdaptationGains(Part):
     def adjust_gains(self, memory: Learned, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Add the learned damping to that of the model's joints, up to a bound."""
         links = []
-        for link, more in zip(par.model.vehicle.links, self.parts(memory.joints)[0], strict=True):
+        for link, more in zip(par.model.vehicle.links, self.split_damping(memory.joints)[0], strict=True):
             joint = replace(link.joint, damping=add(link.joint.damping, more))
             links.append(replace(link, joint=joint))
         vehicle = replace(par.model.vehicle, links=tuple(links))
         return replace(par, model=replace(par.model, vehicle=vehicle))
 
-    def parts(self, joints: Sequence[JointLearned]) -> tuple[list[Scalar], list[Scalar]]:
+    def split_damping(self, joints: Sequence[JointLearned]) -> tuple[list[Scalar], list[Scalar]]:
         """Learned damping of each joint that the model's joint has, and the rest, which is fed forward."""
         inside = [minimum(joint.damping, most) for joint, most in zip(joints, self.modelled, strict=True)]
         return inside, [sub(joint.damping, part) for joint, part in zip(joints, inside, strict=True)]
@@ -233,7 +235,7 @@ def adapt(
         efforts = tuple(data(sub(mul(kg, effort), mul(b, rate))) for effort, b, rate in held)
         return Disturbance(force=vector_data(unit.force * kg), torque=vector_data(unit.torque * kg), efforts=efforts)
 
-    (inside, rest), (inside_before, rest_before) = gains.parts(joints), gains.parts(learned.joints)
+    (inside, rest), (inside_before, rest_before) = gains.split_damping(joints), gains.split_damping(learned.joints)
     change = feedforward(
         sub(mass, learned.tip_mass), [sub(new, old) for new, old in zip(rest, rest_before, strict=True)]
     )
@@ -262,7 +264,7 @@ def filter_signals(gains: AdaptationGains, step: Step, learned: Learned) -> tupl
         change = (velocity - learned.tip_velocity) * rate
         loads = felt_load(vehicle, measurement, change + E_Z * par.model.gravity)
     share = low_pass_share(par.observer.joints, dt)
-    acted, modelled = learned.at_measurement().efforts, gains.parts(learned.joints)[0]
+    acted, modelled = learned.at_measurement().efforts, gains.split_damping(learned.joints)[0]
     observed = zip(acted, modelled, step.memory.observed.joint_rates, strict=True)
     given = [sub(effort, mul(b, rate)) for effort, b, rate in observed]
     references = [signal.derivative(1) for signal in step.motion.signals[4:]]
