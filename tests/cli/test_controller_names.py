@@ -122,7 +122,7 @@ def test_the_list_is_given_as_data() -> None:
     assert [each["name"] for each in found["presets"]] == list(PRESETS)
     laws = {each["name"]: each for each in found["laws"]}
     assert list(laws) == list(LAWS)
-    assert "pull" in laws["centroidal"]["options"]
+    assert "accelerometer" in laws["centroidal"]["options"]
     assert {name for name, each in laws.items() if each["tuned"]} == set(tuned_factors())
     text = " ".join(skyarm("show").out.split())
     for kind in ("scenarios", "studies", "presets", "laws"):

@@ -16,9 +16,10 @@ from c_compiler import CAREFUL, LIBM, c_function, library, needs_cc, object_file
 from skyarm.algebra import scalars
 from skyarm.algebra.scalars import floats
 from skyarm.compile import Graph, trace
-from skyarm.compile.c_source import Floats
+from skyarm.compile.c_source import Floats, make_struct
 from skyarm.compile.tracing.lower import live, lower
 from skyarm.compile.tracing.tracer import CONDITIONS, is_condition
+from skyarm.records.immutable import immutable
 
 pytestmark = needs_cc
 NO_CONTRACTION = ("-O1", "-ffp-contract=off")
@@ -208,6 +209,21 @@ def test_every_basic_operation_is_in_the_test_program():
     basic = "add sub mul div neg lt le where and or not abs sqrt floor copysign power_of_two exponent mantissa"
     assert set(basic.split()) <= ops
     assert ops >= CONDITIONS
+
+
+@immutable
+class Sent:
+    """Commands of two periods."""
+
+    efforts: tuple[tuple[float, ...], ...]
+    speeds: tuple[tuple[float, ...], ...]
+
+
+def test_rows_without_numbers_are_no_members_of_a_struct():
+    """C99 knows no array without elements: the efforts of a vehicle without joints."""
+    struct = make_struct(Sent(efforts=((), ()), speeds=((1.0, 2.0),)), ".".join, [True] * 2)
+    assert [(member.name, member.shape) for member in struct.members] == [("speeds", (1, 2))]
+    assert struct.places == ("speeds[0][0]", "speeds[0][1]")
 
 
 def test_choices_within_choices_are_written_however_deep():

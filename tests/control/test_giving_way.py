@@ -83,7 +83,7 @@ def test_the_tip_answers_a_step_of_force_as_the_body_that_was_chosen(log):
     assert log.status == "completed"
     assert np.abs(way[t > 0.3, 0] - wanted[t > 0.3]).max() < 0.025 * PUSH / K
     assert np.abs(way[t > 0.0, 0] - wanted[t > 0.0]).max() < 0.12 * PUSH / K  # the observer's first 60 ms
-    assert np.abs(way[:, 1:]).max() < 0.005
+    assert np.abs(way[:, 1:]).max() < 0.006
     assert way[-1, 0] == pytest.approx(wanted[-1], rel=0.01)
 
 
@@ -321,7 +321,8 @@ def test_a_trend_of_a_force_that_is_heard_moves_nothing(scenario, heard):
 @pytest.mark.parametrize("sensor", [True, False])
 def test_exported_c_gives_way_by_the_same_numbers(scenario, sensor, tmp_path):
     model = scenario.controller.par.model
-    law = make_centroidal(model, mode="tip", admittance={**SOFT, "normal": [-1.0, 0.0, 1.0]}, force_sensor=sensor)
+    soft = {**SOFT, "normal": [-1.0, 0.0, 1.0]}
+    law = make_centroidal(model, mode="tip", admittance=soft, force_sensor=sensor, preview=0.0)
     found = export_c(law, name="law", period=0.005)
     assert "parts_admittance_tip_stiffness" in found.parameters
     in_c = Loaded(found.text, tmp_path, ("-O0", "-ffp-contract=off"))
@@ -332,7 +333,9 @@ def test_exported_c_gives_way_by_the_same_numbers(scenario, sensor, tmp_path):
     in_c.memory.parts_admittance_age = 2.0
     for i in range(8):
         told = (-0.6, 0.0, 0.8) if sensor else ()
-        seen = dataclasses.replace(still, joints=(-0.45, -0.9), velocity=Vec3(-0.05 * i, 0.0, 0.0), tip_force=told)
+        # zeros known before compilation are no accelerometer, and the C has one
+        given = {"specific_force": Vec3(-20.0, 0.0, 9.81), "velocity": Vec3(-0.05 * i, 0.0, 0.0), "tip_force": told}
+        seen = dataclasses.replace(still, joints=(-0.45, -0.9), **given)
         memory, command = law.law(memory, seen, reference, 0.005, par=law.par)
         assert in_c(seen, reference) == [*command.rotor_speeds, *command.efforts]
     assert abs(memory.parts.admittance.body.offset[0]) > 1e-6

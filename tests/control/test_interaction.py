@@ -55,6 +55,24 @@ def test_touch_has_a_hysteresis_and_is_lost_after_its_patience():
     assert touched([1.0], asked=False) == [0.0]
 
 
+def test_nothing_is_learned_until_half_a_second_after_contact_nor_under_a_force_that_nobody_asked_for():
+    """A hole's wall pushes a peg that is on its way out: learned as a load, the push would press it there."""
+    rested = dataclasses.replace(FREE, free=0.51, force=Vec3(0.1, 0.0, -0.2))
+    assert law.contact_cleared(GAINS, rested) == 1.0
+    assert law.contact_cleared(GAINS, dataclasses.replace(rested, free=0.5)) == 0.0
+    assert law.contact_cleared(GAINS, dataclasses.replace(rested, force=Vec3(0.2, 0.0, -0.23))) == 0.0
+
+
+@pytest.mark.parametrize(("share", "left"), [(0.0, 1.0), (0.5, 0.75), (1.0, 0.5)])
+def test_the_accelerometer_is_heard_half_as_fast_while_the_tip_presses(share, left):
+    made = make_centroidal(MODEL, mode="tip", interaction=[0.3, 0.1]).par
+    changed = made.parts.interaction.adjust_gains(dataclasses.replace(FREE, share=share), made, DT)
+    heard, before = changed.observer.accelerometer, made.observer.accelerometer
+    assert (heard.force, heard.velocity) == (left * before.force, before.velocity)
+    deaf = make_centroidal(MODEL, mode="tip", interaction=[0.3, 0.1], accelerometer=[0.0, 0.0]).par
+    assert deaf.parts.interaction.adjust_gains(FREE, deaf, DT) is deaf
+
+
 def test_a_tip_that_goes_in_fast_for_three_periods_has_lost_the_surface():
     there = dataclasses.replace(FREE, touching=1.0, found=1.0)
     bouncing = dataclasses.replace(there, found=0.5)  # the order was never there as a whole: it drives the tip back

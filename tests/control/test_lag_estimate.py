@@ -397,6 +397,20 @@ def test_joints_that_are_later_than_the_rotors_lose_the_bandwidth_for_the_differ
     assert GAINS.shares(memory, DT) == pytest.approx((1.0, 0.012 / (0.012 + 0.02 - IGNORED)), rel=0.02)
 
 
+def test_what_makes_up_for_friction_is_lowered_with_the_joints_bandwidth():
+    """Where that friction is none, it takes from the damping of the loop, which is less."""
+    memory, par = (
+        flown(2, 6, seconds=2.5),
+        make_centroidal(Model(vehicle=skyarm.load_vehicle("hummingbird_arm2_rotors"))).par,
+    )
+    adjusted, share = GAINS.adjust_gains(memory, par, DT), GAINS.shares(memory, DT)[1]
+    assert share < 0.5
+    assert adjusted.joint_gains.damping == pytest.approx([share * each for each in par.joint_gains.damping])
+    for link, own in zip(adjusted.model.vehicle.links, par.model.vehicle.links, strict=True):
+        assert own.joint.damping == 0.001
+        assert link.joint.damping == pytest.approx(share * 0.001)
+
+
 def test_gains_at_a_share_have_the_same_damping_ratio():
     par = make_centroidal(MODEL, mode="tip").par
     slow = at_shares(par, 0.5, 0.25)

@@ -135,7 +135,7 @@ class WrittenLaw(WrittenParts):
         lead = lead[1:]
         # 3. gains
         r = par.lag[0] / (par.lag[0] + max(L[0] * (1 - self._delay_share()) - 0.002, 0.0))
-        j = par.lag[1] / (par.lag[1] + max(L[1] - L[0] - 0.002, 0.0))
+        j = self.j = par.lag[1] / (par.lag[1] + max(L[1] - L[0] - 0.002, 0.0))
         bend = 9 * par.damping**2
         room = max(1 - L[0] / 0.02, 0.0) * bend / (bend + (v.tip_jacobian(self.pose[2])[2] ** 2).sum())
         braced = 1.0 + room * np.clip(9 * (self.d[0][2] / (m * g) - 0.05), 0.0, 2.2)
@@ -231,7 +231,10 @@ class WrittenLaw(WrittenParts):
         F0 = v.rnea(now.joints, omega, now.joint_rates, alpha, np.zeros(3), qdd)[0]
         proper = (Fz * E_Z + R.T @ unknown[0] - F0) / m
         _, torque, efforts = v.rnea(now.joints, omega, now.joint_rates, alpha, proper, qdd)
-        torque, efforts = torque - unknown[1], efforts - unknown[2] + (v.damping + self._modelled()) * now.joint_rates
+        torque, efforts = (
+            torque - unknown[1],
+            efforts - unknown[2] + (self.j * v.damping + self._modelled()) * now.joint_rates,
+        )
         given = np.clip(efforts, -v.limit, v.limit)
         M = v.mass_matrix(now.joints)
         lost = np.linalg.solve(M[6:, 6:] - M[6:, :3] @ M[:3, 6:] / m, efforts - given)
@@ -282,7 +285,7 @@ class WrittenLaw(WrittenParts):
         v = self.v
         f, t, u = v.rnea(q, w, qd, np.zeros(3), np.zeros(3), np.zeros(v.n))
         *torque, thrust = v.A @ squared
-        given = np.clip(efforts, -v.limit, v.limit) - (v.damping + self._modelled()) * qd + unknown[2]
+        given = np.clip(efforts, -v.limit, v.limit) - (self.j * v.damping + self._modelled()) * qd + unknown[2]
         right = np.concatenate([thrust * E_Z + R.T @ unknown[0] - f, torque + unknown[1] - t, given - u])
         a = np.linalg.solve(v.mass_matrix(q), right)
         return R @ a[:3] - self.g * E_Z, a[3:6], a[6:]

@@ -162,8 +162,7 @@ def test_a_phase_that_must_not_fail_ends_the_flight_and_says_why(scenario):
     assert log.status == "phase_failed"
     assert log.info["cause"] == "phase 1 'press': no contact of 0.5 N within 3 s"
     assert log.phase_ends[1:] == (("press", None), ("slide", None), ("retreat", None))
-    (said,) = sentences(facts(log))
-    assert "press - (timeout), slide -, retreat -" in said
+    assert any("press - (timeout), slide -, retreat -" in said for said in sentences(facts(log)))
     # 0.55 s of the plan, 3 s of waiting, and the period in which it is noticed
     assert log.info["end_time"] == pytest.approx(3.555)
 
@@ -185,7 +184,7 @@ def test_a_guard_may_let_the_task_go_on(scenario):
     on = dataclasses.replace(away.reference, guards=(guard, *away.reference.guards[1:]))
     goes_on = skyarm.run(dataclasses.replace(away, reference=on, duration=4.5))
     assert (goes_on.status, goes_on.phase_ends[1]) == ("completed", ("press", pytest.approx(4.055)))
-    assert "press 4.055 s (timeout)" in sentences(facts(goes_on))[0]
+    assert any("press 4.055 s (timeout)" in said for said in sentences(facts(goes_on)))
 
 
 def test_a_law_that_observes_no_force_is_told_of(scenario):

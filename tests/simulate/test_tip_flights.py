@@ -92,7 +92,7 @@ def test_a_phase_waits_until_the_error_is_small_and_no_longer_than_its_timeout()
     path = {"kind": "phases", "position": [0.0, 0.0, 0.7], "phases": phases}
     tip = {"posture": [0.4, -0.8], "path": path}
     # gains that leave something to wait for
-    slow = {"controller": {"preset": "centroidal_tip"}, "duration": 3.0}
+    slow = {"controller": {"law": "centroidal", "mode": "tip", "bandwidth": 0.5}, "duration": 3.0}
     scenario = skyarm.scenario_from(TASK | slow | {"reference": {"tip": tip}})
     log = skyarm.run(scenario)
     error = np.linalg.norm(log.tip - log.tip_reference, axis=1)

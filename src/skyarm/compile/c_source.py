@@ -235,7 +235,9 @@ def _grid(value: Any) -> bool:
         return False
     rows = [item if isinstance(item, tuple) else (item,) for item in value]
     plain = all(isinstance(x, (float, int)) for row in rows for x in row)
-    return plain and len({len(row) for row in rows}) == 1 and len({isinstance(item, tuple) for item in value}) == 1
+    lengths = {len(row) for row in rows}
+    # C99 knows no array without elements
+    return plain and len(lengths) == 1 and 0 not in lengths and len({isinstance(item, tuple) for item in value}) == 1
 
 
 def _shape(value: Any) -> tuple[int, ...]:

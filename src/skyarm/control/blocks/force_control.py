@@ -242,8 +242,12 @@ def update_bias(
 
 
 def contact_cleared(gains: InteractionGains, memory: InteractionMemory) -> Scalar:
-    """Flag of 1 if contact ended long enough ago that the observed disturbance is free of it, else 0."""
-    return where(maximum(memory.free - gains.rest, 0.0) > 0.0, 1.0, 0.0)
+    """Flag of 1 if contact ended long enough ago that the observed disturbance is free of it, else 0.
+
+    Also 0 while a force as large as that of a contact acts at the tip, such as that of a hole's wall on a peg.
+    """
+    quiet = memory.force.dot(memory.force) < gains.touch * gains.touch
+    return where(logical_and(memory.free > gains.rest, quiet), 1.0, 0.0)
 
 
 def _size(force: Vec3) -> Scalar:

@@ -32,7 +32,7 @@ from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.demands import Planned
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, with_joint_damping
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
@@ -169,12 +169,9 @@ class AdaptationGains(Part):
 
     def adjust_gains(self, memory: Learned, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
         """Add the learned damping to that of the model's joints, up to a bound."""
-        links = []
-        for link, more in zip(par.model.vehicle.links, self.split_damping(memory.joints)[0], strict=True):
-            joint = replace(link.joint, damping=add(link.joint.damping, more))
-            links.append(replace(link, joint=joint))
-        vehicle = replace(par.model.vehicle, links=tuple(links))
-        return replace(par, model=replace(par.model, vehicle=vehicle))
+        own = [link.joint.damping for link in par.model.vehicle.links]
+        pairs = zip(own, self.split_damping(memory.joints)[0], strict=True)
+        return with_joint_damping(par, [add(damping, more) for damping, more in pairs])
 
     def split_damping(self, joints: Sequence[JointLearned]) -> tuple[list[Scalar], list[Scalar]]:
         """Learned damping of each joint that the model's joint has, and the rest, which is fed forward."""

@@ -13,6 +13,9 @@ above the band's lower edge once more, the bandwidth is lowered for the share of
 smaller 1 / c up to ``smaller``, all from ``slow`` on; that of the joints for what their lag exceeds the rotors' by. A
 load adds inertia to one axis more than to the other. Slow swings of the loop itself, against a force not observed yet
 or a late servo, look like a slow actuator, and less bandwidth swings them more.
+
+A joint without the damping that the model believes looks late, too. What makes up for that damping takes it from the
+joint's loop, which has less of it the lower its bandwidth is: it is lowered by the same share.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ from typing import Annotated, Any
 from skyarm.algebra import inner_product
 from skyarm.algebra.scalars import Scalar, add, data, divide, maximum, minimum, mul, structural, sub, total, where
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares, with_joint_damping
 from skyarm.control.laws.centroidal.part import Part, Step
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -103,8 +106,10 @@ class LagGains(Part):
         return self.lags(memory, dt)[0]
 
     def adjust_gains(self, memory: LagMemory, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Reduce the law's bandwidths for the estimated lags."""
-        return at_shares(par, *self.shares(memory, dt))
+        """Reduce the law's bandwidths for the estimated lags, and the joints' damping that the model makes up for."""
+        base, joints = self.shares(memory, dt)
+        own = [link.joint.damping for link in par.model.vehicle.links]
+        return at_shares(with_joint_damping(par, [mul(joints, damping) for damping in own]), base, joints)
 
     def shares(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
         """Shares (0 to 1) of the nominal bandwidths of rotor and joint loops, for what is left of the lags."""

@@ -147,6 +147,17 @@ def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> Cent
     )
 
 
+def with_joint_damping(par: CentroidalParameters, dampings: Sequence[Scalar]) -> CentroidalParameters:
+    """Constants of the law with other damping (N m s/rad or N s/m) of the model's joints, one number a joint."""
+    vehicle = par.model.vehicle
+    links = tuple(
+        dataclasses.replace(link, joint=dataclasses.replace(link.joint, damping=damping))
+        for link, damping in zip(vehicle.links, dampings, strict=True)
+    )
+    model = dataclasses.replace(par.model, vehicle=dataclasses.replace(vehicle, links=links))
+    return dataclasses.replace(par, model=model)
+
+
 def brace_joints(
     par: CentroidalParameters, force: Vec3, joints: Sequence[Scalar], late: Scalar
 ) -> CentroidalParameters:
