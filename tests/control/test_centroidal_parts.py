@@ -28,7 +28,7 @@ from skyarm.control.blocks.extrapolation import Channel, extrapolate
 from skyarm.control.blocks.prediction import Disturbance, actuation, predict_across
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.com_tracking import thrust
-from skyarm.control.laws.centroidal.demands import Demand, Planned
+from skyarm.control.laws.centroidal.demands import Demand, Planned, first_following
 from skyarm.control.laws.centroidal.tip_tasks import (
     Goal,
     Now,
@@ -605,3 +605,10 @@ def test_a_slide_that_carries_the_tip_is_damped_by_its_distance():
     w, sign = (0.03 / 0.12) ** 2, float(vehicle.links[2].joint.axis.z)
     found = asked_of_two_arms(gains, [0.0, 0.0, 2.0], (0.0, 0.0, 0.5, 0.0, 0.0))[2]
     assert found == pytest.approx((sign * c * 2.0 + w * 0.5) / (c * c + w), rel=1e-6)
+
+
+def test_the_mean_motion_of_the_arm_is_kept_of_a_vehicle_with_an_arm_alone():
+    models = {name: Model(vehicle=skyarm.load_vehicle(name)) for name in ("tilted_hexarotor", "hummingbird_arm2")}
+    arms = {name: first_following(make_centroidal(model).par).arm for name, model in models.items()}
+    assert arms["tilted_hexarotor"] == ()
+    assert arms["hummingbird_arm2"].size == 0.0

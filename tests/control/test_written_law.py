@@ -17,6 +17,8 @@ from written_law import WrittenLaw
 from written_vehicle import vehicle_of
 
 import skyarm
+from skyarm.control.laws.centroidal import noise_estimate
+from skyarm.control.laws.centroidal.options import GAINS, VALUES
 from skyarm.reference.preview import samples, samples_ahead
 
 LIBRARY = Path(skyarm.__file__).parent
@@ -109,6 +111,14 @@ def test_the_numbers_of_the_written_law_are_those_of_the_page() -> None:
         value = getattr(written_parts.NUMBERS, name)
         shown = phrase.format(*(f"{each:g}" for each in (value if isinstance(value, tuple) else (value,))))
         assert shown in PAGE, shown
+
+
+def test_the_numbers_of_the_law_are_those_of_the_page() -> None:
+    numbers = vars(written_parts.NUMBERS)
+    shared = VALUES.keys() & numbers.keys()
+    assert shared >= {*GAINS, "accelerometer", "adaptation", "force_trend", "lag", "preview"}
+    assert {name: VALUES[name] for name in shared} == {name: numbers[name] for name in shared}
+    assert pytest.approx((written_parts.SEEN, written_parts.FELT)) == (noise_estimate.SEEN, noise_estimate.FELT)
 
 
 @pytest.fixture(scope="module")
