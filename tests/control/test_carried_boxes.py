@@ -236,7 +236,9 @@ def test_a_box_held_beside_its_middle_stands_within_5_mm_of_where_it_was_to_be(s
     way = np.asarray(log.object_position)[-1] - np.asarray(log.object_position)[0]
     assert way == pytest.approx([0.3, 0.0, 0.0], abs=5e-3)
     # half a kilogram on a magnet, taken up beside its middle, folds the arm by 35 mm for a moment
-    assert np.linalg.norm((log.tip - log.tip_reference)[log.time < grasp.end], axis=1).max() < 0.04
+    assert np.linalg.norm((log.tip - log.tip_reference)[log.time < grasp.end], axis=1).max() < (
+        0.04 if (size, kind) == (0.1, "magnet") else 0.02
+    )
 
 
 @pytest.mark.thorough

@@ -75,11 +75,11 @@ def pegs(offsets, sides, seeds, noisy):
     return np.asarray(flown.status), 1e3 * (0.8 - flown.metrics["tip_lowest"]), flown.metrics["contact_last"]
 
 
-def require_in_and_out(status, deep, last):
+def require_in_and_out(status, deep, last, noisy):
     """Measured under noise: of 432 pegs one does not find its hole, and three are still held by its wall at the end."""
     assert set(status) == {"completed"}
-    assert np.mean(deep > 27.0) > 0.99
-    assert np.mean(last < 0.05) > 0.98
+    assert np.mean(deep > 27.0) > (0.995 if noisy else 0.9999)
+    assert np.mean(last < 0.02) > (0.99 if noisy else 0.9999)
 
 
 def test_a_peg_that_its_hole_holds_sideways_comes_out():
@@ -95,7 +95,7 @@ def test_a_peg_that_its_hole_holds_sideways_comes_out():
 @pytest.mark.thorough
 @pytest.mark.parametrize("noisy", [False, True])
 def test_pegs_go_in_and_come_out_towards_all_sides(noisy):
-    require_in_and_out(*pegs((0.0015, 0.002, 0.0025, 0.003, 0.0035, 0.004), 36, 2 if noisy else 1, noisy))
+    require_in_and_out(*pegs((0.0015, 0.002, 0.0025, 0.003, 0.0035, 0.004), 36, 2 if noisy else 1, noisy), noisy)
 
 
 def test_a_release_lowers_the_order_as_slowly_as_it_rose():

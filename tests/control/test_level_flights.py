@@ -84,8 +84,8 @@ def test_under_noise_the_tip_is_kept_where_a_tilting_base_does_not():
         flown = fly(dataclasses.replace(planned, noise=NOISE))
         found.append((flown.mean("tip", 1.0, 4.0), tilt(flown.quaternion[0][flown.time >= 1.0]).max()))
     (tip, most), (level, least) = found
-    assert level < 1.0 < 2.0 * level < tip
-    assert least < 1.5
+    assert level < 1.0 < 2.6 * level < tip
+    assert least < 1.1
     assert most > 8.0
 
 

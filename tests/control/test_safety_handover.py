@@ -109,7 +109,7 @@ def estimated(memory):
         found = [(unknown[:3], 0.2), (unknown[6:], 0.006)]
     if getattr(memory, "observed", ()):
         # of the accelerometer: what was changed acts in its period, before the observer's motion has it
-        found = [((*memory.observed.force,), 0.35), (memory.observed.efforts, 0.006)]
+        found = [((*memory.observed.force,), 0.3), (memory.observed.efforts, 0.006)]
     if kind == "CentroidalMemory":
         found += [
             ([v / 838.0**2 for v in memory.trim], 0.03),

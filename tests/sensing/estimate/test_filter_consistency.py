@@ -103,7 +103,7 @@ def tip_errors(scenario, seeds: int, seed: int) -> np.ndarray:
         ("measured", SLOW, {}, 0.017),
         ("modelled", {}, {}, 0.006),
         ("modelled", SLOW, {}, 0.015),
-        ("modelled", {}, CHOSEN, 0.0055),
+        ("modelled", {}, CHOSEN, 0.0048),
         ("modelled", SLOW, CHOSEN, 0.012),
     ],
 )

@@ -136,8 +136,8 @@ class Interaction(InteractionGains, Part):
 
 
 PRESSING = 0.5
-"""Of the accelerometer's bandwidth, while the tip presses: rotors of a hexarotor that presses 7 N with bent elbow stand
-still for a quarter of the time with 1, none with 0.5."""
+"""Share of the accelerometer's bandwidth that is left while the tip presses. With 1 the rotors of a hexarotor that
+presses 7 N with a bent elbow stand still for a quarter of the time, with 0.5 they never do."""
 
 SETTLED = 0.15
 """s of a flight, after which the lag is estimated until the first contact: a touch holds what is found until then, and
