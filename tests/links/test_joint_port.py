@@ -9,9 +9,8 @@ from collections import deque
 
 import pytest
 
-from skyarm.links.outside import joint_port
-from skyarm.links.outside.joint_links import open_joints
-from skyarm.links.outside.joint_port import (
+from skyarm.links import joint_port
+from skyarm.links.joint_port import (
     COMMAND,
     HELLO,
     STATE,
@@ -22,6 +21,7 @@ from skyarm.links.outside.joint_port import (
     pack,
     unpack,
 )
+from skyarm.links.outside.joint_links import open_joints
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 
@@ -222,7 +222,7 @@ def test_an_address_that_does_not_fit_is_one_line(url, words):
 def test_a_users_function_makes_a_port(tmp_path):
     file = tmp_path / "own_arm.py"
     file.write_text(
-        "from skyarm.links.outside.joint_port import NoJoints\n\n"
+        "from skyarm.links.joint_port import NoJoints\n\n"
         "def make(vehicle):\n    found = NoJoints()\n    found.count = vehicle.n\n    return found\n\n"
         "def wrong(vehicle):\n    return vehicle\n"
     )
