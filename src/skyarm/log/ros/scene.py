@@ -9,7 +9,7 @@ import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.dynamics.kinematics import every_joint, joint_placement
-from skyarm.log.ros.messages import NANO
+from skyarm.log.ros.message_bytes import NANO
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
 from skyarm.vehicle.linkage import BASE

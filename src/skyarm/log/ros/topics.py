@@ -16,7 +16,8 @@ from skyarm.algebra.frames import to_base
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_at
 from skyarm.log.log_columns import Names, columns, names_of, word
-from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, Bytes, encode, flight_definition
+from skyarm.log.ros.message_bytes import Bytes, encode
+from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, flight_definition
 from skyarm.log.ros.scene import (
     BASE_LINK,
     BASE_REFERENCE,
