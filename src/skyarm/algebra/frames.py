@@ -46,6 +46,11 @@ def of_euler_angles(roll: Any, pitch: Any, yaw: Any) -> Quaternion:
     return Quaternion(cy, 0.0, 0.0, sy) * Quaternion(cp, 0.0, sp, 0.0) * Quaternion(cr, sr, 0.0, 0.0)
 
 
+def unit_rows(rows: Array) -> Array:
+    """Rows (N, k) over their lengths: quaternions of unit length, directions."""
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+
+
 def turn_vectors(quaternions: Array, vectors: Array) -> Array:
     """Vectors (N, 3) turned by unit quaternions (N, 4), w first."""
     return np.stack([*Quaternion(*quaternions.T).rotation().apply(Vec3(*vectors.T))], axis=1)

@@ -75,6 +75,10 @@ class Quaternion(ArrayLike):
             a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
         )
 
+    def conjugate(self) -> Quaternion:
+        """Conjugate w - xi - yj - zk: of a unit quaternion the inverse rotation."""
+        return Quaternion(self.w, -self.x, -self.y, -self.z)
+
     def plus(self, other: Quaternion, factor: Any) -> Quaternion:
         """Sum ``self`` + ``factor`` * ``other``, not normalised, for Runge-Kutta stages."""
         a, b = self, other

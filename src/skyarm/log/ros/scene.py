@@ -45,11 +45,6 @@ class Part:
         return {"stamp": stamps, "frame_id": frame}
 
 
-def unit(wxyz: Array) -> Array:
-    """Quaternions wxyz (N, 4) normalized to unit length."""
-    return np.asarray(wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True))
-
-
 def nanoseconds(time: Array) -> IntArray:
     """Convert times in s to integer ns."""
     return np.rint(np.asarray(time) * NANO).astype(np.int64)

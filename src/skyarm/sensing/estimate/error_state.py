@@ -208,7 +208,7 @@ def innovations(
 
 def turn_between(believed: Quaternion, read: Quaternion) -> tuple[Scalar, Scalar, Scalar]:
     """Rotation vector (rad, world axes, to second order) from the estimated to the measured attitude."""
-    turn = read * Quaternion(believed.w, -believed.x, -believed.y, -believed.z)
+    turn = read * believed.conjugate()
     factor = where(turn.w < 0.0, -2.0, 2.0)
     return turn.x * factor, turn.y * factor, turn.z * factor
 

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import ZERO3, Motion, Quaternion, Vec3
+from skyarm.algebra.frames import unit_rows
 from skyarm.dynamics import center_of_mass, inverse_dynamics
 from skyarm.dynamics.actuators.rotor import rotor_forces, speed_of_push
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.dynamics.state import State
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.series import unit_rows
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.logged_commands import time_constants
