@@ -16,7 +16,8 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.lower import live
 from skyarm.compile.tracing.tracer import Node
 from skyarm.log.batch_log import Logged
-from skyarm.log.metrics.accumulate import Goal, Instant, Limits, Total, advance_totals, first_totals
+from skyarm.log.metrics.accumulate import Total, advance_totals, first_totals
+from skyarm.log.metrics.metric import Goal, Instant, Limits
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.leaves import leaves, rebuild
