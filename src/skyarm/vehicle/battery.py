@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, Protocol
 
 from skyarm.algebra.monotone_curve import curve
 from skyarm.algebra.scalars import Scalar, add, divide, maximum, mul, sqrt, where
@@ -12,9 +12,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError, refuse, rising
-
-if TYPE_CHECKING:
-    from skyarm.vehicle.vehicle_records import Rotor
+from skyarm.vehicle.thrust_table import ThrustTable
 
 ESC = ("governed", "open")
 
@@ -36,6 +34,22 @@ class CellCurve:
             if len(column) < 2 or len(column) != len(self.charge):
                 refuse(f"battery.open_circuit.{name}", column, "must be at least two numbers, as many of both columns")
             rising(f"battery.open_circuit.{name}", column)
+
+
+class Load(Protocol):
+    """Protocol of a rotor as a load: a :class:`skyarm.vehicle.Rotor`."""
+
+    @property
+    def table(self) -> ThrustTable | None:
+        """Thrust, drag torque and current by speed."""
+
+    @property
+    def thrust_coefficient(self) -> Scalar:
+        """Thrust over the square of the speed, N s^2/rad^2."""
+
+    @property
+    def moment_coefficient(self) -> Scalar:
+        """Drag torque over thrust, m."""
 
 
 @immutable
@@ -77,7 +91,7 @@ class Battery:
         """Voltage of the pack without a load, V."""
         return mul(float(self.cells), curve(charge, self.open_circuit.charge, self.open_circuit.voltage))
 
-    def power(self, rotors: Sequence[Rotor], speeds: Sequence[Any]) -> Any:
+    def power(self, rotors: Sequence[Load], speeds: Sequence[Any]) -> Any:
         """Electrical power of the rotors at given speeds (rad/s) and of all other loads, W.
 
         A table's current is that at the reference voltage; without one the drag torque's power over the efficiency.
@@ -102,7 +116,7 @@ class Battery:
 
 
 def rotor_power(
-    rotors: Sequence[Rotor], speeds: Sequence[Any], efficiency: Any, voltage: Any, standing: Any = 0.0
+    rotors: Sequence[Load], speeds: Sequence[Any], efficiency: Any, voltage: Any, standing: Any = 0.0
 ) -> Any:
     """Electrical power of rotors at given speeds, plus all other loads, W.
 

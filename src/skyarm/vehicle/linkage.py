@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import field
-from typing import Annotated
+from typing import Annotated, Protocol
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar, add, divide, where
@@ -178,3 +178,31 @@ class Follower:
     def name(self) -> str:
         """Name of the follower's link."""
         return self.link.name
+
+
+class Linkage(Protocol):
+    """Protocol of a vehicle's bodies and joints: the part of a :class:`skyarm.Vehicle` that its mass matrix needs."""
+
+    @property
+    def base(self) -> Body:
+        """Body of the airframe."""
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """Links with independent joints, each after its parent."""
+
+    @property
+    def followers(self) -> tuple[Follower, ...]:
+        """Links that move with others."""
+
+    @property
+    def n(self) -> int:
+        """Number of independent joints."""
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """All bodies: base, links, followers."""
+
+    @property
+    def moving(self) -> tuple[Link, ...]:
+        """All links that joints move: the independent links, then the followers."""

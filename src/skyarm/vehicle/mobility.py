@@ -9,17 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
-
-if TYPE_CHECKING:
-    from skyarm.vehicle.linkage import Body, Joint
-    from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.linkage import Body, Joint, Linkage
 
 SINGULAR = 1e-12
 """Moved inertia, relative to that of the outer bodies, below which nothing is left but rounding (1e-16 times a few)."""
@@ -27,7 +24,7 @@ SINGULAR = 1e-12
 GOLDEN = 0.6180339887498949
 
 
-def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
+def what_does_not_move(value: Linkage) -> tuple[str, Any, str] | None:
     """Error (field, value, requirement) about a joint or base that moves no mass; None if each moves mass."""
     found = immobile(value) if concrete(*_rigid_numbers(value)) else None
     if found is None:
@@ -48,7 +45,7 @@ def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
     return field, _describe(value, field), allowed
 
 
-def immobile(vehicle: Vehicle) -> tuple[str, tuple[float, ...]] | None:
+def immobile(vehicle: Linkage) -> tuple[str, tuple[float, ...]] | None:
     """First joint (or base) that moves no mass, and the tested joint values; None if each moves mass.
 
     All numbers of the vehicle must be concrete.
@@ -64,7 +61,7 @@ def immobile(vehicle: Vehicle) -> tuple[str, tuple[float, ...]] | None:
     return None
 
 
-def _joint_values(vehicle: Vehicle, turn: int) -> tuple[float, ...]:
+def _joint_values(vehicle: Linkage, turn: int) -> tuple[float, ...]:
     return tuple(_joint_value(link.joint, turn, index) for index, link in enumerate(vehicle.links))
 
 
@@ -86,7 +83,7 @@ def _joint_value(joint: Joint, turn: int, index: int) -> float:
     return min(max(free, lower), upper)
 
 
-def mass_matrix(vehicle: Vehicle, joints: Sequence[float]) -> tuple[Any, list[Any]]:
+def mass_matrix(vehicle: Linkage, joints: Sequence[float]) -> tuple[Any, list[Any]]:
     """Mass matrix of base (rotation first) and joints, and the 6 x (6 + n) Jacobian of each body in its axes."""
     J = [np.eye(6, 6 + vehicle.n)]
     M = J[0].T @ rigid_inertia(vehicle.base) @ J[0]
@@ -103,7 +100,7 @@ def mass_matrix(vehicle: Vehicle, joints: Sequence[float]) -> tuple[Any, list[An
     return M, J
 
 
-def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
+def _eliminate(vehicle: Linkage, joints: Sequence[float]) -> str:
     """Find the outermost joint (or base) that moves no mass by elimination in the mass matrix; empty if none.
 
     The pivot of a joint in the mass matrix is the articulated inertia about it: with the joints after it free.
@@ -130,7 +127,7 @@ def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
     return "" if smallest > SINGULAR else "base.inertia"
 
 
-def joint_mobility(vehicle: Vehicle) -> list[Any]:
+def joint_mobility(vehicle: Linkage) -> list[Any]:
     """Joint mobility (n, n): acceleration per effort at six configurations within the limits; NaN if undefined.
 
     The block of the joints in the inverse of the mass matrix, with all that is not a joint free to move.
@@ -178,7 +175,7 @@ def _to_child(joint: Joint, value: float) -> Any:
     return np.block([[R.T, np.zeros((3, 3))], [-R.T @ _matrix(Mat3.cross(Vec3(*p))), R.T]])
 
 
-def _describe(value: Vehicle, field: str) -> str:
+def _describe(value: Linkage, field: str) -> str:
     """Text about the link or base whose field caused an error, for the message."""
     for link in value.links:
         if field == f"joints[{link.joint.name}]":
@@ -186,7 +183,7 @@ def _describe(value: Vehicle, field: str) -> str:
     return f"base of {value.base.mass} kg"
 
 
-def _rigid_numbers(value: Vehicle) -> list[Any]:
+def _rigid_numbers(value: Linkage) -> list[Any]:
     """All numbers of a vehicle on which its mass matrix depends."""
     joints = [(j.axis, j.position, j.rotation, j.lower, j.upper, j.armature) for j in (k.joint for k in value.moving)]
     ties = [(each.ratio, each.offset) for each in value.followers]

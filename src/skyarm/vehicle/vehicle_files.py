@@ -23,7 +23,8 @@ from skyarm.records.files import (
 )
 from skyarm.records.files.names import names_in, require_kind
 from skyarm.vehicle.attach import RigidBodies
-from skyarm.vehicle.check import VehicleError, refuse, with_real_inertias
+from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import vehicle_from
 

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add
-from skyarm.records.coerce import number, pairs, plain_number, proper_rotation, unit_vector, vector
+from skyarm.records.coerce import concrete, number, pairs, plain_number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
@@ -22,10 +22,10 @@ from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import Names, View
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.vehicle import check
 from skyarm.vehicle.battery import Battery
-from skyarm.vehicle.check import FARTHEST, SHARE, VehicleError, accept_named
-from skyarm.vehicle.linkage import BASE, Body, Follower, Link
+from skyarm.vehicle.check import FARTHEST, NOISE, SHARE, VehicleError, accept_named, inertia, refuse, unique
+from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
+from skyarm.vehicle.mobility import what_does_not_move
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
 
@@ -37,7 +37,7 @@ def rotation_sense(field: str, value: object) -> int:
     """Convert a rotor's sense of rotation; anything but 1 and -1 raises an error."""
     sign = plain_number(value)
     if isinstance(sign, bool) or not isinstance(sign, (int, float)) or abs(sign) != 1:
-        check.refuse(field, value, "must be 1 (ccw, seen from the tip of its axis) or -1 (cw)")
+        refuse(field, value, "must be 1 (ccw, seen from the tip of its axis) or -1 (cw)")
     return int(sign)
 
 
@@ -145,7 +145,7 @@ class MountedDrive:
     def __post_init__(self) -> None:
         accept_fields(self, "drives", VehicleError)
         if not callable(getattr(self.drive, "effort", None)):
-            check.refuse(f"drives.{self.name}", self.drive, "must be a Drive")
+            refuse(f"drives.{self.name}", self.drive, "must be a Drive")
 
 
 @immutable
@@ -185,7 +185,7 @@ class Vehicle:
 
     def __post_init__(self) -> None:
         accept_fields(self, "vehicle", VehicleError)
-        check.vehicle(self)
+        _require_whole(self)
 
     def _repr_html_(self) -> str:
         return notebook_html(self)
@@ -247,9 +247,7 @@ class Vehicle:
             if candidate.name == wanted:
                 return candidate
         problem = f"no frame '{wanted}'" if wanted else "no end_effector; name a frame"
-        raise check.VehicleError(
-            f"vehicle '{self.name}': {problem}; there are {[f.name for f in self.frames] or 'none'}"
-        )
+        raise VehicleError(f"vehicle '{self.name}': {problem}; there are {[f.name for f in self.frames] or 'none'}")
 
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
         """Vehicle with a point mass (kg) attached at a frame (by default the end effector)."""
@@ -296,3 +294,88 @@ def undriven_joints(vehicle: Vehicle, driven: Collection[str] = ()) -> tuple[str
     driven = {*driven, *(each.name for each in vehicle.drives)}
     joints = (link.joint for link in vehicle.links)
     return tuple(joint.name for joint in joints if joint.name not in driven and float(joint.effort_limit) == 0.0)
+
+
+def _require_whole(value: Vehicle) -> None:
+    """Check a vehicle as a whole: unique names, order of links, existing references, physical consistency."""
+    solid = concrete(value.base.mass) and not value.base.planar
+    inertia("base.inertia", value.base.inertia, planar=value.base.planar, least=NOISE if solid else 0.0)
+    if concrete(value.base.mass) and not value.base.mass > 0.0:
+        refuse("base.mass", value.base.mass, "must be greater than 0")
+    unique("links.name", [link.name for link in value.moving])
+    unique("joints.name", [link.joint.name for link in value.moving])
+    unique("rotors.name", [each.name for each in value.rotors])
+    unique("frames.name", [each.name for each in value.frames])
+    for index, link in enumerate(value.links):
+        if not -1 <= link.parent < index:
+            refuse(f"links[{link.name}].parent", link.parent, "must be the base (-1) or a link that stands before it")
+        inertia(f"links[{link.name}].inertia", link.body.inertia, planar=link.body.planar)
+        _require_joint(f"joints[{link.joint.name}]", link.joint)
+    for index, follower in enumerate(value.followers):
+        _require_follower(value, follower, index)
+    for each in value.rotors:
+        if each.tilt is not None:
+            each.tilt.require(f"rotors[{each.name}].tilt", each.axis)
+    for frame in value.frames:
+        if not -1 <= frame.link < len(value.moving):
+            refuse(f"frames[{frame.name}].link", frame.link, f"must be -1 (base) ... {len(value.moving) - 1}")
+    if value.end_effector and value.end_effector not in [each.name for each in value.frames]:
+        refuse(
+            "end_effector",
+            value.end_effector,
+            f"must be one of {', '.join(each.name for each in value.frames) or 'none'}",
+        )
+    _require_drives(value)
+    if found := what_does_not_move(value):
+        refuse(*found)
+
+
+def _require_joint(field: str, value: Joint) -> None:
+    """Check the kind and limits of one joint."""
+    if value.kind not in ("revolute", "prismatic"):
+        refuse(f"{field}.kind", value.kind, "must be 'revolute' or 'prismatic'")
+    if concrete(value.lower, value.upper) and not value.lower < value.upper:
+        refuse(f"{field}.lower", value.lower, f"must be below upper = {value.upper!r}")
+
+
+def _require_drives(value: Vehicle) -> None:
+    """Check that each drive has a joint of its own with an effort limit above zero."""
+    joints = [link.joint.name for link in value.links]
+    for name in (each.name for each in value.drives):
+        if name not in joints or [each.name for each in value.drives].count(name) > 1:
+            refuse("drives", name, f"must be one of {', '.join(joints) or 'none'}, once")
+        limit = value.links[joints.index(name)].joint.effort_limit
+        if concrete(limit) and limit == 0:
+            allowed = f"must be above 0: it leaves drives.{name} no torque"
+            refuse(f"joints[{name}].effort_limit", limit, allowed)
+
+
+def _require_follower(value: Vehicle, each: Follower, index: int) -> None:
+    """Check a follower: existing leader, earlier parent, and a joint without friction, armature or stops."""
+    field, link = f"followers[{each.name}]", each.link
+    inertia(f"{field}.link.inertia", link.body.inertia, planar=link.body.planar)
+    _require_joint(f"{field}.link.joint", link.joint)
+    if not 0 <= each.leader < value.n:
+        refuse(f"{field}.leader", each.leader, f"must be the index of a link, 0 ... {value.n - 1}")
+    if not -1 <= link.parent < value.n + index:
+        refuse(f"{field}.link.parent", link.parent, "must be the base (-1), a link or an earlier follower")
+    if concrete(each.ratio) and each.ratio == 0:
+        refuse(f"{field}.ratio", each.ratio, "must not be 0; a joint that never moves is fixed")
+    for name in ("damping", "coulomb", "armature", "stop_stiffness"):
+        if concrete(getattr(link.joint, name)) and getattr(link.joint, name) != 0:
+            refuse(f"{field}.link.joint.{name}", getattr(link.joint, name), "must be 0: its leader has it")
+
+
+def require_plant(value: Vehicle) -> None:
+    """Raise an error if a vehicle has bodies that are not physical; planar ones are allowed only in a law's model.
+
+    Raises:
+        VehicleError: with the first planar body.
+    """
+    names = ["base", *(f"links[{link.name}]" for link in value.moving)]
+    for name, each in zip(names, value.bodies, strict=True):
+        if each.planar:
+            raise VehicleError(
+                f"vehicle '{value.name}': {name}.planar = True: must be false in a plant (a planar inertia is "
+                "impossible for a real body; such a vehicle is a controller's model only)"
+            )

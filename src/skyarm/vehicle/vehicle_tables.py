@@ -15,7 +15,8 @@ from skyarm.vehicle import check, description
 from skyarm.vehicle.attach import MIMIC, Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in
 from skyarm.vehicle.attach import limits_that_contradict as contradicting_limits
 from skyarm.vehicle.battery import Battery
-from skyarm.vehicle.check import VehicleError, refuse, with_real_inertias
+from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.thrust_table import ThrustTable
