@@ -25,7 +25,8 @@ from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.knobs import LONGEST_DELAY, Knob, knobs_of
 from skyarm.view.studio.sights import Sight, goal_of, poses_of, sight
 from skyarm.world import NO_WIND, Fault, ForceWind, Gust
-from skyarm.world.scene.scene import Scene, instant_of, scene_now
+from skyarm.world.scene.component_scenes import scene_now
+from skyarm.world.scene.scene import Scene, instant_of
 from skyarm.world.scene.vehicle_shapes import Placed
 
 MOST = 3
