@@ -47,7 +47,6 @@ from skyarm.log.formats import save_log as save_log
 from skyarm.log.metrics.metric import Metric as Metric
 from skyarm.log.metrics.score import score as score
 from skyarm.log.metrics.windows import Windows as Windows
-from skyarm.paper.reproduce import reproduce as reproduce
 from skyarm.plant.interface import Truth as Truth
 from skyarm.records.registry import load_plugin as load_plugin
 from skyarm.records.registry import register as register
@@ -119,6 +118,7 @@ from skyarm.simulate.user_code import check_law as check_law
 from skyarm.studies.assess.assessment import check as check
 from skyarm.studies.compare.compare_laws import compare as compare
 from skyarm.studies.identify.identify_flights import identify_flights as identify_flights
+from skyarm.studies.paper.reproduce import reproduce as reproduce
 from skyarm.studies.stability.along import margins as margins
 from skyarm.studies.stability.hover_delay import hover_delay as hover_delay
 from skyarm.studies.sweep.runner import fly_sweep as fly_sweep

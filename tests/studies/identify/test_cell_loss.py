@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.paper.unstated_study import Cell, losses, slack_distance, tally, within
+from skyarm.studies.paper.unstated_study import Cell, losses, slack_distance, tally, within
 
 
 def cell(measured: float, half: float = 0.0) -> Cell:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from skyarm.paper.counted_cells import RULE, counts, in_case, inferred_value, sentence, stated_value
-from skyarm.paper.flights import first_plant
-from skyarm.paper.published import (
+from skyarm.scenario.scenario_record import PLANTS
+from skyarm.studies.paper.counted_cells import RULE, counts, in_case, inferred_value, sentence, stated_value
+from skyarm.studies.paper.flights import first_plant
+from skyarm.studies.paper.published import (
     CONTINUOUS,
     METRICS,
     TITLES,
@@ -23,9 +24,8 @@ from skyarm.paper.published import (
     relative,
     reversed_orders,
 )
-from skyarm.paper.report_text import ASSUMED, INFERRED_SETTINGS, OPEN
-from skyarm.paper.variations import GROUPS, variations
-from skyarm.scenario.scenario_record import PLANTS
+from skyarm.studies.paper.report_text import ASSUMED, INFERRED_SETTINGS, OPEN
+from skyarm.studies.paper.variations import GROUPS, variations
 from skyarm.view.pages import Mark, details, grouped_table, markdown, table
 
 Cells = Mapping[str, Record]

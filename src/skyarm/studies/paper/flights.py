@@ -13,12 +13,12 @@ import numpy as np
 from skyarm.log.metrics.metric_catalogue import REFERRED
 from skyarm.log.metrics.score import score, settling_time
 from skyarm.log.metrics.windows import Windows
-from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER, Record
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Log, Scenario, Window
 from skyarm.studies.flights import Work
+from skyarm.studies.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER, Record
 
 STEADY, TRANSIENT, GUST = Window(10.0, 20.0), Window(0.0, 8.0), Window(5.0, 20.0)
 WINDOWS: Mapping[str, Window] = {case: GUST if case == "case2_gust" else STEADY for case in CASES}

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from skyarm.paper.published import digits, percent, relative, reversed_orders
-from skyarm.paper.report_tables import markdown_tables as markdown
+from skyarm.studies.paper.published import digits, percent, relative, reversed_orders
+from skyarm.studies.paper.report_tables import markdown_tables as markdown
 
 
 def test_numbers_have_three_digits_and_missing_ones_a_dash() -> None:

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.paper.inferred_settings import unstated_study
-from skyarm.paper.published import PAPER, Record, finite_or_none, rounding
-from skyarm.paper.unstated_study import Cell, group_places, losses, tally
 from skyarm.scenario.scenario_record import PLANTS
+from skyarm.studies.paper.inferred_settings import unstated_study
+from skyarm.studies.paper.published import PAPER, Record, finite_or_none, rounding
+from skyarm.studies.paper.unstated_study import Cell, group_places, losses, tally
 
 RULE = (
     "A cell is within x % if |ours - paper|, less half a unit of the paper's last printed digit, is at most x % of "

@@ -8,10 +8,11 @@ from importlib import resources
 from typing import TYPE_CHECKING
 
 from skyarm.log.flight_log import Log
-from skyarm.paper import report_text as prose
-from skyarm.paper.counted_cells import RULE, sentence
-from skyarm.paper.flights import first_plant
-from skyarm.paper.inference_tables import (
+from skyarm.records.files import file_names
+from skyarm.studies.paper import report_text as prose
+from skyarm.studies.paper.counted_cells import RULE, sentence
+from skyarm.studies.paper.flights import first_plant
+from skyarm.studies.paper.inference_tables import (
     choices_table,
     ladder_table,
     prediction_table,
@@ -19,9 +20,9 @@ from skyarm.paper.inference_tables import (
     rivals_table,
     settings_table,
 )
-from skyarm.paper.inferred_settings import is_of_this_study
-from skyarm.paper.published import Record
-from skyarm.paper.report_tables import (
+from skyarm.studies.paper.inferred_settings import is_of_this_study
+from skyarm.studies.paper.published import Record
+from skyarm.studies.paper.report_tables import (
     definitions_table,
     experiment_table,
     not_reproduced,
@@ -29,7 +30,6 @@ from skyarm.paper.report_tables import (
     summary_table,
     title_of,
 )
-from skyarm.records.files import file_names
 from skyarm.view.figures.flight_plot import plot as flight_plot
 from skyarm.view.figures.paper_figures import PAPER_CATALOGUE
 from skyarm.view.figures.style import image_bytes
@@ -99,7 +99,7 @@ def report_pages(
         own = {number: png for number, png in drawn.items() if PAPER_CATALOGUE[number].case == case}
         pages[file] = _case_page(case, experiments[case], logs, own, plant)
     titles = {MAIN: "Overview", **{file: title_of(case).split(":")[0] for case, file in files.items()}}
-    style = (resources.files("skyarm.paper") / "report.css").read_text("utf-8")
+    style = (resources.files("skyarm.studies.paper") / "report.css").read_text("utf-8")
     footer = f"Format of the results: schema {results.get('schema', 1)}. This page needs no network."
     return {
         file: page(**vars(each), style={"": style}, script=page_script(), pages=titles, name=file, footer=footer)
@@ -109,7 +109,7 @@ def report_pages(
 
 def page_script() -> str:
     """JavaScript of the report's pages, which unfolds all blocks before printing."""
-    return (resources.files("skyarm.paper") / "report_print.js").read_text("utf-8")
+    return (resources.files("skyarm.studies.paper") / "report_print.js").read_text("utf-8")
 
 
 def case_files(cases: Iterable[str]) -> dict[str, str]:

@@ -13,11 +13,11 @@ from typing import Any
 import pytest
 
 from logs_synthetic import CASES, WINDOWS, all_logs, synthetic_log
-from skyarm.paper import report_pages as page_maker
-from skyarm.paper.published import TITLES
-from skyarm.paper.report_pages import MAIN, page_script, report_pages
-from skyarm.paper.report_tables import bound_text, difference_text, number_cell, sensitivity_tables, typographic
-from skyarm.paper.variations import GROUPS, variations
+from skyarm.studies.paper import report_pages as page_maker
+from skyarm.studies.paper.published import TITLES
+from skyarm.studies.paper.report_pages import MAIN, page_script, report_pages
+from skyarm.studies.paper.report_tables import bound_text, difference_text, number_cell, sensitivity_tables, typographic
+from skyarm.studies.paper.variations import GROUPS, variations
 from skyarm.view.figures.paper_figures import paper_figures
 from skyarm.view.pages import image
 from small_pictures import draw_small

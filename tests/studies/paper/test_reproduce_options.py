@@ -14,7 +14,7 @@ import infer
 from commanded import skyarm
 from inference.checks import checked_study
 from inference.identification import result_digest
-from skyarm.paper import inferred_settings, reproduce
+from skyarm.studies.paper import inferred_settings, reproduce
 
 
 @pytest.mark.thorough

@@ -12,12 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skyarm.paper import inferred_settings
-from skyarm.paper import reproduce as room
-from skyarm.paper.flights import STATED, Flight, flights, metrics, scenario, with_damping, work_of
-from skyarm.paper.published import CASES
-from skyarm.paper.reproduce import Campaign, run_campaign, works
-from skyarm.paper.variations import (
+from skyarm.reference import sequence
+from skyarm.scenario.scenario_record import PLANTS
+from skyarm.simulate import Log, run
+from skyarm.studies.flights import Store, Work
+from skyarm.studies.flights.fly import fly
+from skyarm.studies.flights.store import pack_rows, unpack_rows
+from skyarm.studies.paper import inferred_settings
+from skyarm.studies.paper import reproduce as room
+from skyarm.studies.paper.flights import STATED, Flight, flights, metrics, scenario, with_damping, work_of
+from skyarm.studies.paper.published import CASES
+from skyarm.studies.paper.reproduce import Campaign, run_campaign, works
+from skyarm.studies.paper.variations import (
     DAMPINGS,
     Variation,
     damped_first_joint,
@@ -25,12 +31,6 @@ from skyarm.paper.variations import (
     reshaped_ramps,
     variations,
 )
-from skyarm.reference import sequence
-from skyarm.scenario.scenario_record import PLANTS
-from skyarm.simulate import Log, run
-from skyarm.studies.flights import Store, Work
-from skyarm.studies.flights.fly import fly
-from skyarm.studies.flights.store import pack_rows, unpack_rows
 
 CASE2, WIND = Flight("case2", "PD", "rigid_body"), Flight("case3_wind", "PD", "mujoco")
 FEW = [

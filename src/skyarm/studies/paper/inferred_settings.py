@@ -8,17 +8,17 @@ from functools import lru_cache
 from importlib import resources
 from typing import Any
 
-from skyarm.paper.flights import HOLDS, Flight, work_of
-from skyarm.paper.published import Record
-from skyarm.paper.unstated_study import Tables, numbers, scenario_tables, stated_tables, study_digest
 from skyarm.records.files import read_toml
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import Window
 from skyarm.studies.flights import Work
+from skyarm.studies.paper.flights import HOLDS, Flight, work_of
+from skyarm.studies.paper.published import Record
+from skyarm.studies.paper.unstated_study import Tables, numbers, scenario_tables, stated_tables, study_digest
 
-LIBRARY = resources.files("skyarm.paper") / "library"
+LIBRARY = resources.files("skyarm.studies.paper") / "library"
 STUDY, FOUND = "unstated_settings.toml", "unstated_settings.json"
 """The study, and what the search that ships with the package found."""
 

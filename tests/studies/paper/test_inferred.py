@@ -13,10 +13,11 @@ import pytest
 from infer import infer
 from inference.candidates import Candidates
 from inference.checks import checked_study
-from skyarm.paper import inference_tables as shown
-from skyarm.paper.counted_cells import counts, in_group, inferred_value, published_cells, sentence, stated_value
-from skyarm.paper.flights import Flight, results, scenario, settings
-from skyarm.paper.inferred_settings import (
+from skyarm.simulate import run
+from skyarm.studies.paper import inference_tables as shown
+from skyarm.studies.paper.counted_cells import counts, in_group, inferred_value, published_cells, sentence, stated_value
+from skyarm.studies.paper.flights import Flight, results, scenario, settings
+from skyarm.studies.paper.inferred_settings import (
     INFERRED,
     LIBRARY,
     PREDICTED,
@@ -27,12 +28,11 @@ from skyarm.paper.inferred_settings import (
     shipped_evidence,
     unstated_study,
 )
-from skyarm.paper.published import PRINTED
-from skyarm.paper.report_pages import inferred_section, report_pages
-from skyarm.paper.report_tables import markdown_tables as markdown
-from skyarm.paper.report_text import OPEN
-from skyarm.paper.reproduce import Campaign
-from skyarm.simulate import run
+from skyarm.studies.paper.published import PRINTED
+from skyarm.studies.paper.report_pages import inferred_section, report_pages
+from skyarm.studies.paper.report_tables import markdown_tables as markdown
+from skyarm.studies.paper.report_text import OPEN
+from skyarm.studies.paper.reproduce import Campaign
 
 PLANTS = ("rigid_body", "mujoco")
 

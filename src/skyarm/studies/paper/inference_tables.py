@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.paper.counted_cells import RULE, counts, in_group, inferred_value, stated_value
-from skyarm.paper.inferred_settings import PREDICTION, unstated_study
-from skyarm.paper.published import Record
-from skyarm.paper.unstated_study import table_by_name
+from skyarm.studies.paper.counted_cells import RULE, counts, in_group, inferred_value, stated_value
+from skyarm.studies.paper.inferred_settings import PREDICTION, unstated_study
+from skyarm.studies.paper.published import Record
+from skyarm.studies.paper.unstated_study import table_by_name
 from skyarm.view.pages import Table
 
 GROUPS = {

@@ -31,7 +31,7 @@ CONTROLLERS = {"CT": "paper_ct", "PD": "paper_pd"}
 CONTINUOUS = "_continuous"
 """Suffix of a metric taken against the continuous reference in place of the held 50 Hz samples."""
 
-_TABLES = tomllib.loads((resources.files("skyarm.paper") / "library" / "published.toml").read_text("utf-8"))
+_TABLES = tomllib.loads((resources.files("skyarm.studies.paper") / "library" / "published.toml").read_text("utf-8"))
 
 PRINTED: Mapping[str, Mapping[str, Mapping[str, str]]] = _TABLES["printed"]
 """The numbers as printed: case -> law -> metric -> digits."""

@@ -12,15 +12,24 @@ import pytest
 
 from log_metrics import motion
 from made_once import made_once
-from skyarm.paper.flights import STEADY, Flight, results, scenario, settings
-from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, METRICS, PAPER, PRINTED, digits, published_number
-from skyarm.paper.reproduce import Campaign, run_campaign
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Rates, run
+from skyarm.studies.paper.flights import STEADY, Flight, results, scenario, settings
+from skyarm.studies.paper.published import (
+    CASES,
+    CONTINUOUS,
+    CONTROLLERS,
+    METRICS,
+    PAPER,
+    PRINTED,
+    digits,
+    published_number,
+)
+from skyarm.studies.paper.reproduce import Campaign, run_campaign
 from skyarm.view.pages import markdown
 
-TABLE2 = Path(__file__).parents[1] / "data" / "table2.json"
-PAGE = Path(__file__).parents[2] / "docs" / "the_paper.md"
+TABLE2 = Path(__file__).parents[2] / "data" / "table2.json"
+PAGE = Path(__file__).parents[3] / "docs" / "the_paper.md"
 
 
 @pytest.fixture(scope="module")

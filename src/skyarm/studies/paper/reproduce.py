@@ -12,14 +12,6 @@ import numpy as np
 
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.log.formats import log_from_npz
-from skyarm.paper.flights import STATED, STEADY, WINDOWS, Metrics, flights, results, scenario, settings, work_of
-from skyarm.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
-from skyarm.paper.inferred_settings import INFERRED, PREDICTED, inferred_work, shipped_evidence
-from skyarm.paper.published import CASES, Record
-from skyarm.paper.report_pages import MAIN, case_files, inferred_section, report_pages
-from skyarm.paper.report_tables import markdown_tables
-from skyarm.paper.report_text import LOOK, OVERVIEW
-from skyarm.paper.variations import Variation, variations
 from skyarm.records.files import PathLike, needs_extra, require_replaceable, require_writable, write_atomically
 from skyarm.records.files.writing import one_writer
 from skyarm.scenario.scenario_record import PLANTS
@@ -27,6 +19,14 @@ from skyarm.simulate import Log
 from skyarm.studies.flights import Crew, Rows, Store, Work
 from skyarm.studies.flights.executor import Progress, require_place
 from skyarm.studies.flights.store import unpack_rows
+from skyarm.studies.paper.flights import STATED, STEADY, WINDOWS, Metrics, flights, results, scenario, settings, work_of
+from skyarm.studies.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
+from skyarm.studies.paper.inferred_settings import INFERRED, PREDICTED, inferred_work, shipped_evidence
+from skyarm.studies.paper.published import CASES, Record
+from skyarm.studies.paper.report_pages import MAIN, case_files, inferred_section, report_pages
+from skyarm.studies.paper.report_tables import markdown_tables
+from skyarm.studies.paper.report_text import LOOK, OVERVIEW
+from skyarm.studies.paper.variations import Variation, variations
 from skyarm.view.figures.paper_figures import overview_figure, paper_figures
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import image

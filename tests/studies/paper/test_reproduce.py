@@ -13,15 +13,15 @@ import pytest
 import skyarm
 from commanded import skyarm as command
 from made_once import made_once
-from skyarm.paper import report_pages
-from skyarm.paper import reproduce as room
-from skyarm.paper.flights import metrics, results, settings
-from skyarm.paper.published import CASES, PRINTED, digits
-from skyarm.paper.reproduce import Campaign, run_campaign
-from skyarm.paper.variations import variations
 from skyarm.records.files.writing import TakenError, one_writer
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log, run
+from skyarm.studies.paper import report_pages
+from skyarm.studies.paper import reproduce as room
+from skyarm.studies.paper.flights import metrics, results, settings
+from skyarm.studies.paper.published import CASES, PRINTED, digits
+from skyarm.studies.paper.reproduce import Campaign, run_campaign
+from skyarm.studies.paper.variations import variations
 from small_pictures import draw_small
 
 

@@ -9,11 +9,11 @@ import dataclasses
 import functools
 from collections.abc import Callable
 
-from skyarm.paper.flights import STATED, with_damping
-from skyarm.paper.published import CASES
 from skyarm.records.immutable import immutable
 from skyarm.reference import sequence
 from skyarm.simulate import Delays, Scenario
+from skyarm.studies.paper.flights import STATED, with_damping
+from skyarm.studies.paper.published import CASES
 
 DAMPINGS = (0.0, 0.001, 0.005, 0.02, 0.05)
 """N m s/rad on both joints."""
