@@ -125,6 +125,7 @@ from skyarm.studies.sweep.runner import fly_sweep as fly_sweep
 from skyarm.studies.sweep.study import StudyError as StudyError
 from skyarm.studies.sweep.study_file import list_studies as list_studies
 from skyarm.studies.sweep.study_file import load_study as load_study
+from skyarm.studies.sweep.sweep_figures import plot_sweep as plot_sweep
 from skyarm.studies.tune.tune_scenario import tune as tune
 from skyarm.vehicle import (
     Body as Body,
@@ -150,7 +151,6 @@ from skyarm.vehicle import (
 from skyarm.vehicle.vehicle_files import list_vehicles as list_vehicles
 from skyarm.vehicle.vehicle_files import load_vehicle as load_vehicle
 from skyarm.view.figures.flight_plot import plot as plot
-from skyarm.view.figures.study_figures import plot_sweep as plot_sweep
 from skyarm.view.figures.vehicle_drawing import vehicle_drawing as vehicle_drawing
 from skyarm.view.film.film_flights import film as film
 from skyarm.world import (

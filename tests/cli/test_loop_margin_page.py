@@ -8,7 +8,7 @@ import pytest
 import skyarm
 from skyarm.cli.margins_command import margins_page
 from skyarm.studies.stability.along import Evidence, Locus, hover_loci, margins
-from skyarm.view.figures.study_figures import nyquist_figure
+from skyarm.studies.stability.nyquist_figure import nyquist_figure
 
 
 @pytest.fixture(scope="module")

@@ -206,7 +206,7 @@ def margins_page(found: Evidence, loci: Sequence[Locus]) -> str:
         found: of :func:`skyarm.studies.stability.along.evidence`.
         loci: of :func:`skyarm.studies.stability.along.hover_loci`.
     """
-    from skyarm.view.figures.study_figures import nyquist_figure
+    from skyarm.studies.stability.nyquist_figure import nyquist_figure
     from skyarm.view.figures.style import image_bytes
     from skyarm.view.pages import image, page, section, table
 

@@ -196,7 +196,7 @@ def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tupl
 def _draw_maps(maps: Sequence[RobustnessMap]) -> Pictures:
     """Draw the robustness map of each controller; a constant map becomes a number."""
     from skyarm.studies.sweep.study_page import Pictures
-    from skyarm.view.figures.study_figures import robustness_figure
+    from skyarm.studies.sweep.sweep_figures import robustness_figure
     from skyarm.view.figures.style import image_bytes
 
     return Pictures(

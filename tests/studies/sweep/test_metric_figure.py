@@ -21,7 +21,7 @@ from skyarm.studies.sweep.banded_curves import (
     variable,
 )
 from skyarm.studies.sweep.stats import Rows
-from skyarm.view.figures.study_figures import metric_figure, plot_sweep
+from skyarm.studies.sweep.sweep_figures import metric_figure, plot_sweep
 from sweeps import MASS, WIND, flown, read
 
 METRIC = "position_error_mean"

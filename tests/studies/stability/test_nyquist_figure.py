@@ -6,7 +6,7 @@ import numpy as np
 
 from skyarm.studies.stability.along import Locus
 from skyarm.studies.stability.disk_margins import LoopMargin
-from skyarm.view.figures.study_figures import nyquist_figure
+from skyarm.studies.stability.nyquist_figure import nyquist_figure
 
 
 def test_a_curve_that_comes_from_far_off_begins_where_it_can_be_seen():
