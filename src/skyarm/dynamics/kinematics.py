@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, axis_rotation
-from skyarm.algebra.scalars import Scalar, add, mul, same
+from skyarm.algebra.scalars import Scalar, add, data, divide, logical_and, mul, same, sqrt, where
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE, Joint
@@ -142,3 +142,25 @@ def untie_followers(vehicle: Vehicle, state: State) -> tuple[Vehicle, State]:
         return vehicle, state
     joints, rates = every_joint(vehicle, state.joints), every_rate(vehicle, state.joint_rates)
     return vehicle.with_free_followers, dataclasses.replace(state, joints=joints, joint_rates=rates)
+
+
+NEAREST = 1e-3
+"""m from an axis within which no direction out of it is known."""
+
+
+def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -> Vec3:
+    """Unit vector from a hinge axis to the tip while a handle is gripped, else the surface normal.
+
+    Args:
+        tip: m, world axes.
+        pivot: m, on the axis.
+        axis: its unit vector.
+        grips: condition.
+        normal: also where the tip is within ``NEAREST`` of the axis.
+    """
+    arm = tip - pivot
+    out = arm - axis * axis.dot(arm)
+    size = out.dot(out)
+    turns = logical_and(grips, size * axis.dot(axis) > NEAREST * NEAREST)
+    unit = out * divide(1.0, sqrt(size + 1e-12))
+    return Vec3(*(where(turns, data(a), data(b)) for a, b in zip(unit, normal, strict=True)))

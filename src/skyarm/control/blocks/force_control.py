@@ -58,10 +58,11 @@ from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, TipLevers, tip_force
 from skyarm.control.blocks.torque_scale import Tolerances, TorqueScale
 from skyarm.control.controller import ControllerError
+from skyarm.dynamics.kinematics import out_of_axis
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.reference.tip_motion import STRONGEST, out_of_axis
+from skyarm.reference.tip_motion import STRONGEST
 
 YIELDING = 0.8
 """Share of the speed of the approach above which a force gives way: doors swing below it, boxes slide above."""

@@ -16,9 +16,9 @@ import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, atan2, cos, logical_and, maximum, sin, where
+from skyarm.dynamics.kinematics import out_of_axis
 from skyarm.log.metrics.metric import Instant, Metric
 from skyarm.records.immutable import immutable
-from skyarm.reference.tip_motion import out_of_axis
 
 BOUNCES = 0.3
 """s after the first touch in which a loss of contact belongs to the impact."""
