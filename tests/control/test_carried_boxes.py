@@ -14,7 +14,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import moving, posture
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.contact.load import LoadGains
-from skyarm.control.laws.centroidal.part import Step
+from skyarm.control.laws.centroidal.parameters import Step
 from skyarm.control.laws.centroidal.tip_tasks import Goal, Now, derivative, joint_accelerations
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, link_poses

@@ -15,7 +15,7 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.demands import Demand, Planned
+from skyarm.control.laws.centroidal.step_records import Demand, Planned
 from skyarm.control.laws.centroidal.torques import TRIM
 from skyarm.control.model import Model
 from skyarm.dynamics import State

@@ -28,7 +28,8 @@ from skyarm.control.blocks.extrapolation import Channel, extrapolate
 from skyarm.control.blocks.prediction import Disturbance, actuation, predict_across
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.com_tracking import thrust
-from skyarm.control.laws.centroidal.demands import Demand, Planned, first_following
+from skyarm.control.laws.centroidal.demands import first_following
+from skyarm.control.laws.centroidal.step_records import Demand, Planned
 from skyarm.control.laws.centroidal.tip_tasks import (
     Goal,
     Now,

@@ -22,7 +22,7 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.com_tracking import planned_rate
-from skyarm.control.laws.centroidal.part import RotorForce
+from skyarm.control.laws.centroidal.step_records import RotorForce
 from skyarm.control.laws.centroidal.tilting.sideways_force import (
     SidewaysForce,
     SidewaysGains,

@@ -31,9 +31,8 @@ from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.demands import Planned
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, with_joint_damping
-from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Part, Step, with_joint_damping
+from skyarm.control.laws.centroidal.step_records import Planned
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.immutable import immutable

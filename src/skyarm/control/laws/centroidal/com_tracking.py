@@ -19,7 +19,7 @@ from skyarm.algebra.scalars.taylor import Taylor, inverse_root
 from skyarm.control.blocks.attitude import Attitude, derivative, reachable, vector_series
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import RotorForce
+from skyarm.control.laws.centroidal.step_records import RotorForce
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 

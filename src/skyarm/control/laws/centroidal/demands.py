@@ -24,29 +24,12 @@ from skyarm.control.laws.centroidal import tip_tasks
 from skyarm.control.laws.centroidal.base_shift import FIRST_SHIFT, Acting, Shift, bounded_shift
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion
 from skyarm.control.laws.centroidal.force_trend import Foreseen
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Effect, RotorForce, Step
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Step
+from skyarm.control.laws.centroidal.step_records import Demand, Effect, Planned, RotorForce
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
-
-
-@immutable
-class Planned:
-    """Planned motion without tracking errors: attitude, accelerations and joint signals.
-
-    Attributes:
-        R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and acceleration, base axes.
-        proper: acceleration of the base origin less gravity, m/s^2, base axes.
-        joints: signals, series in time.
-    """
-
-    R: Mat3
-    rate: Vec3
-    alpha: Vec3
-    proper: Vec3
-    joints: tuple[Taylor, ...]
 
 
 @immutable
@@ -63,28 +46,6 @@ def first_following(par: CentroidalParameters) -> Following:
         shift=() if par.tip.preview is None else FIRST_SHIFT,
         arm=ArmMotion(size=0.0, mean=ZERO3_DATA) if par.model.vehicle.n else (),
     )
-
-
-@immutable
-class Demand:
-    """Desired thrust, angular acceleration and joint accelerations of one control step.
-
-    Attributes:
-        thrust: N, along body z. across: N, body axes.
-        alpha: angular acceleration, body axes, rad/s^2. joints: accelerations.
-        planned: motion without errors.
-        force_rate: N/s, body axes, of the planned force.
-        missed: m, of the tip from its reference, world axes.
-    """
-
-    thrust: Scalar
-    alpha: Vec3
-    joints: tuple[Scalar, ...]
-    planned: Planned
-    following: Following = Following()
-    across: Vec3 = ZERO3
-    force_rate: Vec3 = ZERO3
-    missed: Vec3 = ZERO3
 
 
 @immutable(kw_only=False)
@@ -111,8 +72,8 @@ class Course:
     goal: tip_tasks.Goal | None = None
 
 
-def demands(step: Step, effect: Effect, coming: Foreseen) -> Demand:
-    """Desired thrust, angular acceleration and joint accelerations of one control step."""
+def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[Demand, Following]:
+    """Desired thrust, angular and joint accelerations of one control step, and the next filter states."""
     par, state, before = step.par, step.state, step.memory.following
     model, pressing = par.model, effect.pressing
     vehicle, mass = model.vehicle, model.vehicle.mass
@@ -171,16 +132,16 @@ def demands(step: Step, effect: Effect, coming: Foreseen) -> Demand:
         proper=course.still.R.apply_T(course.base[2] + E_Z * model.gravity),
         joints=course.turned,
     )
-    return Demand(
+    demand = Demand(
         thrust=push.along,
         alpha=alpha,
         joints=preferred,
         planned=planned,
-        following=dataclasses.replace(course.following, arm=arm),
         across=push.across,
         force_rate=center_of_mass.planned_rate(course.still, wanted[2:4], mass, model.gravity),
         missed=missed,
     )
+    return demand, dataclasses.replace(course.following, arm=arm)
 
 
 def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> Course:

@@ -20,8 +20,8 @@ from skyarm.algebra.scalars import Scalar, data, divide, exp, maximum, minimum
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Effect, Part
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Part
+from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
@@ -150,7 +150,7 @@ def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect,
     ``slow`` is the observed force, slowly filtered, and ``adapted`` that of the feed-forward, N, world axes.
     """
     unknown, steady, gains = effect.unknown, (slow if par.mode == "tip" else effect.force) + adapted, par.parts.trend
-    if gains is None or trend is None:
+    if not isinstance(gains, TrendGains) or trend is None:
         return Foreseen(unknown=unknown, steady=steady)
     late, slope = lateness(par), trend.rate
     if type(effect.external) is not int:

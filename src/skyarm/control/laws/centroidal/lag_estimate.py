@@ -27,8 +27,7 @@ from typing import Annotated, Any
 from skyarm.algebra import inner_product
 from skyarm.algebra.scalars import Scalar, add, data, divide, maximum, minimum, mul, structural, sub, total, where
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares, with_joint_damping
-from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Part, Step, at_shares, with_joint_damping
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 

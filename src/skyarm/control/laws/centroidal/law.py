@@ -27,11 +27,13 @@ from skyarm.control.blocks.filters import low_pass
 from skyarm.control.blocks.late_actuators import Past
 from skyarm.control.blocks.prediction import Actuation, Disturbance, predict_across, with_side
 from skyarm.control.controller import all_applied
-from skyarm.control.laws.centroidal.adaptation import adapt
+from skyarm.control.laws.centroidal.adaptation import AdaptationGains, adapt
 from skyarm.control.laws.centroidal.demands import Following, demands
-from skyarm.control.laws.centroidal.force_trend import foresee, update_trend
-from skyarm.control.laws.centroidal.parameters import FOLLOWING, CentroidalParameters, brace_joints
-from skyarm.control.laws.centroidal.part import Effect, ReferenceMotion, Seen, Step, Timing
+from skyarm.control.laws.centroidal.force_trend import TrendGains, foresee, update_trend
+from skyarm.control.laws.centroidal.lag_estimate import LagGains
+from skyarm.control.laws.centroidal.noise_estimate import NoiseGains
+from skyarm.control.laws.centroidal.parameters import FOLLOWING, CentroidalParameters, Step, brace_joints
+from skyarm.control.laws.centroidal.step_records import Effect, ReferenceMotion, Seen, Timing
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -88,7 +90,7 @@ def centroidal(
     motion, channels, age = continue_reference(par, memory, reference, timing.lead, dt)
     par = gains_of_now(par, memory, measurement, timing.lead, dt)
     before = adapted = no_feedforward(par)
-    if par.parts.adaptation is not None:
+    if isinstance(par.parts.adaptation, AdaptationGains):
         before, adapted = held.adaptation.at_measurement(), held.adaptation.feedforward
     seen = see(par, memory, measurement, timing.acted, (before, adapted), dt)
     step = Step(
@@ -106,20 +108,20 @@ def centroidal(
     memories: dict[str, Any] = {}
     for name, part in touching:
         memories[name], effect = part.affect(getattr(held, name), step, effect)
-    if par.parts.trend is not None:
+    if isinstance(par.parts.trend, TrendGains):
         memories["trend"] = update_trend(par.parts.trend, held.trend, seen.observed.force, dt)
     slow = low_pass(memory.slow_force, effect.force, par.tip.shift_rate, dt)
     coming = foresee(par, memories.get("trend"), effect, slow, adapted.force)
-    demand = demands(step, effect, coming)
+    demand, shifted = demands(step, effect, coming)
     output = actuate(step, coming.unknown, demand)
-    if par.parts.lag is not None:
+    if isinstance(par.parts.lag, LagGains):
         memories["lag"] = par.parts.lag.after(held.lag, step, effect.isolated)
-    if par.parts.noise is not None:
+    if isinstance(par.parts.noise, NoiseGains):
         memories["noise"] = par.parts.noise.after(held.noise, seen, measurement.velocity, dt)
     for name, part in touching:
         memories[name] = part.learn(memories[name], effect, demand)
     observed = seen.observed
-    if par.parts.adaptation is not None:
+    if isinstance(par.parts.adaptation, AdaptationGains):
         free = learning(memory, effect.learns)
         memories["adaptation"], over = adapt(par.parts.adaptation, step, held.adaptation, demand.planned, free[1:])
         observed = observed.without(over)
@@ -134,7 +136,7 @@ def centroidal(
         free=output.free,
         slow_force=slow,
         trim=output.trim,
-        following=demand.following,
+        following=shifted,
         parts=PartMemories(**memories),
     )
     return following, output.command
@@ -143,7 +145,7 @@ def centroidal(
 def time_of_action(par: CentroidalParameters, memory: CentroidalMemory, dt: Scalar) -> Timing:
     """Delay of the command by the estimated lag, and modelled actuation before the measurement."""
     lag, past = par.parts.lag, memory.past.after(par.model, memory.sent, dt)
-    late = 0 if lag is None else lag.delay(memory.parts.lag, dt)
+    late = lag.delay(memory.parts.lag, dt) if isinstance(lag, LagGains) else 0
     age = divide(late, dt) + float(par.delay_periods)
     lead = add(late, dt * float(par.lead_periods)) if par.lead_periods else late
     return Timing(late=late, lead=lead, age=age, past=past, acted=past.period(age))

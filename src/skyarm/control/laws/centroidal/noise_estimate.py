@@ -21,8 +21,8 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import Scalar, clip, data, divide, maximum, sqrt
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Part, Seen
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Part
+from skyarm.control.laws.centroidal.step_records import Seen
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle

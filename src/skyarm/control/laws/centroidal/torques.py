@@ -7,8 +7,8 @@ from skyarm.algebra.scalars import Scalar, absolute, add, clip, data, logical_an
 from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
 from skyarm.control.blocks.center_of_mass import forces_under_thrust, reaction
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
-from skyarm.control.laws.centroidal.demands import Demand
-from skyarm.control.laws.centroidal.part import Step
+from skyarm.control.laws.centroidal.parameters import Step
+from skyarm.control.laws.centroidal.step_records import Demand
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command, friction, mix

@@ -29,7 +29,8 @@ from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.part import Effect, Part, Step
+from skyarm.control.laws.centroidal.parameters import Part, Step
+from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.coerce import concrete
 from skyarm.records.files import Fields, errors_as, shown

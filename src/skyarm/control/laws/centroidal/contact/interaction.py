@@ -42,9 +42,8 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import TipLevers, levers
 from skyarm.control.blocks.torque_scale import first_scale
-from skyarm.control.laws.centroidal.demands import Demand
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Effect, Part, Step
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Part, Step
+from skyarm.control.laws.centroidal.step_records import Demand, Effect
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -21,8 +21,8 @@ from skyarm.control.blocks.force_control import contact_cleared
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.tip_force import ForceErrors, LeastSquares
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Effect, Part, Step
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Part, Step
+from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.files import shown

@@ -11,7 +11,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.contact.admittance import admittance_gains
 from skyarm.control.laws.centroidal.contact.interaction import Interaction
 from skyarm.control.laws.centroidal.contact.load import load_gains
-from skyarm.control.laws.centroidal.part import Part
+from skyarm.control.laws.centroidal.parameters import Part
 from skyarm.records.files import shown
 from skyarm.vehicle.vehicle_records import Vehicle
 

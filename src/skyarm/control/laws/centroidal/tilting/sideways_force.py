@@ -19,7 +19,7 @@ from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.attitude import derivative, vector_series
-from skyarm.control.laws.centroidal.part import RotorForce
+from skyarm.control.laws.centroidal.step_records import RotorForce
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit

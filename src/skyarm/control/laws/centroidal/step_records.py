@@ -1,14 +1,10 @@
-"""Base class of the centroidal law's optional parts, and the records that its steps hand on to each other.
-
-A part is a record of constants with any of the functions below; its memory is its own record, which the law keeps. A
-part that is left out is not in the law's program at all. Nothing that is handed on is changed: a part returns its own.
-"""
+"""Records that the steps of the centroidal law hand on to each other; none of them is changed."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Protocol
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, maximum, mul
@@ -17,17 +13,9 @@ from skyarm.control.blocks.disturbance_observer import Observed, Told
 from skyarm.control.blocks.force_control import Pressing
 from skyarm.control.blocks.late_actuators import Past
 from skyarm.control.blocks.prediction import Actuation, Disturbance
-from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.immutable import immutable
-from skyarm.reference import Reference
 from skyarm.reference.preview import Sample
-from skyarm.sensing.measurement import Measurement
-
-if TYPE_CHECKING:
-    from skyarm.control.laws.centroidal.demands import Demand
-    from skyarm.control.laws.centroidal.law import CentroidalMemory
-    from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 
 
 @immutable
@@ -73,31 +61,6 @@ class Seen:
     told: Told
     alone: Disturbance
     unknown: Disturbance
-
-
-@immutable
-class Step:
-    """One control step as its optional parts find it.
-
-    Attributes:
-        par: constants of this step. memory: of the law, one period earlier. dt: s.
-        state: when a command of this step acts.
-    """
-
-    par: CentroidalParameters
-    memory: CentroidalMemory
-    measurement: Measurement
-    reference: Reference
-    dt: Scalar
-    timing: Timing
-    motion: ReferenceMotion
-    seen: Seen
-    state: State
-
-    @property
-    def holds(self) -> tuple[Scalar, ...]:
-        """Grasp flag, above 0.5 while the tip holds a load: by the reference, else by the gripper; () for neither."""
-        return self.reference.load or self.measurement.holds
 
 
 @immutable
@@ -164,23 +127,39 @@ class RotorPart(Protocol):
         """Force that the rotors give, with the centre of mass at ``com`` (m, base axes) and the weight in N."""
 
 
-class Part:
-    """Base class of an optional part of the centroidal law, whose methods change nothing."""
+@immutable
+class Planned:
+    """Planned motion without tracking errors: attitude, accelerations and joint signals.
 
-    __slots__ = ()
+    Attributes:
+        R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and acceleration, base axes.
+        proper: acceleration of the base origin less gravity, m/s^2, base axes.
+        joints: signals, series in time.
+    """
 
-    def start(self, joints: int) -> Any:
-        """Initial internal state of an optional part of the law, for a vehicle with the given number of joints."""
-        return ()
+    R: Mat3
+    rate: Vec3
+    alpha: Vec3
+    proper: Vec3
+    joints: tuple[Taylor, ...]
 
-    def adjust_gains(self, memory: Any, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
-        """Constants of the law for this control step, as changed by an optional part."""
-        return par
 
-    def affect(self, memory: Any, step: Step, effect: Effect) -> tuple[Any, Effect]:
-        """Next state of an optional part, and its effect on the control step beside that of the parts before it."""
-        return memory, effect
+@immutable
+class Demand:
+    """Desired thrust, angular acceleration and joint accelerations of one control step.
 
-    def learn(self, memory: Any, effect: Effect, demand: Demand) -> Any:
-        """State of an optional part at the end of a control step, updated from the computed demand."""
-        return memory
+    Attributes:
+        thrust: N, along body z. across: N, body axes.
+        alpha: angular acceleration, body axes, rad/s^2. joints: accelerations.
+        planned: motion without errors.
+        force_rate: N/s, body axes, of the planned force.
+        missed: m, of the tip from its reference, world axes.
+    """
+
+    thrust: Scalar
+    alpha: Vec3
+    joints: tuple[Scalar, ...]
+    planned: Planned
+    across: Vec3 = ZERO3
+    force_rate: Vec3 = ZERO3
+    missed: Vec3 = ZERO3
