@@ -36,7 +36,7 @@ class CellCurve:
             rising(f"battery.open_circuit.{name}", column)
 
 
-class Load(Protocol):
+class PoweredRotor(Protocol):
     """Protocol of a rotor as a load: a :class:`skyarm.vehicle.Rotor`."""
 
     @property
@@ -91,7 +91,7 @@ class Battery:
         """Voltage of the pack without a load, V."""
         return mul(float(self.cells), curve(charge, self.open_circuit.charge, self.open_circuit.voltage))
 
-    def power(self, rotors: Sequence[Load], speeds: Sequence[Any]) -> Any:
+    def power(self, rotors: Sequence[PoweredRotor], speeds: Sequence[Any]) -> Any:
         """Electrical power of the rotors at given speeds (rad/s) and of all other loads, W.
 
         A table's current is that at the reference voltage; without one the drag torque's power over the efficiency.
@@ -116,7 +116,7 @@ class Battery:
 
 
 def rotor_power(
-    rotors: Sequence[Load], speeds: Sequence[Any], efficiency: Any, voltage: Any, standing: Any = 0.0
+    rotors: Sequence[PoweredRotor], speeds: Sequence[Any], efficiency: Any, voltage: Any, standing: Any = 0.0
 ) -> Any:
     """Electrical power of rotors at given speeds, plus all other loads, W.
 

@@ -40,7 +40,7 @@ class Bodies(Protocol):
 
     @property
     def every_surface(self) -> tuple[tuple[int, Surface], ...]:
-        """Surfaces with the number of the body that carries each, ``NOBODY`` for those of the world."""
+        """Surfaces, each with the number of the body that carries it, or ``NOBODY``."""
 
 
 @immutable
