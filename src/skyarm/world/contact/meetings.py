@@ -40,7 +40,7 @@ class Bodies(Protocol):
 
     @property
     def every_surface(self) -> tuple[tuple[int, Surface], ...]:
-        """Surfaces, each with the number of the body that carries it, or ``NOBODY``."""
+        """Surfaces, each with the number of its body; fixed ones have that of the world."""
 
 
 @immutable
