@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, get_origin
 
+from skyarm.log.log_differences import more_lines
+from skyarm.records.files import shown
 from skyarm.records.words import EACH, Slot, slots
 from skyarm.scenario.paths import matches
 from skyarm.scenario.scenario_record import Scenario
@@ -66,3 +68,17 @@ def _path(words: Words) -> str:
             number = next((a for a, b in zip(head, slot.place, strict=True) if b == EACH), "")
             return ".".join((slot.path.replace(EACH, number), *tail))
     return ".".join(words)
+
+
+MOST_FIELDS = 20
+"""Fields that a terminal shows; ``--json`` has all."""
+
+
+def changed_field_lines(found: dict[str, tuple[object, object]], laws: list[str]) -> list[str]:
+    """Text of the scenario fields in which two logs differ."""
+    lines = ["the scenarios differ in"] if found else []
+    if any(path.startswith("controller.law.") for path in found):
+        lines.append("  controller: " + " and ".join(map(shown, laws)))
+        found = {path: pair for path, pair in found.items() if not path.startswith("controller.")}
+    lines += [f"  {path}: {shown(ours)} and {shown(theirs)}" for path, (ours, theirs) in found.items()][:MOST_FIELDS]
+    return lines + more_lines(len(found) - MOST_FIELDS, "fields")
