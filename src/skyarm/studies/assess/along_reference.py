@@ -10,11 +10,11 @@ import numpy as np
 
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.motion_demand import Demand, demand_of_motion, motion_of
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.arm_poses import Allocation, ArmPoses, lanes
+from skyarm.studies.assess.arm_poses import Allocation, ArmPoses
 from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding
 from skyarm.studies.assess.flight_loads import FlightPart, flight_parts, reference_at
 from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos
@@ -88,7 +88,7 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
     loaded = [part for part in parts if part.words]
     for part in sorted(loaded, key=lambda each: -float(each.vehicle.mass)):
         reference = reference_at(part.scenario, np.linspace(part.start, part.stop, POSES_HELD, endpoint=False))
-        joints, gravity = lanes(reference.joints, POSES_HELD).T, float(part.scenario.plant.gravity)
+        joints, gravity = stack_values(POSES_HELD, reference.joints).T, float(part.scenario.plant.gravity)
         poses = ArmPoses.only(part.vehicle, joints, gravity, part.words)
         for each in thrust_margin(poses):
             answers.setdefault(each.question.removesuffix(part.words), []).append(each)
