@@ -19,7 +19,7 @@ from skyarm.records import coerce
 from skyarm.records.files.user_code import place_of
 from skyarm.records.leaves import leaves, named_parts, rebuild
 from skyarm.records.registry import RegistryError, find
-from skyarm.records.registry.class_signatures import class_mistake
+from skyarm.records.registry.class_signatures import class_mistake, refuse_mistake
 
 HUGE = 1e300
 
@@ -141,9 +141,7 @@ def added_metric(name: str) -> Metric:
     if name in interaction.TOTALS:
         return interaction.TOTALS[name]
     kind = find("metric", name)
-    mistake = class_mistake(kind) if isinstance(kind, type) else None
-    if mistake is not None:
-        raise RegistryError(f"{mistake[0]}: metric {name!r}: {mistake[1]}")
+    refuse_mistake(class_mistake(kind) if isinstance(kind, type) else None, "metric", name)
     made = kind()
     if not isinstance(made, Metric):
         raise RegistryError(f"metric {name!r}: must be registered as a subclass of Metric")
