@@ -10,7 +10,7 @@ from skyarm.algebra import Vec3
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.scenario.scenario_record import Delays, Scenario, with_words
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.world import ForceWind
@@ -49,14 +49,8 @@ class Case:
         world = found.plant
         if self.payload:
             world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
-        return dataclasses.replace(
-            found,
-            name=self.name,
-            agent=dataclasses.replace(found.agent, plant=world),
-            environment=dataclasses.replace(
-                found.environment, wind=turn_wind(force_wind(found), self.wind), ground=GROUND
-            ),
-        )
+        wind = turn_wind(force_wind(found), self.wind)
+        return with_words(found, name=self.name, plant=world, wind=wind, ground=GROUND)
 
 
 def force_wind(scenario: Scenario) -> ForceWind:
@@ -121,10 +115,7 @@ class Condition:
         delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
         if self.spread and self.spread.delay:
             delays = Delays(longest_command=self.spread.delay)
-        return dataclasses.replace(
-            scenario,
-            agent=dataclasses.replace(scenario.agent, delays=delays, noise=NOISE if self.noisy else scenario.noise),
-        )
+        return with_words(scenario, delays=delays, noise=NOISE if self.noisy else scenario.noise)
 
 
 def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:

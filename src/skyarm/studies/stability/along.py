@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -13,7 +12,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_file import as_scenario
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, with_words
 from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.loop_state import LoopState
 from skyarm.studies.stability.closed_loop import OpenLoop, close_loop, gains
@@ -92,18 +91,16 @@ def hovering(scenario: Scenario) -> Scenario:
     """Scenario that holds the initial reference in calm air without faults, long enough to settle."""
     start = scenario.reference.at(0.0)
     x, y, z, yaw, *joints = (Constant(float(value)) for value in (*start.position, start.yaw, *start.joints))
-    begun = scenario.as_begun
-    return dataclasses.replace(
-        begun,
+    return with_words(
+        scenario.as_begun,
         duration=SETTLING,
-        agent=dataclasses.replace(
-            begun.agent,
-            reference=Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints)),
-            path_time=None,
-            faults=(),
-            initial=None,
-        ),
-        environment=dataclasses.replace(begun.environment, wind=NO_WIND, air=(), ground=False),
+        reference=Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints)),
+        path_time=None,
+        faults=(),
+        initial=None,
+        wind=NO_WIND,
+        air=(),
+        ground=False,
     )
 
 

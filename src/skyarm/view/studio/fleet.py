@@ -18,7 +18,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.files import require_writable, shown
 from skyarm.scenario.save import save_scenario
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, with_words
 from skyarm.simulate.session import Session, Snapshot, open_session
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.clock import Clock
@@ -62,14 +62,12 @@ def adjustable(plain: Scenario) -> Scenario:
     delays = plain.delays
     if plain.kind == "rigid_body" and plain.controller.compiled and delays.longest_command is None:
         delays = dataclasses.replace(delays, longest_command=max(delays.longest, LONGEST_DELAY))
-    return dataclasses.replace(
+    return with_words(
         plain,
-        agent=dataclasses.replace(plain.agent, faults=(*plain.faults, *faults), delays=delays),
-        environment=dataclasses.replace(
-            plain.environment,
-            wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
-            forces=(*plain.forces, ForceWind(gust=Gust(duration=0.1))),
-        ),
+        faults=(*plain.faults, *faults),
+        delays=delays,
+        wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
+        forces=(*plain.forces, ForceWind(gust=Gust(duration=0.1))),
     )
 
 
