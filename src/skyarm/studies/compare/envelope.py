@@ -16,7 +16,7 @@ from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import immutable
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
+from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Document, Flights, Record
 from skyarm.studies.compare.entrants import TUNED, Entrant
 from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, Axis, plants_at
 from skyarm.studies.compare.envelope_report import (
@@ -26,7 +26,7 @@ from skyarm.studies.compare.envelope_report import (
     points_of,
 )
 from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
-from skyarm.studies.compare.run_suite import Document, Record, Refused, Suite
+from skyarm.studies.compare.run_suite import Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.view.pages import Report
 
@@ -148,12 +148,8 @@ class Envelope(Suite[AxisFlights]):
     plant: str = "rigid_body"
     quick: bool = False
 
-    name, file = ENVELOPE, "envelope"
-
-    @property
-    def options(self) -> Document:
-        """Settings of the envelope as plain data: vehicle, seed, plant, and whether it is a quick one."""
-        return {"vehicle": self.vehicle, "seed": self.seed, "plant": self.plant, "quick": self.quick}
+    name, file, folder = ENVELOPE, "envelope", "out/envelope"
+    settings = ("vehicle", "seed", "plant", "quick")
 
     @property
     def setting(self) -> Setting:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from skyarm.records.files import versions
-from skyarm.studies.compare.cells import JITTER, LIMITED, Cell
+from skyarm.studies.compare.cells import JITTER, LIMITED, Cell, Document, Record
 from skyarm.studies.compare.envelope_axes import OUTSIDE, OVERSHOOT, TIP, TIP_MAX, Axis
 from skyarm.studies.compare.envelope_setting import Setting
-from skyarm.studies.compare.run_suite import DPI, Document, Record
+from skyarm.studies.compare.run_suite import DPI
 from skyarm.view.figures.comparison_figures import envelope_figure
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import DASH, Report, Section, Table, image, number
