@@ -126,7 +126,7 @@ from skyarm.studies.sweep.study import StudyError as StudyError
 from skyarm.studies.sweep.study_file import list_studies as list_studies
 from skyarm.studies.sweep.study_file import load_study as load_study
 from skyarm.studies.sweep.sweep_figures import plot_sweep as plot_sweep
-from skyarm.studies.tune.tune_scenario import tune as tune
+from skyarm.studies.tune.tuning import tune as tune
 from skyarm.vehicle import (
     Body as Body,
 )

@@ -68,7 +68,7 @@ def tune(
     best.toml is the scenario under the picked law. The same command continues what was interrupted. Exit code 3 if no
     gains meet the margins.
     """
-    from skyarm.studies.tune.tune_scenario import plan_of, require_size
+    from skyarm.studies.tune.tuning import plan_of, require_size, tune_plan
 
     require_size(candidates, plants, seed, "--")
     from skyarm.studies.flights.executor import LOCAL, require_place
@@ -79,7 +79,6 @@ def tune(
     from skyarm.studies.tune.front import POINTS
     from skyarm.studies.tune.gain_search import Effort
     from skyarm.studies.tune.tune_page import front_name, gains_text, tune_page
-    from skyarm.studies.tune.tuning import tune as perform
 
     scenario = wanted.scenario
     say_suspicious(scenario)
@@ -95,7 +94,7 @@ def tune(
         require_writable(folder)
         files = (GAINS, PAGE, BEST, *map(front_name, range(POINTS)))
         require_replaceable(*(folder / name for name in files))
-        found = perform(plan, workers=count, on=place, folder=folder, progress=advance)
+        found = tune_plan(plan, workers=count, on=place, folder=folder, progress=advance)
     for i, point in enumerate(found.points):
         write_atomically(folder / front_name(i), gains_text(found, point, wanted.words, wanted.kept).encode())
     for stale in range(len(found.points), POINTS):

@@ -15,10 +15,9 @@ from skyarm.control.controller import Controller
 from skyarm.records.arrays import Array
 from skyarm.records.leaves import replace_at
 from skyarm.scenario.scenario_record import Scenario, with_words
-from skyarm.studies.stability.along import Instant
+from skyarm.studies.stability.along import Instant, SettledHover
 from skyarm.studies.stability.closed_loop import OpenLoop, radius
 from skyarm.studies.stability.frozen_scenario import LAGS
-from skyarm.studies.stability.settled_hover import SettledHover
 from skyarm.studies.tune.front import LoopMargins, Required
 from skyarm.studies.tune.law_knobs import Knob
 
