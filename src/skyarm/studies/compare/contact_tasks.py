@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from importlib import resources
 from typing import Any
 
 from skyarm.control.controller import presses
@@ -19,7 +18,7 @@ from skyarm.scenario.scenario_file import LIBRARY, scenario_from
 from skyarm.scenario.scenario_record import Delays, Scenario, with_words
 from skyarm.studies.compare.entrants import TUNED
 from skyarm.studies.compare.envelope_setting import PAPER
-from skyarm.studies.compare.suite import NOISE, force_wind
+from skyarm.studies.compare.suite import NOISE, force_wind, library_rows
 
 Range = tuple[float, float]
 
@@ -90,17 +89,7 @@ class Task:
     stands: float | None = None
 
 
-def _plain(value: Any) -> Any:
-    """Convert an array read from a file to a tuple; return other values unchanged."""
-    return tuple(value) if isinstance(value, list) else value
-
-
-TASKS: Mapping[str, Task] = {
-    row["name"]: Task(**{key: _plain(value) for key, value in row.items()})
-    for row in tomllib.loads(
-        (resources.files("skyarm.studies.compare") / "library" / "contact_tasks.toml").read_text("utf-8")
-    )["tasks"]
-}
+TASKS: Mapping[str, Task] = {row["name"]: Task(**row) for row in library_rows("contact_tasks")}
 """By name, in the order of the tables."""
 
 
