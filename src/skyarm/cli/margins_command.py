@@ -65,7 +65,7 @@ def margins(
     document = {"schema": 1, **plain(found), **plugin_facts()}
     give(document, **({} if drawn is None else {"page": drawn}))
     if drawn is not None:
-        from skyarm.view.figures.study_figures import nyquist_figure
+        from skyarm.studies.stability.nyquist_figure import nyquist_figure
         from skyarm.view.figures.style import image_bytes
 
         with bar("Nyquist diagrams"):
