@@ -51,8 +51,8 @@ class Entry:
 
     def function(self) -> Callable[..., Controller]:
         """Function that makes the law's controller: (model, **options) -> Controller."""
-        found: Callable[..., Controller] = self.row.load()
-        return found
+        maker: Callable[..., Controller] = self.row.load()
+        return maker
 
     def options(self) -> tuple[str, ...]:
         """Names of the law's options."""
@@ -314,8 +314,8 @@ FILE_LIKE = re.compile(r"(?P<stem>.+?)(\.py:?|\.\w+:\w*|\.py:.*)")
 def must_be_named(name: Any, others: str = "") -> str:
     """Error text for an unknown controller name: suggestions and the allowed values."""
     every = every_name()
-    if isinstance(name, str) and (found := FILE_LIKE.fullmatch(name)):
-        hint = f"a law of a file is FILE.py:make, its function named behind a colon, as {found['stem']}.py:make; "
+    if isinstance(name, str) and (match := FILE_LIKE.fullmatch(name)):
+        hint = f"a law of a file is FILE.py:make, its function named behind a colon, as {match['stem']}.py:make; "
     else:
         hint = did_you_mean(name, every)
     near = ", ".join(nearest(name, every))

@@ -80,8 +80,8 @@ def _whole(par: Any) -> Any:
     inner: Any = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
-    held = dataclasses.replace(inner, model=par.model, mixer=par.mixer)
-    return dataclasses.replace(par, inner=_whole(held))
+    filled = dataclasses.replace(inner, model=par.model, mixer=par.mixer)
+    return dataclasses.replace(par, inner=_whole(filled))
 
 
 def innermost(record: Any) -> Any:
@@ -114,11 +114,11 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     A law that integrates has a field ``applied`` too, in which it writes :func:`all_applied`: here the actuators whose
     command was changed become 0, and the law's integrators stand still for them in the next period.
     """
-    kept = getattr(memory, "sent", None)
-    if isinstance(kept, Command):
-        desired, updated = kept, dataclasses.replace(memory, sent=sent)
-    elif isinstance(kept, tuple) and kept and all(isinstance(each, Command) for each in kept):
-        desired, updated = kept[-1], dataclasses.replace(memory, sent=(*kept[:-1], sent))
+    stored = getattr(memory, "sent", None)
+    if isinstance(stored, Command):
+        desired, updated = stored, dataclasses.replace(memory, sent=sent)
+    elif isinstance(stored, tuple) and stored and all(isinstance(each, Command) for each in stored):
+        desired, updated = stored[-1], dataclasses.replace(memory, sent=(*stored[:-1], sent))
     else:
         return memory
     return (

@@ -106,8 +106,8 @@ def memory_mistake(memory: Any, path: str) -> str | None:
     """Error text for an initial controller state that cannot be compiled; None for a valid state."""
     if isinstance(memory, str):  # within a memory it is a constant, alone it never changes
         return f"has {path} = {shown(memory)}: {MEMORIES}"
-    found = (_kept_mistake(value, at) for at, value in named_parts(memory, path))
-    return next((words for words in found if words), None)
+    mistakes = (_kept_mistake(value, at) for at, value in named_parts(memory, path))
+    return next((words for words in mistakes if words), None)
 
 
 def _kept_mistake(value: Any, path: str) -> str | None:
@@ -155,10 +155,10 @@ def _check_step(
     try:
         result = law(memory, measurement, reference, dt, par=par)
     except (TypeError, AttributeError, RecordError) as error:
-        found = mistake_in(error)
-        if found is None:
+        cause = mistake_in(error)
+        if cause is None:
             raise
-        words = f"{found}, {AS_FLOATS}" if found.startswith(TRACED) else found
+        words = f"{cause}, {AS_FLOATS}" if cause.startswith(TRACED) else cause
         raise fault(words, place_of_error(error)) from error
     if not isinstance(result, tuple) or len(result) != 2:
         raise fault(f"returns {kind_of(result)}: {RETURNS}")
@@ -213,7 +213,7 @@ def difference(example: Any, record: Any, path: str) -> str | None:
         tuples = isinstance(example, tuple) or isinstance(record, tuple)
         same = _is_number(record) if _is_number(example) else type(example) is type(record) and example == record
         return None if same and not tuples else f"{path} is {kind_of(record)}, must stay {kind_of(example)}"
-    return next((found for a, b, name in below if (found := difference(a, b, name))), None)
+    return next((change for a, b, name in below if (change := difference(a, b, name))), None)
 
 
 def _is_number(value: Any) -> bool:
@@ -317,8 +317,8 @@ def perturb(record: Any, k: int) -> Any:
     if k == 0:
         return rebuild(record, iter(start))
     moved = [x + 1e-3 * (1.0 + 0.01 * abs(x)) * math.sin(0.7 * i + 0.9 * k) for i, x in enumerate(start)]
-    found = rebuild(record, iter(moved))
-    return dataclasses.replace(found, quaternion=found.quaternion.normalized())
+    perturbed = rebuild(record, iter(moved))
+    return dataclasses.replace(perturbed, quaternion=perturbed.quaternion.normalized())
 
 
 def level(blank: Measurement, gravity: float) -> Measurement:

@@ -19,14 +19,14 @@ def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
     tip). Any other field of this name is not logged. The tip's force is logged where its standard error is known.
     """
     load: Any = part_of(memory, "load")
-    found = {"lag_found": lags_found(memory)}
+    estimates = {"lag_found": lags_found(memory)}
     if is_record(load) and hasattr(load, "mass") and isinstance(getattr(load, "place", None), Vec3):
-        found |= {"load_mass_found": (load.mass,), "load_place_found": tuple(load.place)}
+        estimates |= {"load_mass_found": (load.mass,), "load_place_found": tuple(load.place)}
     push: Any = part_of(memory, "interaction")
     deviation = getattr(getattr(push, "scale", None), "deviation", None)
     if deviation is not None:
-        found |= {"push_found": tuple(push.force), "push_deviation": (deviation,)}
-    return {name: numbers for name, numbers in found.items() if numbers}
+        estimates |= {"push_found": tuple(push.force), "push_deviation": (deviation,)}
+    return {name: numbers for name, numbers in estimates.items() if numbers}
 
 
 def lags_found(memory: Any) -> tuple[Scalar, ...]:
@@ -35,8 +35,8 @@ def lags_found(memory: Any) -> tuple[Scalar, ...]:
     A law shows them by a field ``lag`` of its memory: a record whose ``found`` is a tuple.
     """
     lag = part_of(memory, "lag")
-    found = getattr(lag, "found", None) if is_record(lag) else None
-    return found if isinstance(found, tuple) else ()
+    lags = getattr(lag, "found", None) if is_record(lag) else None
+    return lags if isinstance(lags, tuple) else ()
 
 
 def numbers_found(memory: Any) -> tuple[Scalar, ...]:
@@ -51,9 +51,9 @@ def observed_push(memory: Any) -> Vec3 | None:
     admittance control (``admittance``).
     """
     own = innermost(memory)
-    found = getattr(own, "tip_force", None)
-    if isinstance(found, Vec3):
-        return found
+    force = getattr(own, "tip_force", None)
+    if isinstance(force, Vec3):
+        return force
     parts: list[Any] = [part_of(own, part) for part in ("interaction", "admittance")]
     return next((part.force for part in parts if is_record(part)), None)
 
@@ -67,5 +67,5 @@ class PushAlone:
     @classmethod
     def of(cls, memory: Any) -> PushAlone:
         """Tip force estimate extracted from a control law's internal state."""
-        found = observed_push(memory)
-        return cls(() if found is None else found)
+        force = observed_push(memory)
+        return cls(() if force is None else force)

@@ -25,10 +25,10 @@ def all_follow(applied: Sequence[Scalar]) -> Any:
 
     One for all: through the coupled dynamics what one actuator does not do is missing from every acceleration.
     """
-    found: Any = True
+    unchanged: Any = True
     for each in applied:
-        found = logical_and(found, each > 0.5)
-    return found
+        unchanged = logical_and(unchanged, each > 0.5)
+    return unchanged
 
 
 def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Scalar]:

@@ -127,10 +127,10 @@ def _quartic(t: Taylor) -> Taylor:
     x, v, *rest = t.c
     square = x * x
     slope = square * (3.0 - 2.0 * x)
-    found = [square * x * (1.0 - 0.5 * x), mul(slope, v)]
+    coefficients = [square * x * (1.0 - 0.5 * x), mul(slope, v)]
     if rest:
-        found.append(add(mul(slope, rest[0]), mul(3.0 * (x - square), mul(v, v))))
-    return Taylor(found)
+        coefficients.append(add(mul(slope, rest[0]), mul(3.0 * (x - square), mul(v, v))))
+    return Taylor(coefficients)
 
 
 def attitude(force: Vec3, yaw: Taylor) -> Attitude:

@@ -57,13 +57,13 @@ def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
         parent = vehicle.links[i].parent
         if parent != BASE:
             masses[parent], moments[parent] = add(masses[parent], masses[i]), moments[parent] + moments[i]
-    found = []
+    columns = []
     for i, axis in enumerate(axes(vehicle, poses)):
         if vehicle.links[i].joint.turns:
-            found.append(axis.cross(moments[i] - poses[i].p * masses[i]))
+            columns.append(axis.cross(moments[i] - poses[i].p * masses[i]))
         else:
-            found.append(axis * masses[i])
-    return found
+            columns.append(axis * masses[i])
+    return columns
 
 
 def arm_reaction(
@@ -109,8 +109,8 @@ def forces_under_thrust(
     Returns:
         Force on the base (its force equals ``applied``), joint torques, proper acceleration of the base origin (m/s^2).
     """
-    held = Motion(angular, ZERO3)
-    alone, _ = dynamics.inverse_dynamics(vehicle, joints, rate, joint_rates, held, joint_accelerations)
+    rotation = Motion(angular, ZERO3)
+    alone, _ = dynamics.inverse_dynamics(vehicle, joints, rate, joint_rates, rotation, joint_accelerations)
     follows = (applied - alone.force) * divide(1.0, vehicle.mass)
     base = Motion(angular, follows)
     force, torques = dynamics.inverse_dynamics(vehicle, joints, rate, joint_rates, base, joint_accelerations)

@@ -235,14 +235,13 @@ def observe(
         rate=vector_data(measurement.rate),
         joint_rates=tuple(map(data, measurement.joint_rates)),
     )
-    told = Told(
+    return blend(started > 0.5, learned, begun), Told(
         amid=amid,
         innovation=ev,
         beside=base.beside,
         angular_correction=turning,
         joint_corrections=tuple(bending),
     )
-    return blend(started > 0.5, learned, begun), told
 
 
 def observe_uncompensated(

@@ -121,9 +121,9 @@ def interact(
     most = gains.standing + (gains.cone - gains.standing) * moving
     cone = most * maximum(maximum(order, normal_force), 0.0)
     within = minimum(divide(cone, _size(force - n * normal_force)), 1.0)
-    kept = (1.0 - gains.relief * relieved) * within
+    compensated = (1.0 - gains.relief * relieved) * within
     if wanted.grips:
-        kept = where(wanted.grip > 0.5, gains.yielding, kept)
+        compensated = where(wanted.grip > 0.5, gains.yielding, compensated)
     presses = logical_or(touching > 0.5, share > 0.0)
     free = where(logical_or(presses, memory.touching > 0.5), 0.0, memory.free + dt)
     engaged = where(presses, 1.0, 0.0)
@@ -155,30 +155,30 @@ def interact(
         order=order,
         beyond=touching * (1.0 - share) * normal_force,
         force=force,
-        kept=kept,
+        kept=compensated,
     )
     return after, pressing
 
 
 def touches(
-    gains: InteractionGains, memory: InteractionMemory, asked: Scalar, held: Scalar, into: Scalar, dt: Scalar
+    gains: InteractionGains, memory: InteractionMemory, asked: Scalar, force: Scalar, into: Scalar, dt: Scalar
 ) -> tuple[Scalar, Scalar]:
     """Contact detection with hysteresis: contact (1 or 0), and progress (0 to 1) towards the loss of contact.
 
-    ``held`` is the force along the normal while contact is asked for, after it the size of the tip's force, N.
+    ``force`` is that along the normal while contact is asked for, after it the size of the tip's force, N.
     """
     was = memory.touching > 0.5
     weak, through = (
-        where(held < gains.lost, dt / gains.loss_time, 0.0),
+        where(force < gains.lost, dt / gains.loss_time, 0.0),
         where(logical_and(into > gains.escape, memory.found > PRESSED), dt / gains.escape_time, 0.0),
     )
     step = maximum(weak, through)
     losing = where(logical_and(was, step > 0.0), memory.losing + step, 0.0)
     # a sum of periods is not exactly their number times one
     # the force at a tip that still goes in, soon after a loss, is a remainder in the observer or a sensor's filter
-    begins = logical_and(held > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
-    found: Scalar = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(logical_and(asked, begins), 1.0, 0.0))
-    return found, losing
+    begins = logical_and(force > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
+    touching: Scalar = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(logical_and(asked, begins), 1.0, 0.0))
+    return touching, losing
 
 
 def ramp_share(gains: InteractionGains, share: Scalar, pressed: Scalar, touching: Scalar, dt: Scalar) -> Scalar:
@@ -282,9 +282,9 @@ class Pressing:
     def with_order(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
         """Disturbance with the observed contact force replaced by the commanded force along the normal."""
         across = self.force - self.n * self.n.dot(self.force)
-        wanted = across * self.kept + self.n * self.order
-        borne = wanted + self.n * self.beyond
-        base = dataclasses.replace(now.disturbance(borne), efforts=now.disturbance(wanted).efforts)
+        joint_force = across * self.kept + self.n * self.order
+        borne = joint_force + self.n * self.beyond
+        base = dataclasses.replace(now.disturbance(borne), efforts=now.disturbance(joint_force).efforts)
         change = base - then.disturbance(self.force)
         return d + Disturbance(
             force=change.force * self.engaged,
@@ -383,14 +383,14 @@ class Wanted:
     @property
     def requests_contact(self) -> Scalar:
         """True while the reference requests that the tip presses or grips."""
-        wanted: Scalar = self.force > 0.0
-        return logical_or(wanted, self.grip > 0.5) if self.grips else wanted
+        pushing: Scalar = self.force > 0.0
+        return logical_or(pushing, self.grip > 0.5) if self.grips else pushing
 
     @property
     def presses(self) -> Scalar:
         """True while the reference requests that the tip presses on a surface without gripping."""
-        wanted: Scalar = self.force > 0.0
-        return logical_and(wanted, self.grip < 0.5) if self.grips else wanted
+        pushing: Scalar = self.force > 0.0
+        return logical_and(pushing, self.grip < 0.5) if self.grips else pushing
 
     def about_the_pivot(self, tip: Vec3) -> Wanted:
         """Desired contact whose normal, while gripping, points from the axis of the tip's arc to the tip."""

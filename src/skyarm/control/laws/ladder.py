@@ -106,10 +106,10 @@ def stepped_computed_torque(
     goal, channels, age = _present(memory, reference, dt, par)
     observed, unknown = _estimate_disturbance(memory, measurement, dt, par)
     qdd = joint_accelerations(par, measurement, goal)
-    wanted = wanted_specific_force(par, measurement, goal)
-    force = _force(wanted, measurement, R, qdd, unknown, par)
+    specific = wanted_specific_force(par, measurement, goal)
+    force = _force(specific, measurement, R, qdd, unknown, par)
     alpha = _turn(force, measurement, goal, R, unknown, par)
-    torque, thrust, efforts = _forces(wanted, force, alpha, measurement, goal, R, qdd, unknown, par)
+    torque, thrust, efforts = _forces(specific, force, alpha, measurement, goal, R, qdd, unknown, par)
     speeds, squares = mix(par.mixer, torque, thrust)
     if steps >= LAG_INVERSION:
         turning = observed.rotor_speeds if observed else measurement.rotor_speeds
@@ -176,11 +176,11 @@ def _estimate_disturbance(
 
 
 def _force(
-    wanted: Vec3, measurement: Measurement, R: Mat3, qdd: Any, unknown: Disturbance, par: StepParameters
+    specific: Vec3, measurement: Measurement, R: Mat3, qdd: Any, unknown: Disturbance, par: StepParameters
 ) -> Vec3:
     """Desired rotor force (N, world axes), whose direction is the desired thrust axis."""
     vehicle = par.model.vehicle
-    force: Vec3 = wanted * vehicle.mass - unknown.force
+    force: Vec3 = specific * vehicle.mass - unknown.force
     if par.steps < COUPLED_THRUST:
         return force
     arm = arm_reaction(vehicle, measurement.joints, measurement.rate, measurement.joint_rates, qdd)
@@ -224,7 +224,7 @@ def _force_series(
 
 
 def _forces(
-    wanted: Vec3,
+    specific: Vec3,
     force: Vec3,
     alpha: Vec3,
     measurement: Measurement,
@@ -243,15 +243,15 @@ def _forces(
             vehicle, q, rate, rates, applied=E_Z * thrust + weight, angular=alpha, joint_accelerations=qdd
         )
     else:
-        base = Motion(alpha, R.apply_T(wanted))
+        base = Motion(alpha, R.apply_T(specific))
         needed, efforts = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, qdd)
         thrust = needed.force.z - weight.z
-    found = [a - b for a, b in zip(efforts, unknown.efforts, strict=True)]
+    torques = [a - b for a, b in zip(efforts, unknown.efforts, strict=True)]
     if par.steps >= OBSERVER:
         # the observer's model has the friction, so that no disturbance stands for it
-        given = zip(found, vehicle.links, rates, goal.joint_rates, strict=True)
-        found = [add(effort, friction(link.joint, qd, qd_d)) for effort, link, qd, qd_d in given]
-    return needed.torque - unknown.torque, thrust, found
+        given = zip(torques, vehicle.links, rates, goal.joint_rates, strict=True)
+        torques = [add(effort, friction(link.joint, qd, qd_d)) for effort, link, qd, qd_d in given]
+    return needed.torque - unknown.torque, thrust, torques
 
 
 def first_memory(par: StepParameters) -> StepMemory:

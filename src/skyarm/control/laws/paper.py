@@ -85,11 +85,11 @@ def hybrid_computed_torque(
     terms = par.terms
     R, a_d, alpha = geometric_accelerations(par, measurement, reference, feedforward=terms.feedforward)
     base = Motion(alpha, R.apply_T(-a_d))
-    wanted = joint_accelerations(par, measurement, with_weighted_rates(par, reference))
+    qdd = joint_accelerations(par, measurement, with_weighted_rates(par, reference))
     if par.euler:
-        force, torques = force_by_euler_rates(par, R, measurement, base, wanted)
+        force, torques = force_by_euler_rates(par, R, measurement, base, qdd)
     else:
-        force, torques = generalized_force(par, R, measurement, base, wanted)
+        force, torques = generalized_force(par, R, measurement, base, qdd)
     torques = with_friction(par, measurement, reference, torques)
     speeds, _ = mix(par.mixer, force.torque, force.force.z)
     return memory, Command(rotor_speeds=speeds, efforts=limit_efforts(par, torques))

@@ -123,12 +123,14 @@ def observe_contact(
     if not reference.push:
         return after, None
     at = levers(vehicle, measurement.quaternion.rotation(), measurement.joints)
-    wanted = wanted_of(reference.push[:5])
-    into = -wanted.normal.dot(at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates))
-    held, pressing = interact(par.interaction, memory.interaction, wanted, disturbance(observed), at, into, 0.0, dt)
-    along = where(held.touching > 0.5, wanted.normal.dot(pressing.force), 0.0)
-    touch = Touch(at=at, pressing=pressing, force=wanted.force, along=along, speed=wanted.speed, into=into)
-    return dataclasses.replace(after, interaction=held), touch
+    desired = wanted_of(reference.push[:5])
+    into = -desired.normal.dot(at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates))
+    interaction, pressing = interact(
+        par.interaction, memory.interaction, desired, disturbance(observed), at, into, 0.0, dt
+    )
+    along = where(interaction.touching > 0.5, desired.normal.dot(pressing.force), 0.0)
+    touch = Touch(at=at, pressing=pressing, force=desired.force, along=along, speed=desired.speed, into=into)
+    return dataclasses.replace(after, interaction=interaction), touch
 
 
 def shift_base(reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scalar]) -> Reference:
@@ -182,11 +184,11 @@ def hybrid_ct(
         _, command = hybrid_computed_torque((), measurement, reference, dt, par=par)
         return dataclasses.replace(after, sent=command), command
     reference = shift_base(reference, touch.pressing.n, touch.pressing.shift)
-    wanted = level_tip(par.model.vehicle, reference)
-    gap = touch.pressing.n.dot(measurement.position + touch.at.R.apply(touch.at.tip) - wanted)
+    tip = level_tip(par.model.vehicle, reference)
+    gap = touch.pressing.n.dot(measurement.position + touch.at.R.apply(touch.at.tip) - tip)
     command = pressing_command(par, measurement, reference, touch)
-    held = dataclasses.replace(after.interaction, gap=gap)
-    return dataclasses.replace(after, sent=command, interaction=held), command
+    interaction = dataclasses.replace(after.interaction, gap=gap)
+    return dataclasses.replace(after, sent=command, interaction=interaction), command
 
 
 def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
@@ -199,13 +201,13 @@ def pressing_command(par: PressingParameters, measurement: Measurement, referenc
     """Computed torque command plus the contact force command along the surface normal."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     up = wanted_specific_force(par, measurement, reference)
-    known = touch.at.disturbance(touch.pressing.n * touch.pressing.order)
-    alpha = turn_towards(par, measurement, reference, R, up - known.force * divide(1.0, vehicle.mass))
+    reaction = touch.at.disturbance(touch.pressing.n * touch.pressing.order)
+    alpha = turn_towards(par, measurement, reference, R, up - reaction.force * divide(1.0, vehicle.mass))
     qdd = release_normal(touch, joint_accelerations(par, measurement, reference))
     force, torques = generalized_force(par, R, measurement, Motion(alpha, R.apply_T(up)), qdd)
-    efforts = [sub(torque, effort) for torque, effort in zip(torques, known.efforts, strict=True)]
-    thrust = force.force.z - R.apply_T(known.force).z
-    speeds, _ = mix(par.mixer, force.torque - known.torque, thrust)
+    efforts = [sub(torque, effort) for torque, effort in zip(torques, reaction.efforts, strict=True)]
+    thrust = force.force.z - R.apply_T(reaction.force).z
+    speeds, _ = mix(par.mixer, force.torque - reaction.torque, thrust)
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
 
 
@@ -241,8 +243,11 @@ def admittance_pd(
     after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is not None:
         shift = admittance_motion(par, memory, touch, dt)
-        held = dataclasses.replace(after.interaction, shift=shift[0], shift_rate=shift[1])
-        after, reference = dataclasses.replace(after, interaction=held), shift_base(reference, touch.pressing.n, shift)
+        interaction = dataclasses.replace(after.interaction, shift=shift[0], shift_rate=shift[1])
+        after, reference = (
+            dataclasses.replace(after, interaction=interaction),
+            shift_base(reference, touch.pressing.n, shift),
+        )
     _, command = decoupled_pd((), measurement, reference, dt, par=par)
     if touch is not None:
         borne = touch.at.disturbance(touch.pressing.n * (touch.pressing.share * touch.force)).efforts

@@ -141,8 +141,8 @@ def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory
         if readings.tip_force:
             measurement = dataclasses.replace(measurement, tip_force=readings.tip_force)
         following, command = law(memory.law, measurement, reference, constants.period, par=constants.parameters)
-        held = command.dense()
-        return EstimatedMemory(estimate=estimate, law=following, sent=held), held
+        sent = command.dense()
+        return EstimatedMemory(estimate=estimate, law=following, sent=sent), sent
 
     return step
 
@@ -236,17 +236,17 @@ def export_c(
 def _examples(controller: Controller, period: float, estimator: ErrorStateFilter | None) -> dict[str, Any]:
     """Example inputs of the exported C function, which give array lengths and default values."""
     vehicle = controller.par.model.vehicle
-    found = {
+    records = {
         "parameters": Constants(parameters=controller.par, period=period),
         "measurement": _blank(controller),
         "reference": Reference(**resting_arm(vehicle.n), **_reference_inputs(controller.par, vehicle.n)).dense(),
         "memory": controller.memory,
     }
     if estimator is not None:
-        found["parameters"] = EstimatedConstants(parameters=controller.par, estimator=estimator, period=period)
-        found["measurement"] = blank_readings(estimator, vehicle.n, tip_force=_axes_at_tip(controller))
-        found["memory"] = first_estimated_memory(controller, estimator)
-    return found
+        records["parameters"] = EstimatedConstants(parameters=controller.par, estimator=estimator, period=period)
+        records["measurement"] = blank_readings(estimator, vehicle.n, tip_force=_axes_at_tip(controller))
+        records["memory"] = first_estimated_memory(controller, estimator)
+    return records
 
 
 def _blank(controller: Controller) -> Measurement:

@@ -186,10 +186,10 @@ def _hold_reference(
     """Reference of the recovery: hover in place and stow the arm."""
     still = (0.0,) * len(par.recovery.stow)
     arm_at_rest = resting_arm(len(still)) | {"joints": par.recovery.stow}
-    wanted = Reference(position=hold, velocity=ZERO3, yaw=yaw, **arm_at_rest)
+    hover = Reference(position=hold, velocity=ZERO3, yaw=yaw, **arm_at_rest)
     stiffness, damping = base_stiffness(par.recovery, par.model.vehicle.mass)
     base = govern_base(
-        wanted, measurement, limits=par.limits, stiffness=stiffness, damping=damping, gravity=par.model.gravity
+        hover, measurement, limits=par.limits, stiffness=stiffness, damping=damping, gravity=par.model.gravity
     )
     speeds = par.recovery.stow_speed
     return govern_joints(base, arm, still, speeds, still, dt, model=par.model, limits=par.limits)[0]
@@ -200,12 +200,12 @@ def limit_command(
 ) -> Command:
     """Command within actuator limits, slew rates and the joint barrier."""
     limits = par.limits
-    held = within_efforts(limits, command.efforts)
-    if held:
-        held = within_efforts(limits, apply_joint_barrier(par.model, limits, measurement, held))
+    efforts = within_efforts(limits, command.efforts)
+    if efforts:
+        efforts = within_efforts(limits, apply_joint_barrier(par.model, limits, measurement, efforts))
     turning = reachable(par.model, par.mixer, command.rotor_speeds)
     near = limit_slew(
-        Command(rotor_speeds=turning, efforts=held),
+        Command(rotor_speeds=turning, efforts=efforts),
         memory.sent,
         memory.started,
         limits.rotor_slew,
@@ -322,8 +322,8 @@ def _traced_law(
         failed = logical_or(failed, margin(measurement.quaternion) < 0.0)
     new = arbitrate(par, memory, measurement, governed, desired, failed, dt)
     # the law starts anew when it comes back
-    kept = blend(new.confidence.given_up > 0.5, first, following)
-    new = dataclasses.replace(new, inner=with_applied_command(kept, new.sent))
+    law_memory = blend(new.confidence.given_up > 0.5, first, following)
+    new = dataclasses.replace(new, inner=with_applied_command(law_memory, new.sent))
     seen = finite(measurement)
     return blend(seen, new, memory), blend(seen, new.sent, memory.sent)
 
@@ -357,5 +357,5 @@ def _called_law(
         except FAILURES:
             failed = True
     new = arbitrate(par, memory, measurement, governed, desired, failed, dt)
-    kept = first if new.confidence.given_up > 0.5 else following
-    return dataclasses.replace(new, inner=with_applied_command(kept, new.sent)), new.sent
+    law_memory = first if new.confidence.given_up > 0.5 else following
+    return dataclasses.replace(new, inner=with_applied_command(law_memory, new.sent)), new.sent

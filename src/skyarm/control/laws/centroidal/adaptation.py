@@ -113,8 +113,8 @@ class JointLearned:
 
         None where the reference rests: a constant force and a slow drift are then no friction.
         """
-        wanted = add(self.moving, slow)
-        share = divide(wanted, add(wanted, mul(2.0, self.off)))
+        moving = add(self.moving, slow)
+        share = divide(moving, add(moving, mul(2.0, self.off)))
         return mul(mul(share, share), divide(self.moving, add(self.moving, mul(RESTING, slow))))
 
     def residual(self, observed: Scalar, mass: Scalar) -> Scalar:
@@ -227,8 +227,8 @@ def adapt(
 
     def feedforward(kg: Scalar, dampings: Sequence[Scalar]) -> Disturbance:
         """Feed-forward for a mass and for dampings, along the plan."""
-        held = zip(unit.efforts, dampings, turned, strict=True)
-        efforts = tuple(data(sub(mul(kg, effort), mul(b, rate))) for effort, b, rate in held)
+        rows = zip(unit.efforts, dampings, turned, strict=True)
+        efforts = tuple(data(sub(mul(kg, effort), mul(b, rate))) for effort, b, rate in rows)
         return Disturbance(force=vector_data(unit.force * kg), torque=vector_data(unit.torque * kg), efforts=efforts)
 
     (inside, rest), (inside_before, rest_before) = gains.split_damping(joints), gains.split_damping(learned.joints)
@@ -265,7 +265,7 @@ def filter_signals(gains: AdaptationGains, step: Step, learned: Learned) -> tupl
     given = [sub(effort, mul(b, rate)) for effort, b, rate in observed]
     references = [signal.derivative(1) for signal in step.motion.signals[4:]]
     rows = zip(learned.joints, loads, measurement.joint_rates, given, references, strict=True)
-    heard = [joint.filtered(Efforts(load=y, rate=v, given=d), wanted, share, dt) for joint, y, v, d, wanted in rows]
+    heard = [joint.filtered(Efforts(load=y, rate=v, given=d), desired, share, dt) for joint, y, v, d, desired in rows]
     return heard, velocity
 
 

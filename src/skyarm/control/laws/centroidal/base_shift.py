@@ -198,7 +198,7 @@ def bounded_sweep(rows: Sequence[Instant], thrusts: Sequence[Scalar]) -> list[St
         # as if the force went on as it has changed last
         now, then = rows[-2:]
         v = v + (then.force - now.force) * divide(per, b * (then.time - now.time))
-    found = [Stretch(b, v)]
+    line = [Stretch(b, v)]
     for i in range(len(rows) - 2, -1, -1):
         now, then = rows[i], rows[i + 1]
         h = then.time - now.time
@@ -213,8 +213,8 @@ def bounded_sweep(rows: Sequence[Instant], thrusts: Sequence[Scalar]) -> list[St
         forced = asked * mean - turn * change
         v = (v - forced * b - asked * sinh + turn * ((h / 24.0) * z)) * left
         b = (pace * sinh + b * cosh) * left
-        found.append(Stretch(b, v, h, cosh, sinh, forced))
-    return found[::-1]
+        line.append(Stretch(b, v, h, cosh, sinh, forced))
+    return line[::-1]
 
 
 def coming_thrusts(rows: Sequence[Instant], line: Sequence[Stretch], y: Vec3) -> tuple[tuple[Scalar, ...], ...]:

@@ -53,8 +53,8 @@ def quasi_static(
     """
     first, second = rates
     force = (base[2] + E_Z * par.model.gravity) * mass - disturbance
-    wanted = vector_series((force, base[3] * mass - first, base[4] * mass - second))
-    return reachable(wanted, par.center.tilt, par.center.floor)
+    series = vector_series((force, base[3] * mass - first, base[4] * mass - second))
+    return reachable(series, par.center.tilt, par.center.floor)
 
 
 def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Scalar, gravity: Scalar) -> Vec3:
@@ -118,11 +118,11 @@ def thrust(
     pull.append(_attraction(par, off) + kv.hadamard(eddd))
     second = (wanted[4] - _soft_limit(pull)) * mass - force_bend
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
-    held = reachable(Vec3(*series), par.center.tilt, par.center.floor)
-    pushed = rotors.achievable([derivative(held, 0)], R, w)
+    limited = reachable(Vec3(*series), par.center.tilt, par.center.floor)
+    pushed = rotors.achievable([derivative(limited, 0)], R, w)
     return Thrust(
-        force=held,
-        along=derivative(held, 0).dot(R.column(2)),
+        force=limited,
+        along=derivative(limited, 0).dot(R.column(2)),
         acceleration=(pushed + disturbance) * per_mass - gravity,
         across=rotors.across(R, pushed),
     )

@@ -85,11 +85,11 @@ def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[Demand, Follo
     if arm:
         arm = center_of_mass.update_arm_motion(arm, course.level.com, model.gravity, step.dt)
         h = center_of_mass.compensated_motion(arm, h)
-    wanted = center_of_mass.goal(course.base, h, course.still, par.tip.preview is not None)
+    target = center_of_mass.goal(course.base, h, course.still, par.tip.preview is not None)
     push = center_of_mass.thrust(
         par,
         mass,
-        wanted=wanted,
+        wanted=target,
         position=state.position + R.apply(derivative(now.com, 0)),
         velocity=state.velocity + _velocity(R, w, now.com),
         R=R,
@@ -138,7 +138,7 @@ def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[Demand, Follo
         joints=preferred,
         planned=planned,
         across=push.across,
-        force_rate=center_of_mass.planned_rate(course.still, wanted[2:4], mass, model.gravity),
+        force_rate=center_of_mass.planned_rate(course.still, target[2:4], mass, model.gravity),
         missed=missed,
     )
     return demand, dataclasses.replace(course.following, arm=arm)
@@ -241,30 +241,30 @@ def within_limits(
 
     Source: Ames et al. 2019, "Control barrier functions: theory and applications", exponential barrier of degree two.
     """
-    found = []
-    for i, (wanted, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
+    bounded = []
+    for i, (desired, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
         joint = vehicle.links[i].joint
         share = WITH_STOP if joint.has_stops else SHARE
         pole = maximum(0.5 * gains.damping[i], sqrt(gains.stiffness[i]))
         square = pole * pole
         gone = square * state.joints[i] + 2.0 * pole * state.joint_rates[i]
-        kept = wanted
+        limited = desired
         if high:
             end = towards(joint.upper, references[i], share, pole)
-            kept = minimum(kept, minimum(end, square * joint.upper) - gone)
+            limited = minimum(limited, minimum(end, square * joint.upper) - gone)
         if low:
             end = towards(joint.lower, references[i], share, pole)
-            kept = maximum(kept, maximum(end, square * joint.lower) - gone)
+            limited = maximum(limited, maximum(end, square * joint.lower) - gone)
         if joint.turns and not (low or high):
             asked, room = towards(0.0, references[i], 0.0, pole) - gone, square * TURN
-            kept = minimum(maximum(kept, asked - room), asked + room)
-        found.append(kept)
-    return tuple(found)
+            limited = minimum(maximum(limited, asked - room), asked + room)
+        bounded.append(limited)
+    return tuple(bounded)
 
 
 def towards(limit: Scalar, reference: Taylor, share: Scalar, pole: Scalar) -> Scalar:
     """Right-hand side q'' + 2 k q' + k^2 q of the joint-limit barrier, for a position between reference and limit."""
-    told, square, twice = reference.derivative(0), mul(pole, pole), mul(2.0, pole)
+    position, square, twice = reference.derivative(0), mul(pole, pole), mul(2.0, pole)
     # the place where it may go moves with the reference, the limit does not
     moved = mul(sub(1.0, share), add(reference.derivative(2), mul(twice, reference.derivative(1))))
-    return add(mul(square, add(told, mul(share, sub(limit, told)))), moved)
+    return add(mul(square, add(position, mul(share, sub(limit, position)))), moved)

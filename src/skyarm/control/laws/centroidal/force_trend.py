@@ -90,25 +90,25 @@ def update_trend(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Scalar)
     share = 1.0 - exp(-divide(STAGES * dt, gains.horizon))
     forces, rates = _advance_delay(memory.forces, force, share), _advance_delay(memory.rates, rate, share)
     change = (force - forces[-1]) * divide(1.0, gains.horizon)
-    told = rates[-1] * _no_step(gains, change)
+    predicted = rates[-1] * _no_step(gains, change)
     slow = low_pass_share(gains.forget, dt)
     return ForceTrend(
         level=vector_data(level),
         rate=vector_data(rate),
         forces=forces,
         rates=rates,
-        agreement=data(memory.agreement + slow * (told.dot(change) - memory.agreement)),
-        size=data(memory.size + slow * (told.dot(rates[-1]) - memory.size)),
+        agreement=data(memory.agreement + slow * (predicted.dot(change) - memory.agreement)),
+        size=data(memory.size + slow * (predicted.dot(rates[-1]) - memory.size)),
     )
 
 
 def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Scalar) -> tuple[Vec3, ...]:
     """Delay line one period later: a chain of first-order lags driven by ``value``."""
-    found = []
+    delayed = []
     for each in chain:
         value = vector_data(each + (value - each) * share)
-        found.append(value)
-    return tuple(found)
+        delayed.append(value)
+    return tuple(delayed)
 
 
 def rate_weights(gains: TrendGains, memory: ForceTrend) -> tuple[Scalar, Scalar]:

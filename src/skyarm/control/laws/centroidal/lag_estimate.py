@@ -126,16 +126,16 @@ class LagGains(Part):
         """Lag estimate one period later; held before the second measurement and where ``isolated`` is 0, in contact."""
         if self.held:
             return memory
-        told, measurement, free, dt = step.seen.told, step.measurement, step.memory.free, step.dt
+        update, measurement, free, dt = step.seen.told, step.measurement, step.memory.free, step.dt
         running = where(step.memory.started > 0.5, 1.0, 0.0)
         rates = (measurement.rate.x, measurement.rate.y, *measurement.joint_rates)
         # the model's answer to what was sent, without a delay
         last, sent = -1 - step.par.delay_periods, step.timing.past
-        _, angular, joints = told.amid.accelerations(step.par.model, sent.squares[last], sent.efforts[last])
+        _, angular, joints = update.amid.accelerations(step.par.model, sent.squares[last], sent.efforts[last])
         by_model = (angular.x, angular.y, *joints)
         # the observer's disturbance stands still at limits of actuators
         learning = (*free[:1] * TILTS, *free[1:])
-        corrections = (told.angular_correction.x, told.angular_correction.y, *told.joint_corrections)
+        corrections = (update.angular_correction.x, update.angular_correction.y, *update.joint_corrections)
         own = [sub(a, d) for a, d in zip(by_model, memory.disturbing, strict=True)]
         seen = [divide(sub(now, before), dt) for now, before in zip(rates, memory.rates, strict=True)]
         believed = _in_row(memory.believed, own, running, dt)
@@ -230,12 +230,12 @@ def weigh(bank: Bank) -> list[Any]:
     least = _least(bank.paid)
     inverse = divide(0.125 * SHARPNESS, least + PRIOR)
     start = 1.0 - least * inverse
-    found = []
+    weights = []
     for each in bank.paid:
         once = divide(1.0, each * inverse + start)
         twice = once * once
-        found.append((twice * twice) * (twice * twice))
-    return found
+        weights.append((twice * twice) * (twice * twice))
+    return weights
 
 
 def estimate(bank: Bank, step: Scalar) -> Any:
@@ -257,12 +257,12 @@ def _in_row(
     before: Sequence[Sequence[Scalar]], new: Sequence[Scalar], running: Scalar, dt: Scalar
 ) -> tuple[tuple[Scalar, ...], ...]:
     """States of three low-pass filters in series: two at the band's upper edge, one at its lower edge."""
-    found = []
+    states = []
     for old, edge in zip(before, (HIGH, HIGH, LOW), strict=True):
         share = running * low_pass_share(edge, dt)
         new = tuple(o + share * (n - o) for o, n in zip(old, new, strict=True))
-        found.append(new)
-    return tuple(found)
+        states.append(new)
+    return tuple(states)
 
 
 def _band_pass(filtered: Sequence[Sequence[Scalar]]) -> tuple[Scalar, ...]:

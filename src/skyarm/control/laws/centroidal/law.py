@@ -85,13 +85,13 @@ def centroidal(
     memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: CentroidalParameters
 ) -> tuple[CentroidalMemory, Command]:
     """One control step of the centroidal law: computed torque on the centre of mass with a disturbance observer."""
-    held, touching = memory.parts, par.parts.touching()
+    part_memories, touching = memory.parts, par.parts.touching()
     timing = time_of_action(par, memory, dt)
     motion, channels, age = continue_reference(par, memory, reference, timing.lead, dt)
     par = gains_of_now(par, memory, measurement, timing.lead, dt)
     before = adapted = no_feedforward(par)
     if isinstance(par.parts.adaptation, AdaptationGains):
-        before, adapted = held.adaptation.at_measurement(), held.adaptation.feedforward
+        before, adapted = part_memories.adaptation.at_measurement(), part_memories.adaptation.feedforward
     seen = see(par, memory, measurement, timing.acted, (before, adapted), dt)
     step = Step(
         par=par,
@@ -107,23 +107,25 @@ def centroidal(
     effect = Effect(signals=motion.signals, unknown=seen.unknown, force=seen.observed.force)
     memories: dict[str, Any] = {}
     for name, part in touching:
-        memories[name], effect = part.affect(getattr(held, name), step, effect)
+        memories[name], effect = part.affect(getattr(part_memories, name), step, effect)
     if isinstance(par.parts.trend, TrendGains):
-        memories["trend"] = update_trend(par.parts.trend, held.trend, seen.observed.force, dt)
+        memories["trend"] = update_trend(par.parts.trend, part_memories.trend, seen.observed.force, dt)
     slow = low_pass(memory.slow_force, effect.force, par.tip.shift_rate, dt)
     coming = foresee(par, memories.get("trend"), effect, slow, adapted.force)
     demand, shifted = demands(step, effect, coming)
     output = actuate(step, coming.unknown, demand)
     if isinstance(par.parts.lag, LagGains):
-        memories["lag"] = par.parts.lag.after(held.lag, step, effect.isolated)
+        memories["lag"] = par.parts.lag.after(part_memories.lag, step, effect.isolated)
     if isinstance(par.parts.noise, NoiseGains):
-        memories["noise"] = par.parts.noise.after(held.noise, seen, measurement.velocity, dt)
+        memories["noise"] = par.parts.noise.after(part_memories.noise, seen, measurement.velocity, dt)
     for name, part in touching:
         memories[name] = part.learn(memories[name], effect, demand)
     observed = seen.observed
     if isinstance(par.parts.adaptation, AdaptationGains):
         free = learning(memory, effect.learns)
-        memories["adaptation"], over = adapt(par.parts.adaptation, step, held.adaptation, demand.planned, free[1:])
+        memories["adaptation"], over = adapt(
+            par.parts.adaptation, step, part_memories.adaptation, demand.planned, free[1:]
+        )
         observed = observed.without(over)
     following = CentroidalMemory(
         started=memory.started * 0.0 + 1.0,
@@ -160,12 +162,12 @@ def continue_reference(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, ahead, lead
     )
     # the preview from then on; what a late command has missed follows at one period from the one before
-    since, found = add(age, lead), list[tuple[Scalar, Any]]()
+    since, rows = add(age, lead), list[tuple[Scalar, Any]]()
     last: Scalar = 0.0
     for time, row in zip(par.preview[FOLLOWING:], ahead[FOLLOWING:], strict=False):
         last = maximum(time - since, add(last, dt))
-        found.append((last, row))
-    return ReferenceMotion(signals=signals, ahead=found), channels, age
+        rows.append((last, row))
+    return ReferenceMotion(signals=signals, ahead=rows), channels, age
 
 
 def gains_of_now(
@@ -192,14 +194,14 @@ def see(
     ``adapted``: feed-forward of the period before the measurement, and that of now.
     """
     model = par.model
-    known = disturbance(memory.observed) + adapted[0]
-    observed, told = observe(
-        model, par.observer, memory.observed, measurement, acted, known, memory.started, memory.free, dt
+    expected = disturbance(memory.observed) + adapted[0]
+    observed, update = observe(
+        model, par.observer, memory.observed, measurement, acted, expected, memory.started, memory.free, dt
     )
     alone, R = disturbance(observed) + adapted[1], observed.quaternion.rotation()
     across = par.center.sideways is not None
     unknown = with_side(model, alone, R, observed.rotor_speeds, observed.velocity, observed.rate, across)
-    return Seen(observed=observed, told=told, alone=alone, unknown=unknown)
+    return Seen(observed=observed, told=update, alone=alone, unknown=unknown)
 
 
 def present(par: CentroidalParameters, timing: Timing, seen: Seen, dt: Scalar) -> State:

@@ -165,8 +165,8 @@ def make_centroidal(
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
     memory = first_memory(par, periods)
-    found = Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
-    return with_tilting(found, whole) if turns_rotors else found
+    controller = Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+    return with_tilting(controller, whole) if turns_rotors else controller
 
 
 def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:

@@ -58,11 +58,11 @@ class White:
     def after(self, change: Vec3, left: Vec3, density: Scalar, dt: Scalar) -> White:
         """Estimate after one more reading, that changed beyond the model, with what is left of it."""
         most = GROWTH * (maximum(self.variance, 0.0) + divide(density * density, dt))
-        found = clip(change.dot(self.change) * (-1.0 / 3.0), -most, most)
+        variance = clip(change.dot(self.change) * (-1.0 / 3.0), -most, most)
         return White(
             last=vector_data(left),
             change=vector_data(change),
-            variance=data(self.variance + (found - self.variance) * (RATE * dt)),
+            variance=data(self.variance + (variance - self.variance) * (RATE * dt)),
         )
 
     def share(self, density: Scalar, dt: Scalar) -> Any:
@@ -106,10 +106,10 @@ class NoiseGains(Part):
 
     def after(self, memory: NoiseMemory, seen: Seen, velocity: Vec3, dt: Scalar) -> NoiseMemory:
         """Estimates one control period later, by the velocity measured in it."""
-        told, noise = seen.told, memory.accelerometer
-        if noise and told.beside:
-            noise = noise.after(told.beside - noise.last, told.beside, FELT, dt)
-        change, left = told.innovation - memory.velocity.last, velocity - seen.observed.velocity
+        update, noise = seen.told, memory.accelerometer
+        if noise and update.beside:
+            noise = noise.after(update.beside - noise.last, update.beside, FELT, dt)
+        change, left = update.innovation - memory.velocity.last, velocity - seen.observed.velocity
         return NoiseMemory(velocity=memory.velocity.after(change, left, self.density, dt), accelerometer=noise)
 
 

@@ -251,9 +251,9 @@ def brace_joints(
 
 def _times(gains: Any, **shares: Scalar) -> Any:
     """Dataclass of gains with the named fields multiplied by factors."""
-    held = {name: getattr(gains, name) for name in shares}
+    values = {name: getattr(gains, name) for name in shares}
     scaled = {
-        name: tuple(each * share for each in held[name]) if type(held[name]) is tuple else held[name] * share
+        name: tuple(each * share for each in values[name]) if type(values[name]) is tuple else values[name] * share
         for name, share in shares.items()
     }
     return dataclasses.replace(gains, **scaled)

@@ -150,14 +150,14 @@ def link_turning(
     vehicle: Vehicle, directions: Sequence[Vec3], joint_rates: Sequence[Scalar], rate: Vec3, acceleration: Vec3
 ) -> list[tuple[Vec3, Vec3]]:
     """Angular velocity of each link, and its angular acceleration at zero joint accelerations, base axes."""
-    found: list[tuple[Vec3, Vec3]] = []
+    motions: list[tuple[Vec3, Vec3]] = []
     for i, link in enumerate(vehicle.links):
-        turn, bias = (rate, acceleration) if link.parent == BASE else found[link.parent]
+        turn, bias = (rate, acceleration) if link.parent == BASE else motions[link.parent]
         if link.joint.turns:
             slide = directions[i] * joint_rates[i]
             turn, bias = turn + slide, bias + turn.cross(slide)
-        found.append((turn, bias))
-    return found
+        motions.append((turn, bias))
+    return motions
 
 
 def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses: Sequence[Pose]) -> tuple[Scalar, ...]:
@@ -202,8 +202,8 @@ def turned_joints(
     if not moving:
         return tuple(q + c for q, c in zip(joints, change, strict=True))
     values = tuple(add(q.derivative(0), c) for q, c in zip(joints, change, strict=True))
-    told = [[q.derivative(k) for q in joints] for k in (1, 2)]
-    motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, values, summed=True), told)
+    derivatives = [[q.derivative(k) for q in joints] for k in (1, 2)]
+    motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, values, summed=True), derivatives)
     rows = zip(joints, values, *motion, strict=True)
     return tuple(Taylor((value, rate, mul(0.5, turning), *q.c[3:])) for q, value, rate, turning in rows)
 

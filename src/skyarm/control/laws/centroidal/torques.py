@@ -73,22 +73,22 @@ def actuate(step: Step, unknown: Disturbance, demand: Demand) -> Done:
     model = par.model
     torque, efforts = needed(model, state, demand, unknown)
     limits = [link.joint.effort_limit for link in model.vehicle.links]
-    held = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
-    missing = [sub(effort, kept) for effort, kept in zip(efforts, held, strict=True)]
+    limited = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
+    missing = [sub(effort, cut) for effort, cut in zip(efforts, limited, strict=True)]
     arm = reaction(model.vehicle, state.joints)
     late = arm.accelerations(missing)
     torque = torque - arm.torque(late)
-    wanted, squares = mix(par.mixer, torque, demand.thrust, demand.across)
+    desired, squares = mix(par.mixer, torque, demand.thrust, demand.across)
     inside: Scalar = demand.thrust > 0.0
     for square, highest in zip(squares, par.mixer.highest, strict=True):
         inside = logical_and(inside, logical_and(square > 0.0, square < highest))
     ahead = compensate_motor_lag(model.vehicle.rotors, par.mixer, demand.force_rate, trim, dt, LAG_INVERSION)
-    targets = [sqrt(maximum(w * w + t, 0.0)) for w, t in zip(wanted, ahead, strict=True)]
+    targets = [sqrt(maximum(w * w + t, 0.0)) for w, t in zip(desired, ahead, strict=True)]
     speeds = tuple(
         command_for(rotor, speed, target, dt, LAG_INVERSION)
         for rotor, speed, target in zip(model.vehicle.rotors, state.rotor_speeds, targets, strict=True)
     )
-    command = Command(rotor_speeds=speeds, efforts=held)
+    command = Command(rotor_speeds=speeds, efforts=limited)
     reached = motor_speeds(model, state.rotor_speeds, command, dt)
     rate = where(logical_and(inside, step.memory.applied[0] > 0.5), TRIM_RATE * dt, 0.0)
     return Done(
@@ -99,6 +99,6 @@ def actuate(step: Step, unknown: Disturbance, demand: Demand) -> Done:
         ),
         trim=tuple(
             clip(t + rate * (w * w - r * r), -TRIM * highest, TRIM * highest)
-            for t, w, r, highest in zip(trim, wanted, reached, par.mixer.highest, strict=True)
+            for t, w, r, highest in zip(trim, desired, reached, par.mixer.highest, strict=True)
         ),
     )

@@ -93,12 +93,12 @@ def under_contact(
 
     free, moved = along(disturbance), along(disturbance + unit)
     force = divide(-contact.damping * n.dot(tip_velocity(model, state)) - free, moved - free) * contact.touching
-    held = Disturbance(
+    pressed = Disturbance(
         force=disturbance.force + unit.force * force,
         torque=disturbance.torque + unit.torque * force,
         efforts=tuple(e + u * force for e, u in zip(disturbance.efforts, unit.efforts, strict=True)),
     )
-    return held, force
+    return pressed, force
 
 
 MODES = ("tool", "joints")
@@ -163,25 +163,25 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mo
     # heading taken off, what is left of a small attitude is its tilt about the body's own horizontal axes
     up = R.apply_T(Vec3(0, 0, 1))
     tilt = Vec3(up.y, -up.x, 0)
-    held = given_way(vehicle, goal.joints, tilt) if mode == "tool" else goal.joints
+    joints = given_way(vehicle, goal.joints, tilt) if mode == "tool" else goal.joints
     # the base stands where it carries the tip home once it leans as it must
-    found = [*((state.position - goal.position - goal.shift) * weights.position)]
-    found += [*((state.velocity - goal.velocity) * weights.velocity)]
+    residuals = [*((state.position - goal.position - goal.shift) * weights.position)]
+    residuals += [*((state.velocity - goal.velocity) * weights.velocity)]
     ahead = R.column(0)
-    found.append(weights.heading * (c * ahead.y - s * ahead.x))
-    found += [*(state.rate * weights.rate)]
-    found += [mul(sub(q, q_d), weights.joints) for q, q_d in zip(state.joints, held, strict=True)]
-    found += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
+    residuals.append(weights.heading * (c * ahead.y - s * ahead.x))
+    residuals += [*(state.rate * weights.rate)]
+    residuals += [mul(sub(q, q_d), weights.joints) for q, q_d in zip(state.joints, joints, strict=True)]
+    residuals += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
     if mode == "tool" and vehicle.end_effector:
         frame = vehicle.frame(vehicle.end_effector)
         tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
         arm = frame_pose(vehicle, frame, goal.joints).p
-        wanted = goal.position + Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z)
-        off = tip - wanted
+        tip_goal = goal.position + Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z)
+        off = tip - tip_goal
         if goal.contact:
             off = off - goal.contact.normal * (goal.contact.normal.dot(off) * goal.contact.touching)
-        found += [*(off * weights.tool)]
-    return tuple(found)
+        residuals += [*(off * weights.tool)]
+    return tuple(residuals)
 
 
 def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple[Scalar, ...]:
@@ -202,8 +202,8 @@ def input_residuals(
     a contact may be, the last one is of the surface's force.
     """
     pushed, force = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)
-    _, _, found = accelerations(model, state, inputs.efforts, pushed, goal.joint_rates)
-    arm = [mul(sub(a, b), weights.joint_accelerations) for a, b in zip(found, goal.joint_accelerations, strict=True)]
+    _, _, qdd = accelerations(model, state, inputs.efforts, pushed, goal.joint_rates)
+    arm = [mul(sub(a, b), weights.joint_accelerations) for a, b in zip(qdd, goal.joint_accelerations, strict=True)]
     pressed: tuple[Scalar, ...] = ()
     if goal.contact:
         pressed = ((force - goal.contact.force * goal.contact.touching) * weights.force,)

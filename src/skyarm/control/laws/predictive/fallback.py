@@ -143,7 +143,7 @@ def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance
     """Rotor speeds and joint efforts of computed torque with limited tilt and compensated disturbance."""
     model, (values, rates, accelerations) = par.model, signals
     vehicle, R = model.vehicle, reading.quaternion.rotation()
-    wanted = Reference(
+    goal = Reference(
         position=Vec3(*values[:3]),
         velocity=Vec3(*rates[:3]),
         acceleration=Vec3(*accelerations[:3]) - unknown.force * divide(1.0, vehicle.mass),
@@ -153,9 +153,9 @@ def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance
         joint_rates=tuple(rates[4:]),
         joint_accelerations=tuple(accelerations[4:]),
     )
-    up = _climbable(wanted_specific_force(par, reading, wanted), model.gravity)
-    base = Motion(turn_towards(par, reading, wanted, R, up), R.apply_T(up))
-    force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, wanted))
+    up = _climbable(wanted_specific_force(par, reading, goal), model.gravity)
+    base = Motion(turn_towards(par, reading, goal, R, up), R.apply_T(up))
+    force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, goal))
     speeds, _ = mix(par.mixer, force.torque - unknown.torque, force.force.z)
     efforts = tuple(sub(a, b) for a, b in zip(torques, unknown.efforts, strict=True))
     return (*speeds, *limit_efforts(par, efforts))

@@ -213,11 +213,11 @@ def nmpc(
     pending = (*past.shown[len(past.shown) - late :], *sent)
     x = engine.observation.now(estimate, [command_row(command) for command in pending])[:nx]
     sample = update_sample(reference, memory.sample, dt)
-    interaction, touch, known = memory.interaction, None, estimate[nx:]
+    interaction, touch, disturbance = memory.interaction, None, estimate[nx:]
     if engine.contact is not None:
-        wanted = extrapolate(sample, np.array([sample.age]))[0, 0]
-        interaction, touch = engine.contact.at(interaction, estimate, reference.push, wanted)
-        known = np.array(touch.pressed)
+        signals = extrapolate(sample, np.array([sample.age]))[0, 0]
+        interaction, touch = engine.contact.at(interaction, estimate, reference.push, signals)
+        disturbance = np.array(touch.pressed)
     plan, since, trust = memory.plan, memory.since, memory.trust
     if plan is None or since >= par.every:
         problem = problem_at(engine, x, estimate[nx:], sample, float(late * dt), par, touch)
@@ -227,7 +227,7 @@ def nmpc(
         command = _command(engine, plan, since, x, dt)
     else:
         reading = np.array(leaves(measurement), dtype=float)
-        command = engine.stabiliser.command(reading, bearable(known, engine.bounds.efforts), sample)
+        command = engine.stabiliser.command(reading, bearable(disturbance, engine.bounds.efforts), sample)
     following = PredictiveMemory(
         engine=engine,
         past=past,
@@ -246,11 +246,11 @@ def _standing(x: Array, par: PredictiveParameters) -> Plan:
     """Initial guess of a plan: the vehicle at rest."""
     vehicle, stages = par.model.vehicle, par.stages
     joints = tuple(x[13 : 13 + vehicle.n].tolist())
-    held = [0.0] * len(vehicle.rotors) + [float(t) for t in level_joint_gravity(par.model, joints)]
+    inputs = [0.0] * len(vehicle.rotors) + [float(t) for t in level_joint_gravity(par.model, joints)]
     still = x.copy()
     still[7:13], still[13 + vehicle.n : 13 + 2 * vehicle.n] = 0.0, 0.0
-    nu = len(held)
-    return Plan(np.tile(still, (stages + 1, 1)), np.tile(held, (stages, 1)), np.zeros((stages, nu, len(x))))
+    nu = len(inputs)
+    return Plan(np.tile(still, (stages + 1, 1)), np.tile(inputs, (stages, 1)), np.zeros((stages, nu, len(x))))
 
 
 def _solve_plan(engine: Engine, last: Plan | None, passed: float, problem: Problem, par: PredictiveParameters) -> Plan:
@@ -308,8 +308,8 @@ def make_predictive_controller(
         raise ControllerError(f"controller.mode = {shown(mode)}: must be one of {list(MODES)}")
     given = {"weights": weights, "bandwidths": bandwidths, "stages": stages, "horizon": horizon, "every": every}
     given |= {"delay_periods": delay_periods, "mode": mode}
-    held = {name: checked_option(PredictiveParameters, name, value, model) for name, value in given.items()}
-    if held["every"] >= held["stages"]:
+    options = {name: checked_option(PredictiveParameters, name, value, model) for name, value in given.items()}
+    if options["every"] >= options["stages"]:
         raise ControllerError(f"controller.every = {every}: must be less than controller.stages = {stages}")
     leads = mode == "tool" and bool(model.vehicle.end_effector) and model.vehicle.n > 0
     if interaction is None:
@@ -320,7 +320,7 @@ def make_predictive_controller(
     par = PredictiveParameters(
         model=model,
         mixer=make_mixer(model.vehicle),
-        **held,
+        **options,
         interaction=InteractionGains(touch=touch, lost=lost) if touch or lost else None,
     )
     tip = mode == "tool"
@@ -357,22 +357,22 @@ def problem_at(
     if touch is not None and gains is not None:
         motion[:, :, :3] += np.stack(shift_ahead(gains, touch, later))[:, :, None] * np.array(touch.normal)
         disturbance, pressed = np.array(touch.free), np.array(touch.pressed)
-    held = np.array([0.0, 0.0, float(model.gravity)]) - pressed[:3] / float(model.vehicle.mass)
-    shift = engine.stance(motion[2, :, :3] + held, motion[0])
-    wanted = goals(motion, shift)
+    support = np.array([0.0, 0.0, float(model.gravity)]) - pressed[:3] / float(model.vehicle.mass)
+    shift = engine.stance(motion[2, :, :3] + support, motion[0])
+    targets = goals(motion, shift)
     # a step of the reference is approached as one of this size, which moves along
-    error = x[:3] - wanted[0, :3] - shift[0]
+    error = x[:3] - targets[0, :3] - shift[0]
     distance = float(np.linalg.norm(error))
     if distance > LONGEST_ERROR:
-        wanted[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
-    off = float(np.angle(np.exp(1j * (_heading(x) - wanted[0, 6]))))
-    wanted[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
+        targets[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
+    off = float(np.angle(np.exp(1j * (_heading(x) - targets[0, 6]))))
+    targets[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
     joints = model.vehicle.n
-    beyond = x[13 : 13 + joints] - wanted[0, 7 : 7 + joints]
-    wanted[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
+    beyond = x[13 : 13 + joints] - targets[0, 7 : 7 + joints]
+    targets[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
     if touch is not None and gains is not None:
-        wanted = np.hstack([wanted, contact_goals(gains, touch, later)])
-    return Problem(x, bearable(disturbance, engine.bounds.efforts), wanted)
+        targets = np.hstack([targets, contact_goals(gains, touch, later)])
+    return Problem(x, bearable(disturbance, engine.bounds.efforts), targets)
 
 
 def _heading(x: Array) -> float:

@@ -80,8 +80,8 @@ def observe(
     push = [divide(L2 * error, dt) for (_, L2), error in zip(shares, e, strict=True)]
     M = mass_matrix(model.vehicle, R, measurement.joints)
     d = before.disturbance
-    known = (*d.force, *d.torque, *d.efforts)
-    force = [x + sum(mul(m, a) for m, a in zip(row, push, strict=True)) for x, row in zip(known, M, strict=True)]
+    estimated = (*d.force, *d.torque, *d.efforts)
+    force = [x + sum(mul(m, a) for m, a in zip(row, push, strict=True)) for x, row in zip(estimated, M, strict=True)]
     state = State(
         position=measurement.position,
         quaternion=measurement.quaternion,
@@ -211,11 +211,11 @@ def update_lateness(before: Lateness, modelled: Array, measured: Array, dt: floa
         dt: s.
     """
     rows = np.vstack([modelled, before.modelled[:-1]])
-    kept = np.exp(-dt / MEMORY)
-    squares = kept * before.squares + np.mean((rows - measured) ** 2, axis=1)
-    found = Lateness(rows, squares, kept * before.weight + 1.0, before.count + 1, before.periods)
-    now = squares[found.periods]
+    decay = np.exp(-dt / MEMORY)
+    squares = decay * before.squares + np.mean((rows - measured) ** 2, axis=1)
+    late = Lateness(rows, squares, decay * before.weight + 1.0, before.count + 1, before.periods)
+    now = squares[late.periods]
     best = int(np.argmin(squares))
-    if found.count < LEAST or not now > NOTICED**2 * found.weight or not squares[best] < CLEAR * now:
-        return found
-    return dataclasses.replace(found, periods=best)
+    if late.count < LEAST or not now > NOTICED**2 * late.weight or not squares[best] < CLEAR * now:
+        return late
+    return dataclasses.replace(late, periods=best)

@@ -170,8 +170,8 @@ def motors(rotors: Sequence[Rotor], dt: float) -> Motors:
 def command_for(lags: Motors, speed: Scalar, acceleration: Scalar, dt: Scalar) -> Any:
     """Commanded speeds (rad/s) that bring lagging rotors to speed + acceleration * dt after ``dt`` seconds."""
     change = acceleration * dt
-    wanted = speed + divide(change, where(change > 0.0, lags.up, lags.down))
-    return maximum(0.0, minimum(wanted, lags.most))
+    target = speed + divide(change, where(change > 0.0, lags.up, lags.down))
+    return maximum(0.0, minimum(target, lags.most))
 
 
 def speeds_under(lags: Motors, speed: Scalar, command: Any) -> Any:

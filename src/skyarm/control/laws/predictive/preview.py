@@ -115,13 +115,13 @@ def update_sample(reference: Reference, before: Sample | None, dt: float) -> Sam
     if foretold > SETTLED and before.secants is not None:
         # the second derivative of the acceleration, at the sample before
         bend = (jerks - before.secants) / (0.5 * (age + before.gap))
-        kept = np.exp(-age / KEPT)
-        pull = kept * pull - bend * last
-        weight = kept * weight + last**2
-    found = Sample(motion, jerks, 0.0, pull, weight, foretold, jerks, age)
+        decay = np.exp(-age / KEPT)
+        pull = decay * pull - bend * last
+        weight = decay * weight + last**2
+    sample = Sample(motion, jerks, 0.0, pull, weight, foretold, jerks, age)
     # from the mean jerk since the last sample to that of the swing now; the same where nothing swings
-    s1, _, _, c = _shares(np.sqrt(found.stiffness) * age)
-    return dataclasses.replace(found, jerks=(accelerations * c - last) / (age * s1))
+    s1, _, _, c = _shares(np.sqrt(sample.stiffness) * age)
+    return dataclasses.replace(sample, jerks=(accelerations * c - last) / (age * s1))
 
 
 def goals(motion: Array, shift: Array) -> Array:

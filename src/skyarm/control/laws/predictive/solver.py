@@ -47,8 +47,8 @@ class Compiled:
         """Evaluate the compiled function on flattened arguments, or on T rows of flattened arguments at once."""
         rows = np.concatenate(parts, axis=-1)
         _, log = self.kernel.run(np.zeros((1, 1)), np.zeros((0, 1)), np.atleast_2d(rows))
-        found = np.ascontiguousarray(log[:, :, 0])
-        return found if rows.ndim > 1 else np.asarray(found[0])
+        values = np.ascontiguousarray(log[:, :, 0])
+        return values if rows.ndim > 1 else np.asarray(values[0])
 
     def record(self, *parts: Array) -> Any:
         """Evaluate the compiled function on arrays and return its result as a dataclass of floats."""
@@ -93,11 +93,11 @@ class Stages:
         state, inputs, disturbance, goal = shapes
 
         def stage(x: State, par: tuple[Any, ...], _row: Any, _uniforms: Any) -> tuple[State, tuple[Any, ...]]:
-            u, dt, d, wanted = par
-            errors = state_residuals(model, weights, x, wanted, mode)
-            return predict_stage(model, x, u, d, wanted, dt[0]), (
+            u, dt, d, target = par
+            errors = state_residuals(model, weights, x, target, mode)
+            return predict_stage(model, x, u, d, target, dt[0]), (
                 *errors,
-                *input_residuals(model, weights, x, u, d, wanted),
+                *input_residuals(model, weights, x, u, d, target),
             )
 
         loop = trace_loop(stage, state, (inputs, (0.0,), disturbance, goal), ())
@@ -125,9 +125,9 @@ class Stages:
         count, width = len(x), self.nx + self.nu
         nudged = np.concatenate([x, u], axis=1)[:, None, :] + self._nudges
         copies = nudged.shape[1]
-        held = np.concatenate([dt[:, None], np.broadcast_to(d, (count, len(d))), goals], axis=1)
+        constants = np.concatenate([dt[:, None], np.broadcast_to(d, (count, len(d))), goals], axis=1)
         lanes = nudged.reshape(count * copies, width).T
-        par = np.vstack([lanes[self.nx :], np.repeat(held, copies, axis=0).T])
+        par = np.vstack([lanes[self.nx :], np.repeat(constants, copies, axis=0).T])
         carry, log = self.kernel.run(lanes[: self.nx], par, np.zeros((1, 0)))
         ends = carry.T.reshape(count, copies, self.nx)
         errors = log[0].T.reshape(count, copies, -1)
@@ -175,7 +175,7 @@ class Rollouts:
         def stage(carry: Any, par: Any, row: Any, _uniforms: Any) -> Any:
             x, (cost,) = carry
             (a,), d = par
-            x_guess, u_guess, k, K, (dt, whole, running), wanted = row
+            x_guess, u_guess, k, K, (dt, whole, running), target = row
             change = [b - c for b, c in zip(leaves(x), leaves(x_guess), strict=True)]
             u = [
                 start + a * push + sum(gain * dx for gain, dx in zip(gains, change, strict=True))
@@ -188,9 +188,9 @@ class Rollouts:
             ]
             torques = [maximum(-most, minimum(t, most)) for t, most in zip(u[len(speeds) :], efforts, strict=True)]
             taken = Inputs(rotor_accelerations=tuple(rates), efforts=tuple(torques))
-            errors = sum(e * e for e in state_residuals(model, weights, x, wanted, mode))
-            pushes = sum(e * e for e in input_residuals(model, weights, x, taken, d, wanted))
-            return (predict_stage(model, x, taken, d, wanted, dt), (cost + whole * errors + running * pushes,)), (
+            errors = sum(e * e for e in state_residuals(model, weights, x, target, mode))
+            pushes = sum(e * e for e in input_residuals(model, weights, x, taken, d, target))
+            return (predict_stage(model, x, taken, d, target, dt), (cost + whole * errors + running * pushes,)), (
                 x,
                 taken,
             )
@@ -201,14 +201,14 @@ class Rollouts:
         self.kernel, self.nx, self.nu = Kernel(loop, Lanes(host_width()), logging=True), nx, nu
 
     def run(
-        self, x: Array, u: Array, found: Policy, a: Array, start: Array, given: tuple[Array, Array, Array]
+        self, x: Array, u: Array, feedback: Policy, a: Array, start: Array, given: tuple[Array, Array, Array]
     ) -> Motions:
         """Roll out a policy about a guessed trajectory from a start state, once per step size.
 
         Args:
             x: (N + 1, nx) states of the guess.
             u: (N, nu) its inputs.
-            found: its policy.
+            feedback: its policy.
             a: (lanes,) shares of the policy's feed-forward.
             start: (nx,) the state now.
             given: (N + 1, 2) lengths of the stages and time for which each state counts, s; leaves of the disturbance;
@@ -219,8 +219,8 @@ class Rollouts:
         rows = np.zeros((count + 1, self.kernel.loop.row))
         ends = np.cumsum([self.nx, self.nu, self.nu, self.nu * self.nx])
         rows[:, : ends[0]] = x
-        rows[:count, ends[0] : ends[1]], rows[:count, ends[1] : ends[2]] = u, found.k
-        rows[:count, ends[2] : ends[3]] = found.K.reshape(count, -1)
+        rows[:count, ends[0] : ends[1]], rows[:count, ends[1] : ends[2]] = u, feedback.k
+        rows[:count, ends[2] : ends[3]] = feedback.K.reshape(count, -1)
         # there is no input at the end of the horizon
         rows[:, ends[3] : ends[3] + 2], rows[:count, ends[3] + 2] = times, times[:count, 1]
         rows[:, ends[3] + 3 :] = goals
@@ -282,7 +282,7 @@ def policy(problem: Linear, held: Array | None = None, at: Array | None = None, 
     P, p = own[stages, nu:, nu:width], own[stages, nu:, width]
     Kk = np.empty((stages, nu, nx + 1))
     nothing = np.zeros((stages, nu))
-    strength, wanted = (nothing, nothing) if held is None or at is None else (np.where(held, HOLD, 0.0), at)
+    strength, targets = (nothing, nothing) if held is None or at is None else (np.where(held, HOLD, 0.0), at)
     raised = strength + damping
     for i in reversed(range(stages)):
         ahead = P @ step[i]
@@ -293,21 +293,21 @@ def policy(problem: Linear, held: Array | None = None, at: Array | None = None, 
         weight = SMALLEST_WEIGHT + raised[i] * inner.diagonal()
         left, right = inner.copy(), cross.copy()
         left.flat[:: nu + 1] += weight
-        right[:, nx] -= weight * wanted[i] * (strength[i] > 0.0)
-        found = Kk[i] = -np.linalg.solve(left, right)
+        right[:, nx] -= weight * targets[i] * (strength[i] > 0.0)
+        gains = Kk[i] = -np.linalg.solve(left, right)
         # the general form: with held inputs K and k are not the minimiser's
-        to_go = M[nu:, nu:] + found[:, :nx].T @ (inner @ found + cross) + M[nu:, :nu] @ found
+        to_go = M[nu:, nu:] + gains[:, :nx].T @ (inner @ gains + cross) + M[nu:, :nu] @ gains
         P, p = 0.5 * (to_go[:, :nx] + to_go[:, :nx].T), to_go[:, nx]
     return Policy(Kk[:, :, nx], Kk[:, :, :nx], P)
 
 
-def rollout(problem: Linear, found: Policy, first: Array, low: Any, high: Any) -> tuple[Array, Array]:
+def rollout(problem: Linear, feedback: Policy, first: Array, low: Any, high: Any) -> tuple[Array, Array]:
     """Linear rollout of a policy with clipped inputs: deviations x (N + 1, nx) and u (N, nu)."""
     stages, nx, width = problem.AB.shape
     x, u = np.empty((stages + 1, nx)), np.empty((stages, width - nx))
     x[0] = first
     for i in range(stages):
-        u[i] = np.minimum(np.maximum(found.k[i] + found.K[i] @ x[i], low[i]), high[i])
+        u[i] = np.minimum(np.maximum(feedback.k[i] + feedback.K[i] @ x[i], low[i]), high[i])
         x[i + 1] = problem.AB[i] @ np.concatenate([x[i], u[i]]) + problem.c[i]
     return x, u
 
@@ -384,36 +384,36 @@ class Riccati:
         """
         with np.errstate(all="ignore"):
             try:
-                found = self._policy(problem, guess)
+                feedback = self._policy(problem, guess)
             except np.linalg.LinAlgError:
                 raise NoPlanError from None
             given = self._times, problem.disturbance, problem.goals
-            tried = self.rollouts.run(guess.x, guess.u, found, SHARES, problem.start, given)
+            tried = self.rollouts.run(guess.x, guess.u, feedback, SHARES, problem.start, given)
         cost = np.where(np.isfinite(tried.cost), tried.cost, np.inf)
         best = int(np.argmin(cost))
-        if not (np.isfinite(cost[best]) and np.isfinite(found.K).all()):
+        if not (np.isfinite(cost[best]) and np.isfinite(feedback.K).all()):
             raise NoPlanError
         share = float(SHARES[best])
         x, u = np.ascontiguousarray(tried.x[:, :, best]), np.ascontiguousarray(tried.u[:, :, best])
-        return Plan(x, u, found.K, next_damping(guess.damping, share), float(cost[best]), share)
+        return Plan(x, u, feedback.K, next_damping(guess.damping, share), float(cost[best]), share)
 
     def _policy(self, problem: Problem, guess: Plan) -> Policy:
         """Policy of the linearised problem, with inputs fixed where they reach their limits."""
         here = linear_problem(self.stages, problem, guess.x, guess.u, self.steps, self._roots)
         low, high = self._room(guess, len(self.bounds.speeds))
         first = problem.start - guess.x[0]
-        found = policy(here, damping=guess.damping)
-        _, du = rollout(here, found, first, low, high)
-        held = np.zeros(du.shape, dtype=bool)
+        feedback = policy(here, damping=guess.damping)
+        _, du = rollout(here, feedback, first, low, high)
+        fixed = np.zeros(du.shape, dtype=bool)
         for _ in range(PASSES):
             clipped = (du <= low) | (du >= high)
-            if not (clipped & ~held).any():
+            if not (clipped & ~fixed).any():
                 break
             # what is at a limit stays there, and the other inputs make the best of it
-            held |= clipped
-            found = policy(here, held, np.where(du <= low, low, high), damping=guess.damping)
-            _, du = rollout(here, found, first, low, high)
-        return found
+            fixed |= clipped
+            feedback = policy(here, fixed, np.where(du <= low, low, high), damping=guess.damping)
+            _, du = rollout(here, feedback, first, low, high)
+        return feedback
 
     def _room(self, guess: Plan, rotors: int) -> tuple[Array, Array]:
         """Smallest and largest change of each input (N, nu) within rotor speed and effort limits."""

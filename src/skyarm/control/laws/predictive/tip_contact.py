@@ -88,9 +88,9 @@ class TipContact:
 
         def step(memory: InteractionMemory, now: Any, observed: Any, push: Any, signals: Any) -> Any:
             x, y, z, yaw, *joints = signals
-            wanted, at = wanted_of(push), levers(vehicle, now.quaternion.rotation(), now.joints)
-            n, into = wanted.normal, -wanted.normal.dot(tip_velocity(model, now))
-            after, pressing = interact(gains, memory, wanted, observed, at, into, 0.0, dt)
+            desired, at = wanted_of(push), levers(vehicle, now.quaternion.rotation(), now.joints)
+            n, into = desired.normal, -desired.normal.dot(tip_velocity(model, now))
+            after, pressing = interact(gains, memory, desired, observed, at, into, 0.0, dt)
             arm = axis_rotation(E_Z, yaw).apply(frame_pose(vehicle, vehicle.frame(), tuple(joints)).p)
             way = now.position + at.R.apply(at.tip) - Vec3(x, y, z) - arm
             after = dataclasses.replace(after, gap=n.dot(way) - after.shift)
@@ -99,19 +99,19 @@ class TipContact:
             free = observed + at.disturbance(unanswered * -pressing.engaged)
             pressed = free + at.disturbance(n * (pressing.order * pressing.engaged))
             left = divide(after.order, maximum(after.share, 1e-9))
-            rising = where(wanted.requests_contact, after.touching, 0.0)
+            rising = where(desired.requests_contact, after.touching, 0.0)
             return after, Touch(
                 normal=tuple(n),
-                asked=where(wanted.requests_contact, 1.0, 0.0),
+                asked=where(desired.requests_contact, 1.0, 0.0),
                 touching=where(logical_or(rising > 0.5, after.share > 0.0), 1.0, 0.0),
                 rising=rising,
                 share=after.share,
-                force=where(wanted.requests_contact, wanted.force + after.integral, left),
+                force=where(desired.requests_contact, desired.force + after.integral, left),
                 damping=pressing.damping,
                 shift=after.shift,
                 shift_rate=after.shift_rate,
                 gap=after.gap,
-                speed=where(after.found > 0.0, minimum(wanted.speed, gains.again), wanted.speed),
+                speed=where(after.found > 0.0, minimum(desired.speed, gains.again), desired.speed),
                 free=tuple(leaves(free)),
                 pressed=tuple(leaves(pressed)),
                 tip_force=tuple(after.force),
@@ -120,7 +120,7 @@ class TipContact:
         self.step = Compiled(step, first, *rows)
 
     def at(
-        self, before: InteractionMemory | None, estimate: Array, push: Sequence[Scalar], wanted: Array
+        self, before: InteractionMemory | None, estimate: Array, push: Sequence[Scalar], signals: Array
     ) -> tuple[InteractionMemory, Touch]:
         """Next state of the contact force controller, and the contact in this period.
 
@@ -128,11 +128,11 @@ class TipContact:
             before: memory a period earlier; None before the first.
             estimate: leaves of state and disturbance at the measurement.
             push: requested by the reference.
-            wanted: (4 + joints,) signals of the reference now.
+            signals: (4 + joints,) of the reference now.
         """
         memory = np.array(leaves(before or self.first), dtype=float)
         found: tuple[InteractionMemory, Touch] = self.step.record(
-            memory, estimate, np.array(push[:TOLD], dtype=float), wanted
+            memory, estimate, np.array(push[:TOLD], dtype=float), signals
         )
         return found
 
@@ -173,5 +173,5 @@ def contact_goals(gains: InteractionGains, touch: Touch, later: Array) -> Array:
     force = float(touch.force) * np.clip(ramp, 0.0, 1.0)
     steps = np.append(np.diff(later), later[-1] - later[-2])
     damping = (1.0 - np.exp(-float(touch.damping) * steps)) / steps
-    held = np.full_like(later, touch.touching)
-    return np.column_stack([np.tile(touch.normal, (len(later), 1)), held, force, damping])
+    touching = np.full_like(later, touch.touching)
+    return np.column_stack([np.tile(touch.normal, (len(later), 1)), touching, force, damping])

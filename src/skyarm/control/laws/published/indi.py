@@ -102,9 +102,9 @@ def indi(
 
     alpha_f = Vec3(*(slope(a, b) for a, b in zip(rate, memory.rate, strict=True)))
     qdd_f = [slope(a, b) for a, b in zip(joint_rates, memory.joint_rates, strict=True)]
-    wanted = thrust + (wanted_specific_force(par, measurement, reference) - force) * vehicle.mass
-    alpha = turn_towards(par, measurement, reference, R, wanted)
-    along = wanted.dot(R.column(2))
+    desired = thrust + (wanted_specific_force(par, measurement, reference) - force) * vehicle.mass
+    alpha = turn_towards(par, measurement, reference, R, desired)
+    along = desired.dot(R.column(2))
     qdd = joint_accelerations(par, measurement, reference)
     more, pull, _ = forces_under_thrust(
         vehicle,
@@ -162,12 +162,12 @@ def _filter_signals(
     return filtered_all(taps, signals, coefficients)
 
 
-def _command_history(memory: IndiMemory, command: Command, held: Command, first: Any) -> tuple[Command, ...]:
+def _command_history(memory: IndiMemory, command: Command, standing: Command, first: Any) -> tuple[Command, ...]:
     """Commands of the last periods, newest last, with the actuators held before the first command."""
     past = (
         Command(
-            rotor_speeds=choose_each(first, held.rotor_speeds, old.rotor_speeds),
-            efforts=choose_each(first, held.efforts, old.efforts),
+            rotor_speeds=choose_each(first, standing.rotor_speeds, old.rotor_speeds),
+            efforts=choose_each(first, standing.efforts, old.efforts),
         )
         for old in memory.sent[1:]
     )

@@ -131,8 +131,8 @@ def _translation(
     error, drift = measurement.position - reference.position, measurement.velocity - reference.velocity
     kp, kd = par.gains.position * per_mass, par.gains.velocity * per_mass
     pairs = [sliding_mode(*each, 0, par) for each in zip(error, drift, kp, kd, strict=True)]
-    wanted = Vec3(*(a - push for _, a, push in pairs)) - memory.position
-    return [s for s, _, _ in pairs], wanted + reference.acceleration + E_Z * par.model.gravity
+    feedback = Vec3(*(a - push for _, a, push in pairs)) - memory.position
+    return [s for s, _, _ in pairs], feedback + reference.acceleration + E_Z * par.model.gravity
 
 
 def _rotation(
@@ -161,14 +161,14 @@ def _arm(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, par: SlidingParameters
 ) -> tuple[list[Scalar], tuple[Scalar, ...]]:
     """Sliding variables of the joints, and desired joint accelerations."""
-    found, wanted = [], []
+    sliding, accelerations = [], []
     for i in range(par.model.vehicle.n):
         error = measurement.joints[i] - reference.joints[i]
         drift = measurement.joint_rates[i] - reference.joint_rates[i]
         s, a, push = sliding_mode(error, drift, par.joint_gains.stiffness[i], par.joint_gains.damping[i], 2, par)
-        found.append(s)
-        wanted.append(a - push + reference.joint_accelerations[i] - memory.joints[i])
-    return found, tuple(wanted)
+        sliding.append(s)
+        accelerations.append(a - push + reference.joint_accelerations[i] - memory.joints[i])
+    return sliding, tuple(accelerations)
 
 
 def first_memory(par: SlidingParameters) -> SlidingMemory:

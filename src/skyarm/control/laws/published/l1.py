@@ -194,15 +194,15 @@ def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: 
 
 def _command(filtered: L1Memory, measurement: Measurement, reference: Reference, R: Mat3, par: L1Parameters) -> Command:
     """Command u_b + u_ad of the L1 law: baseline control plus adaptive compensation."""
-    wanted = up = wanted_specific_force(par, measurement, reference)
+    specific = up = wanted_specific_force(par, measurement, reference)
     b3 = R.column(2)
     if par.lateral:
         # only the attitude leans against it: the base accelerates as wanted, so this is an input of the arm
-        up = wanted - (filtered.force - b3 * filtered.force.dot(b3)) * inverse_mass(par.model.vehicle)
-    base = Motion(turn_towards(par, measurement, reference, R, up), R.apply_T(wanted))
+        up = specific - (filtered.force - b3 * filtered.force.dot(b3)) * inverse_mass(par.model.vehicle)
+    base = Motion(turn_towards(par, measurement, reference, R, up), R.apply_T(specific))
     force, efforts = coupled_forces(par, measurement, base, joint_accelerations(par, measurement, reference))
-    held = [a - b for a, b in zip(efforts, filtered.efforts_twice, strict=True)]
-    return make_command(par, force.torque - filtered.torque_twice, force.force.z - filtered.thrust, held)[0]
+    torques = [a - b for a, b in zip(efforts, filtered.efforts_twice, strict=True)]
+    return make_command(par, force.torque - filtered.torque_twice, force.force.z - filtered.thrust, torques)[0]
 
 
 def limits(model: Model) -> dict[str, Any]:

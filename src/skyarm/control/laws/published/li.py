@@ -44,11 +44,11 @@ def li_feedforward(
     del dt
     vehicle, R, q = par.model.vehicle, measurement.quaternion.rotation(), measurement.joints
     reaction = arm_reaction(vehicle, q, measurement.rate, measurement.joint_rates, reference.joint_accelerations)
-    wanted = wanted_specific_force(par, measurement, reference)
-    up = wanted + R.apply(reaction.force) * inverse_mass(vehicle)
+    specific = wanted_specific_force(par, measurement, reference)
+    up = specific + R.apply(reaction.force) * inverse_mass(vehicle)
     alpha = turn_towards(par, measurement, reference, R, up)
     whole = locked_inertia(vehicle, q)
-    torque = whole.inertia.apply(alpha) + reaction.torque + whole.moment.cross(R.apply_T(wanted))
+    torque = whole.inertia.apply(alpha) + reaction.torque + whole.moment.cross(R.apply_T(specific))
     efforts = arm_alone(par, R, q, joint_accelerations(par, measurement, reference))
     command, _ = make_command(par, torque, vehicle.mass * up.dot(R.column(2)), efforts)
     return memory, command

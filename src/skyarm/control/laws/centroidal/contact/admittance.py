@@ -70,10 +70,10 @@ def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Scalar) -> tup
     axes = zip(gains.inertia, gains.damping, gains.stiffness, memory.offset, memory.rate, along, strict=True)
     rates, motions = zip(*(_axis_step(axis, gains.lead, dt) for axis in axes), strict=True)
     offset = tuple(along_world(gains.axes, each) for each in zip(*motions, strict=True))
-    held = [
+    offsets = [
         data(x) if type(M) is int else row[0] for M, x, row in zip(gains.inertia, memory.offset, motions, strict=True)
     ]
-    return VirtualBody(offset=tuple(held), rate=rates), offset
+    return VirtualBody(offset=tuple(offsets), rate=rates), offset
 
 
 def _axis_step(axis: Sequence[Scalar], lead: Scalar, dt: Scalar) -> tuple[Scalar, tuple[Scalar, Scalar, Scalar]]:
@@ -244,10 +244,10 @@ def _compliance(fields: Fields, lead: float, axes: tuple[Vec3, ...]) -> Complian
     if not any(rows[0]):
         raise ValueError(f"{fields.at('mass')} = {shown(list(rows[0]))}: must be above 0 along an axis at least")
     mass = tuple(each or 0 for each in rows[0])
-    found = Compliance(inertia=mass, damping=rows[1], stiffness=rows[2], lead=lead, axes=axes)
-    require_moderate(fields.where, "mass", found)
+    body = Compliance(inertia=mass, damping=rows[1], stiffness=rows[2], lead=lead, axes=axes)
+    require_moderate(fields.where, "mass", body)
     damping, stiffness = (tuple(v if m else 0 for v, m in zip(row, mass, strict=True)) for row in rows[1:])
-    return dataclasses.replace(found, damping=damping, stiffness=stiffness)
+    return dataclasses.replace(body, damping=damping, stiffness=stiffness)
 
 
 def require_moderate(at: str, name: str, body: Compliance) -> None:

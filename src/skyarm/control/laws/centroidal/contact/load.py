@@ -122,8 +122,8 @@ def learn_load(
     step = _step(gains.pace, bandwidth, holds, learns, dt) * (gains.settled_rate + (1.0 - gains.settled_rate) * large)
     m = clip(memory.mass + step * mass, 0.0, gains.limit)
     slow = _step(gains.place_pace, bandwidth, holds, learns, dt) * (1.0 - large)
-    known = divide(m, (m * m + least * least) * maximum(model.gravity, 1e-3))
-    off = at.tip.apply_T(UP.cross(Vec3(about_x, about_y, 0))) * (-slow * known)
+    per_weight = divide(m, (m * m + least * least) * maximum(model.gravity, 1e-3))
+    off = at.tip.apply_T(UP.cross(Vec3(about_x, about_y, 0))) * (-slow * per_weight)
     far = gains.furthest
     place = Vec3(*(clip(each, -far, far) for each in memory.place + off))
     share = where(holds, 0.0, low_pass_share(gains.bias_rate, dt)) * learns
@@ -214,11 +214,11 @@ class LoadGains(Part):
         which the model has m l^2: an observer that compensates all of it is unstable where the rest is ten times that.
         """
         least, bulk = self.light * self.limit, self.bulk * self.bulk * self.bulk * self.bulk
-        held, found = divide(mass * mass, mass * mass + least * least), list[Scalar]()
+        loaded, shares = divide(mass * mass, mass * mass + least * least), list[Scalar]()
         for column, link in zip(jacobian_columns(vehicle, vehicle.frame(), joints), vehicle.links, strict=True):
             square = column.linear.dot(column.linear)
-            found.append(held * divide(bulk, square * square + bulk) if link.joint.turns else 0)
-        return found
+            shares.append(loaded * divide(bulk, square * square + bulk) if link.joint.turns else 0)
+        return shares
 
 
 @immutable

@@ -38,14 +38,14 @@ def contact_parts(
     gains: Mapping[str, Any], admittance: Mapping[str, Any] | None, vehicle: Vehicle, *, leads: bool, lead: float
 ) -> dict[str, Part]:
     """Parts by their names, from the law's options; ``leads`` a tip, ``lead`` s, lag of its observer."""
-    found: dict[str, Part] = {}
+    parts: dict[str, Part] = {}
     if any(gains["interaction"]):
-        found["interaction"] = _interaction(gains, vehicle, leads=leads)
+        parts["interaction"] = _interaction(gains, vehicle, leads=leads)
     if admittance is not None:
-        found["admittance"] = admittance_gains(admittance, gains, leads, lead)
+        parts["admittance"] = admittance_gains(admittance, gains, leads, lead)
     if gains["load"]:
-        found["load"] = load_gains(gains["load"], vehicle)
-    return found
+        parts["load"] = load_gains(gains["load"], vehicle)
+    return parts
 
 
 def _interaction(gains: Mapping[str, Any], vehicle: Vehicle, *, leads: bool) -> Interaction:

@@ -64,16 +64,16 @@ class SidewaysForce(RotorForce):
 
     def leaning(self, force: Vec3, yaw: Taylor) -> Vec3:
         """Part of a desired force (series, N, world axes) that sets the attitude: what is not given sideways."""
-        held = self.gains.attitude
-        axis = None if held is None else thrust_axis(held, yaw.truncate(2))
+        angles = self.gains.attitude
+        axis = None if angles is None else thrust_axis(angles, yaw.truncate(2))
         return leaning(self.reach, force, self.gains.share, axis)
 
     def achievable(self, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
         """Force that the rotors can give at this attitude, N, world axes, or its first derivative, N/s."""
-        order, wanted = len(force) - 1, vector_series(force)
+        order, series = len(force) - 1, vector_series(force)
         turning = [[R.column(k), R.apply(w.cross(axis))] for k, axis in enumerate((E_X, E_Y, E_Z))]
         axes = [vector_series(each[: order + 1]) for each in turning]
-        x, y, z = (axis.dot(wanted) for axis in axes)
+        x, y, z = (axis.dot(series) for axis in axes)
         side = gauge(self.reach, Vec3(x, y, z))
         share = 1.0 / _eighth_root(choose(side > 1.0, side, 1.0))
         x, y = x * share, y * share
@@ -98,8 +98,8 @@ def gauge(reach: Reach, force: Vec3) -> Taylor:
     """Sum of eighth powers of each rotor's used margin under a sideways force (Taylor series, body axes)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
-        held, change = force.z * row.z, force.x * row.x + force.y * row.y
-        room = choose(change > 0.0, held * -1 + top, held)
+        upward, change = force.z * row.z, force.x * row.x + force.y * row.y
+        room = choose(change > 0.0, upward * -1 + top, upward)
         room = choose(room > least, room, least)
         share = change / room
         square = share * share
@@ -121,8 +121,8 @@ def leaning(reach: Reach, force: Vec3, share: Scalar, upright: Vec3 | None = Non
     side = _square((x * x + y * y + z * z) * slightest(reach, along) * divide(1.0, share * share))
     left = cast(Taylor, 1.0 - 1.0 / sqrt(sqrt(sqrt(_square(side) + 1.0))))
     rest = left.c[0]
-    kept = Vec3(x * left, y * left, z * left) + thrust
-    return Vec3(*(Taylor([*each.c[:2], mul(rest, each.c[2])]) for each in kept))
+    tilting = Vec3(x * left, y * left, z * left) + thrust
+    return Vec3(*(Taylor([*each.c[:2], mul(rest, each.c[2])]) for each in tilting))
 
 
 def thrust_axis(attitude: Sequence[Scalar], yaw: Taylor) -> Vec3:
@@ -137,8 +137,8 @@ def slightest(reach: Reach, vertical: Taylor) -> Taylor:
     """Squared rotor margin used per N of sideways force in the worst direction, 1/N^2 (Taylor series)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
-        held, size = vertical * row.z, row.x * row.x + row.y * row.y
-        for room in (held, held * -1 + top):
+        upward, size = vertical * row.z, row.x * row.x + row.y * row.y
+        for room in (upward, upward * -1 + top):
             inverse = 1.0 / choose(room > least, room, least)
             share = _square(_square(inverse) * size)
             total = _square(_square(share)) + total
