@@ -104,14 +104,14 @@ def plain_model(model: Model) -> Model:
 
 
 def _plain(rotor: Rotor) -> Rotor:
-    return rotor if rotor.table is None else dataclasses.replace(rotor, table=None, max_speed=_as_plain(rotor, None))
-
-
-def _as_plain(rotor: Rotor, speed: Any) -> Any:
-    """Speed (rad/s) at which k_f W^2 equals the thrust table's value at ``speed``, or at the highest speed for None."""
     if rotor.table is None:
-        return speed
-    return sqrt(maximum(push(rotor, rotor.max_speed if speed is None else speed), 0.0))
+        return rotor
+    return dataclasses.replace(rotor, table=None, max_speed=_plain_speed(rotor, rotor.max_speed))
+
+
+def _plain_speed(rotor: Rotor, speed: Scalar) -> Scalar:
+    """Speed (rad/s) at which k_f W^2 equals the thrust table's value at ``speed``."""
+    return sqrt(maximum(push(rotor, speed), 0.0))
 
 
 def with_actuators(controller: Controller, model: Model, control_period: float, *, servos: bool = True) -> Controller:
@@ -203,7 +203,10 @@ def actuator_law(
 ) -> tuple[ActuatorMemory, Command]:
     """One step of the control law ``inner``, whose command is converted to servo setpoints and real rotor speeds."""
     own, rotors = par.own, par.model.vehicle.rotors
-    turning = tuple(_as_plain(rotor, w) for rotor, w in zip(rotors, measurement.rotor_speeds, strict=True))
+    turning = tuple(
+        w if rotor.table is None else _plain_speed(rotor, w)
+        for rotor, w in zip(rotors, measurement.rotor_speeds, strict=True)
+    )
     inner_measurement = dataclasses.replace(measurement, rotor_speeds=turning)
     following, command = inner(memory.inner, inner_measurement, reference, dt, par=own)
     speeds = tuple(
@@ -218,8 +221,13 @@ def actuator_law(
 
 
 def _setpoints(
-    memory: ActuatorMemory, measurement: Measurement, efforts: Any, plain: Model, model: Model, dt: Scalar
-) -> tuple[ActuatorMemory, tuple[Any, ...]]:
+    memory: ActuatorMemory,
+    measurement: Measurement,
+    efforts: Sequence[Scalar],
+    plain: Model,
+    model: Model,
+    dt: Scalar,
+) -> tuple[ActuatorMemory, tuple[Scalar, ...]]:
     """Memory with the next states of drives and joints, and setpoints for the desired mean efforts over a period."""
     setpoints, drives, ahead = [], [], []
     angles, started = _angles(plain.vehicle, memory, measurement), memory.started > 0.5
@@ -259,7 +267,7 @@ def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) 
 
 
 def _accelerations(
-    model: Model, measurement: Measurement, angles: Sequence[Scalar], efforts: Any
+    model: Model, measurement: Measurement, angles: Sequence[Scalar], efforts: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
     """Joint accelerations of the model under joint torques and rotor thrust, in calm air."""
     vehicle, rates = model.vehicle, measurement.joint_rates

@@ -19,7 +19,7 @@ from importlib import resources
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import mul
+from skyarm.algebra.scalars import Scalar, mul
 from skyarm.control.controller import Controller, ControllerError, FormerNameWarning
 from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
@@ -117,7 +117,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     return dataclasses.replace(made, name=name) if made.name in LAWS else made
 
 
-def suitable_options(law: str, known: Mapping[str, Any]) -> dict[str, Any]:
+def suitable_options(law: str, known: Mapping[str, float]) -> dict[str, Any]:
     """Subset of given options that a law accepts."""
     options = entry_of(law).options()
     return {name: value for name, value in known.items() if name in options}
@@ -188,7 +188,7 @@ def named_now(name: str) -> str:
     return now
 
 
-def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> Controller:
+def preset(name: str, model: Model, known: Mapping[str, float] | None = None) -> Controller:
     """Make the controller of a named preset for a model.
 
     Args:
@@ -210,7 +210,7 @@ def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> C
         raise ControllerError(f"controller.preset = {name!r}: does not fit this model ({error})") from None
 
 
-def rescale(controller: Controller, factors: Mapping[str, Any]) -> Controller:
+def rescale(controller: Controller, factors: Mapping[str, Scalar]) -> Controller:
     """Controller with some constants, given by parameter paths such as base.position, multiplied by factors.
 
     Raises:
@@ -250,7 +250,7 @@ def make_tuned(name: str, model: Model, **options: Any) -> Controller:
     return rescale(make_controller(name, model, **options), factors[name])
 
 
-def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) -> Controller:
+def make_named(name: str, model: Model, known: Mapping[str, float] | None = None) -> Controller:
     """Make a controller by any name (preset, law or tuned law), with default options.
 
     Args:

@@ -140,12 +140,12 @@ def _counts(controller: Controller) -> dict[str, int]:
 
 def _check_step(
     memory: Any,
-    measurement: Any,
-    reference: Any,
+    measurement: Measurement,
+    reference: Reference,
     dt: Scalar,
     *,
     par: Any,
-    law: Law,
+    law: Callable[..., Any],
     name: str,
     compiled: bool,
     counts: Mapping[str, int],
@@ -281,7 +281,7 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
         return
     law, par = checked_law(controller), controller.par
 
-    def step(memory: Any, measured: Measurement, reference: Reference) -> tuple[Any, Any]:
+    def step(memory: Any, measured: Measurement, reference: Reference) -> tuple[Any, Command]:
         return law(memory, measured, reference, period, par=par)
 
     compare_with_floats(
@@ -296,7 +296,7 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
     )
 
 
-def _require_numbers(controller: Controller, instant: Any, command: Sequence[float]) -> None:
+def _require_numbers(controller: Controller, instant: tuple[Measurement, Reference], command: Sequence[float]) -> None:
     """Reject a first command that is not finite although its inputs are."""
     if not all(map(math.isfinite, leaves(instant))):
         return
@@ -311,7 +311,7 @@ def _drifting(first: Measurement, period: float) -> list[Measurement]:
     return [dataclasses.replace(perturb(first, k), time=float(first.time) + k * period) for k in range(PERIODS)]
 
 
-def perturb(record: Any, k: int) -> Any:
+def perturb(record: Measurement, k: int) -> Measurement:
     """Test measurement with every number slightly changed in period ``k`` > 0, unchanged in period 0."""
     start = [float(leaf) for leaf in leaves(record)]
     if k == 0:

@@ -20,6 +20,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import defaults as usual
 from skyarm.records.field_rules import rules
 from skyarm.records.files import errors_as, shown
+from skyarm.records.leaves import Tree
 
 RATIO_POSITION, RATIO_VELOCITY = 4.0 / 0.806, 2.2 / 0.806
 
@@ -80,7 +81,7 @@ def law_maker(
     shared: Sequence[str] = (),
     readers: Mapping[str, tuple[Any, Reader]] | None = None,
     constants: Callable[[Model], Mapping[str, Any]] | None = None,
-    memory: Callable[[Any], Any] | None = None,
+    memory: Callable[[Any], Tree] | None = None,
     torque_gains: bool = False,
     rate_error: str = "corrected",
     bounds: Callable[[Any], Mapping[str, Any]] | None = None,

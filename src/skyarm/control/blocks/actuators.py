@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Protocol
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, add, clip, divide, exp, logical_and, minimum, mul, where
+from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Mixer
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 
-def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Any:
+def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Scalar:
     """True if each squared rotor speed from the mixer lies between zero and the rotor's limit."""
-    inside: Any = True
+    inside: Scalar = True
     for square, top in zip(squares, mixer.highest, strict=True):
         fits = logical_and(square >= 0.0, square <= top)
         inside = fits if inside is True else logical_and(inside, fits)
     return inside
 
 
-def all_follow(applied: Sequence[Scalar]) -> Any:
+def all_follow(applied: Sequence[Scalar]) -> Scalar:
     """True if every actuator applied the last command unchanged, from one flag per actuator.
 
     One for all: through the coupled dynamics what one actuator does not do is missing from every acceleration.
     """
-    unchanged: Any = True
+    unchanged: Scalar = True
     for each in applied:
         unchanged = logical_and(unchanged, each > 0.5)
     return unchanged
@@ -36,13 +37,21 @@ def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Scalar]:
     return [absolute(e) <= link.joint.effort_limit for e, link in zip(efforts, vehicle.links, strict=True)]
 
 
-def limit_efforts(par: Any, efforts: Any) -> tuple[Scalar, ...]:
+class ModelHolder(Protocol):
+    """Constants of a law, with the controller's model."""
+
+    @property
+    def model(self) -> Model:
+        """Model of the controller."""
+
+
+def limit_efforts(par: ModelHolder, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Joint torques clipped to the model's effort limits."""
     limits = [link.joint.effort_limit for link in par.model.vehicle.links]
     return tuple(clip(effort, -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
 
 
-def command_for(rotor: Rotor, speed: Scalar, wanted: Scalar, dt: Scalar, share: Scalar) -> Any:
+def command_for(rotor: Rotor, speed: Scalar, wanted: Scalar, dt: Scalar, share: Scalar) -> Scalar:
     """Speed command (rad/s) that brings a lagging rotor to the speed ``wanted`` at the end of the period.
 
     Args:

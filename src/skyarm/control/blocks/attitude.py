@@ -10,7 +10,7 @@ thrust is always defined.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, neg, sin, sqrt, sub, where
@@ -62,7 +62,7 @@ def derivative(v: Vec3, k: int) -> Vec3:
     return Vec3(*(c.derivative(k) if isinstance(c, Taylor) else (c if k == 0 else 0) for c in v))
 
 
-def moving(values: Iterable[Any], *rates: Iterable[Any]) -> list[Taylor]:
+def moving(values: Iterable[Scalar], *rates: Iterable[Scalar]) -> list[Taylor]:
     """Taylor series in time of several signals from their values and time derivatives."""
     return [Taylor.of_derivatives(each) for each in zip(values, *rates, strict=True)]
 
@@ -98,7 +98,7 @@ def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
     return Vec3(force.x * share, force.y * share, z)
 
 
-def upright(force: Vec3, weight: Scalar, start: Any, along: Vec3 | None = None) -> Vec3:
+def upright(force: Vec3, weight: Scalar, start: Scalar, along: Vec3 | None = None) -> Vec3:
     """Desired force (Taylor series, N) with a small vertical part raised smoothly, so that the attitude turns slowly.
 
     Near free fall the direction of a small force turns quickly, and noise in it requires more torque than rotors at

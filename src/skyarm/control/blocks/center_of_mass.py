@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Mat3, Motion, SpatialInertia, Sym3, Vec3, inner_product, ldl_solve
@@ -71,7 +70,7 @@ def arm_reaction(
     joints: Sequence[Scalar],
     rate: Vec3,
     joint_rates: Sequence[Scalar],
-    joint_accelerations: Sequence[Any],
+    joint_accelerations: Sequence[Scalar],
 ) -> Force:
     """Force and torque at the base origin that the arm's motion and velocity products require, base axes.
 
@@ -90,8 +89,8 @@ def forces_under_thrust(
     *,
     applied: Vec3,
     angular: Vec3,
-    joint_accelerations: Sequence[Any],
-) -> tuple[Force, tuple[Any, ...], Vec3]:
+    joint_accelerations: Sequence[Scalar],
+) -> tuple[Force, tuple[Scalar, ...], Vec3]:
     """Inverse dynamics for desired angular and joint accelerations under a given force on the base.
 
     The translational block of the mass matrix is m 1: the proper acceleration that follows is (f - F0) / m, with F0

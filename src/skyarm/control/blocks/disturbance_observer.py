@@ -79,8 +79,8 @@ class Felt:
     velocity: Vec3
     bias: Any
     change: Vec3
-    learns: Any
-    heard: Any = 0
+    learns: Scalar
+    heard: Scalar = 0
     beside: Vec3 | tuple[()] = ()
 
 

@@ -70,7 +70,7 @@ def _hold(channel: Channel, sample: Sample) -> Channel:
     return replace(channel, value=value, rate=rate, acceleration=acceleration)
 
 
-def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Scalar, period: Scalar) -> Channel:
+def _after(channel: Channel, sample: Sample, new: Scalar, due: Scalar, started: Scalar, period: Scalar) -> Channel:
     """State of one signal's extrapolator after comparison with the reference sample now held.
 
     Where a sample is due and nothing has changed, the motion is over: its last jerk and snap do not continue.

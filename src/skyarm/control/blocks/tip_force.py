@@ -12,7 +12,7 @@ little else pushes there; the base gives the direction that an arm in a plane do
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from skyarm.algebra import Mat3, Vec3, ldl_solve
 from skyarm.algebra.scalars import Scalar, add, divide, mul
@@ -24,6 +24,8 @@ from skyarm.vehicle.linkage import Link
 from skyarm.vehicle.vehicle_records import Vehicle
 
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
+
+Term = TypeVar("Term", Scalar, Vec3)
 
 
 @immutable
@@ -108,7 +110,7 @@ class LeastSquares:
         self.A: list[list[Scalar]] = [[0] * n for _ in range(n)]
         self.b: list[Scalar] = [0] * n
 
-    def require(self, columns: Sequence[Any], wanted: Any, weight: Scalar) -> None:
+    def require(self, columns: Sequence[Term], wanted: Term, weight: Scalar) -> None:
         """Add the term weight |columns x - ``wanted``|^2, of numbers or vectors."""
         for i, c in enumerate(columns):
             self.b[i] = add(self.b[i], mul(weight, _product(c, wanted)))

@@ -14,7 +14,7 @@ Source: Barakou et al. 2026, eq. (82)-(96); the parts cite their own.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
@@ -132,7 +132,7 @@ def stepped_computed_torque(
 
 def _present(
     memory: StepMemory, reference: Reference, dt: Scalar, par: StepParameters
-) -> tuple[Reference, tuple[Any, ...], Any]:
+) -> tuple[Reference, tuple[Channel, ...], Scalar]:
     """Reference extrapolated to the present, extrapolator states, and age of the held sample."""
     if par.steps < EXTRAPOLATION:
         return reference, (), memory.age
@@ -162,7 +162,7 @@ def _present(
 
 def _estimate_disturbance(
     memory: StepMemory, measurement: Measurement, dt: Scalar, par: StepParameters
-) -> tuple[Any, Disturbance]:
+) -> tuple[Observed | tuple[()], Disturbance]:
     """Next state of the disturbance observer and disturbance estimate; empty and zero without an observer."""
     if not memory.observed:
         return (), Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
@@ -176,7 +176,12 @@ def _estimate_disturbance(
 
 
 def _force(
-    specific: Vec3, measurement: Measurement, R: Mat3, qdd: Any, unknown: Disturbance, par: StepParameters
+    specific: Vec3,
+    measurement: Measurement,
+    R: Mat3,
+    qdd: tuple[Scalar, ...],
+    unknown: Disturbance,
+    par: StepParameters,
 ) -> Vec3:
     """Desired rotor force (N, world axes), whose direction is the desired thrust axis."""
     vehicle = par.model.vehicle
@@ -230,10 +235,10 @@ def _forces(
     measurement: Measurement,
     goal: Reference,
     R: Mat3,
-    qdd: Any,
+    qdd: tuple[Scalar, ...],
     unknown: Disturbance,
     par: StepParameters,
-) -> tuple[Vec3, Any, list[Any]]:
+) -> tuple[Vec3, Scalar, list[Scalar]]:
     """Body torque, thrust and joint efforts by inverse dynamics, with the disturbance compensated."""
     vehicle, q = par.model.vehicle, measurement.joints
     rate, rates, weight = measurement.rate, measurement.joint_rates, R.apply_T(unknown.force)

@@ -107,7 +107,7 @@ class Touch:
     force: Scalar
     along: Scalar
     speed: Scalar
-    into: Any
+    into: Scalar
 
 
 def observe_contact(

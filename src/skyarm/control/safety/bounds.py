@@ -125,7 +125,7 @@ def govern_joints(
         The reference, and for each joint 1 if it is on its way.
     """
     at: list[Scalar] = []
-    slowed: list[Any] = []
+    slowed: list[Scalar] = []
     rates: list[Scalar] = []
     on_way: list[Scalar] = []
     for desired, rate, old, ramp, link, speed, free, most, margin in zip(
@@ -186,7 +186,7 @@ def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Sca
 
     A law that commands more than it needs, to undo the motors' lag, may command such speeds with any mixer.
     """
-    beyond: Any = False
+    beyond: Scalar = False
     for speed, top in zip(speeds, mixer.highest, strict=True):
         beyond = logical_or(beyond, speed > sqrt(top))
     sideways, squares = bool(mixer.across), [speed * speed for speed in speeds]
@@ -201,7 +201,7 @@ def limit_slew(
 ) -> Command:
     """Command whose change since the last command is limited in rate; the first command is unlimited."""
 
-    def near(value: Any, before: Any, slew: Scalar) -> Scalar:
+    def near(value: Scalar, before: Scalar, slew: Scalar) -> Scalar:
         step = mul(slew, dt)
         return where(started > 0.5, clip(value, sub(before, step), add(before, step)), value)
 
@@ -249,7 +249,7 @@ def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Sca
 
 def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Scalar]) -> list[Scalar]:
     """Joint accelerations clipped to the bounds of the joint-limit barrier."""
-    bounded: list[Any] = []
+    bounded: list[Scalar] = []
     k = limits.joint_pole
     for q, rate, qdd, link, speed, margin in zip(
         measurement.joints,

@@ -6,6 +6,7 @@ The recovery hovers level where the law was given up, the arm on its way to its 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm import dynamics
@@ -37,7 +38,7 @@ from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.actuators import Command, Mixer, mix
 from skyarm.records.files import errors_as, number, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import Tree, leaves
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -62,21 +63,26 @@ class Confidence:
     calm: Annotated[Scalar, Unit("s", "of calm flight in the recovery so far")]
 
 
-def finite(record: Any) -> Any:
+def finite(record: Tree) -> Scalar:
     """True if every number of a nested dataclass is finite."""
-    fine: Any = True
+    fine: Scalar = True
     for value in leaves(record):
         fine = logical_and(fine, absolute(value) < float("inf"))
     return fine
 
 
-def not_finite(record: Any) -> Scalar:
+def not_finite(record: Tree) -> Scalar:
     """True if any number of a nested dataclass is infinite or NaN."""
     return where(finite(record), False, True)
 
 
 def update_confidence(
-    limits: Limits, confidence: Confidence, measurement: Measurement, joints: Any, failed: Any, dt: Scalar
+    limits: Limits,
+    confidence: Confidence,
+    measurement: Measurement,
+    joints: Sequence[Scalar],
+    failed: Scalar,
+    dt: Scalar,
 ) -> Confidence:
     """State of the failure detection after one measurement.
 

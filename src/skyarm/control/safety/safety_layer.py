@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, ZERO3_DATA, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, logical_or, where
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.select import choose, choose_each
@@ -141,7 +141,7 @@ def arbitrate(
     measurement: Measurement,
     governed: Governed,
     desired: Command,
-    failed: Any,
+    failed: Scalar,
     dt: Scalar,
 ) -> SafetyMemory:
     """Choose between the law and the recovery; return the safety layer's next internal state.
@@ -174,14 +174,14 @@ def arbitrate(
     )
 
 
-def _place(before: Any, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Scalar]:
+def _place(before: Scalar, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Scalar]:
     """Hover position and heading of the recovery, which follow the measurement while the law flies."""
     hold = choose(before, memory.hold, measurement.position)
     return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
 
 
 def _hold_reference(
-    par: SafetyParameters, measurement: Measurement, hold: Vec3, yaw: Scalar, arm: Any, dt: Scalar
+    par: SafetyParameters, measurement: Measurement, hold: Vec3, yaw: Scalar, arm: Sequence[Scalar], dt: Scalar
 ) -> Reference:
     """Reference of the recovery: hover in place and stow the arm."""
     still = (0.0,) * len(par.recovery.stow)
@@ -309,7 +309,7 @@ def _traced_law(
     par: SafetyParameters,
     inner: Law,
     first: Any,
-    margin: Callable[[Any], Any] | None,
+    margin: Callable[[Quaternion], Scalar] | None,
 ) -> tuple[SafetyMemory, Command]:
     """Step of a control law within the safety layer: limited reference and command, recovery on failure.
 
@@ -337,7 +337,7 @@ def _called_law(
     par: SafetyParameters,
     inner: Law,
     first: Any,
-    margin: Callable[[Any], Any] | None,
+    margin: Callable[[Quaternion], Scalar] | None,
 ) -> tuple[SafetyMemory, Command]:
     """Step, in plain floats, of an untraceable law inside the safety layer."""
     if not finite(measurement):

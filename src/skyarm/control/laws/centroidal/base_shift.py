@@ -119,7 +119,7 @@ class TiltShares:
     x: Scalar
     y: Scalar
 
-    def left(self, v: Vec3, yaw: Any) -> Vec3:
+    def left(self, v: Vec3, yaw: Scalar) -> Vec3:
         """Part of a horizontal vector (world axes, or its series) that joints leave to the base at a heading, rad."""
         ahead, aside = cos(yaw), sin(yaw)
         c, s = ahead * ahead - aside * aside, 2.0 * ahead * aside

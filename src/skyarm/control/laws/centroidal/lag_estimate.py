@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import accumulate
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import inner_product
 from skyarm.algebra.scalars import Scalar, add, data, divide, maximum, minimum, mul, structural, sub, total, where
@@ -218,14 +218,14 @@ def stride_of(control_period: float) -> int:
     return max(1, round(STEP / control_period))
 
 
-def delay_share(memory: LagMemory) -> Any:
+def delay_share(memory: LagMemory) -> Scalar:
     """Share of the rotors' lag that is a delay, 0 to 1: none where accelerations are much smaller than modelled."""
     roll, pitch = (divide(s, maximum(a, LEAST)) for s, a in zip(memory.size, memory.agreement, strict=True))
     times = minimum(roll, pitch)
     return minimum(maximum((SLOW - times) * (1.0 / (SLOW - SMALLER)), 0.0), 1.0)
 
 
-def weigh(bank: Bank) -> list[Any]:
+def weigh(bank: Bank) -> list[Scalar]:
     """Weight of each candidate lag, its likelihood up to a common factor."""
     least = _least(bank.paid)
     inverse = divide(0.125 * SHARPNESS, least + PRIOR)
@@ -238,7 +238,7 @@ def weigh(bank: Bank) -> list[Any]:
     return weights
 
 
-def estimate(bank: Bank, step: Scalar) -> Any:
+def estimate(bank: Bank, step: Scalar) -> Scalar:
     """Estimated lag, s: likelihood-weighted mean of the candidate lags, which are ``step`` apart."""
     # sums of the weights of lags not below each: their sum counts each weight once for each step of its lag
     above = list(accumulate(reversed(weigh(bank))))

@@ -16,6 +16,7 @@ Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -40,7 +41,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.reference.preview import samples, samples_ahead
+from skyarm.reference.preview import Sample, samples, samples_ahead
 from skyarm.sensing.measurement import Measurement
 
 
@@ -162,7 +163,7 @@ def continue_reference(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, ahead, lead
     )
     # the preview from then on; what a late command has missed follows at one period from the one before
-    since, rows = add(age, lead), list[tuple[Scalar, Any]]()
+    since, rows = add(age, lead), list[tuple[Scalar, Sequence[Sample]]]()
     last: Scalar = 0.0
     for time, row in zip(par.preview[FOLLOWING:], ahead[FOLLOWING:], strict=False):
         last = maximum(time - since, add(last, dt))

@@ -16,7 +16,7 @@ Sources: Mehra 1970 (noise from the innovations' autocovariance); Kalman, Bucy 1
 from __future__ import annotations
 
 import dataclasses
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import Scalar, clip, data, divide, maximum, sqrt
@@ -65,7 +65,7 @@ class White:
             variance=data(self.variance + (variance - self.variance) * (RATE * dt)),
         )
 
-    def share(self, density: Scalar, dt: Scalar) -> Any:
+    def share(self, density: Scalar, dt: Scalar) -> Scalar:
         """Root (0 to 1) of a density of noise over the one found."""
         square = density * density
         return sqrt(sqrt(divide(square, maximum(self.variance * dt, square))))

@@ -35,7 +35,7 @@ GAINS: Mapping[str, tuple[float, ...]] = {
 They were chosen under noise and one period of delay on perturbed plants.
 """
 
-OPTIONS: Mapping[str, tuple[Any, float, float]] = {
+OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
     "bandwidth": (1.0, 0.01, 10.0),
     "tilt": (1.2, 1e-3, 10.0),
     "reach": (0.12, 1e-3, 1e3),
@@ -236,7 +236,7 @@ def note_former(preset: Any) -> None:
     warnings.warn(words, FormerNameWarning, stacklevel=3)
 
 
-def check_entry(name: str, value: Any) -> Any:
+def check_entry(name: str, value: Any) -> float | tuple[float, ...]:
     """Value of an option after a check of type and range.
 
     Raises:

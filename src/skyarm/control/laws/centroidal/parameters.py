@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, mul, sqrt, total
@@ -27,10 +27,12 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Mixer
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import parts
+from skyarm.records.leaves import Dataclass, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
+
+Gains = TypeVar("Gains", bound=Dataclass)
 
 MODES = ("joint", "tip")
 
@@ -249,7 +251,7 @@ def brace_joints(
     )
 
 
-def _times(gains: Any, **shares: Scalar) -> Any:
+def _times(gains: Gains, **shares: Scalar) -> Gains:
     """Dataclass of gains with the named fields multiplied by factors."""
     values = {name: getattr(gains, name) for name in shares}
     scaled = {

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib import resources
 from typing import Annotated, Any
 
@@ -140,7 +140,7 @@ def shipped_network() -> tuple[Network, dict[str, Any]]:
     return read_network(resources.files("skyarm.control.laws.learned").joinpath(FILE).read_text(encoding="utf-8"))
 
 
-def _numbers(values: Any) -> tuple[float, ...]:
+def _numbers(values: Iterable[float]) -> tuple[float, ...]:
     return tuple(float(value) for value in values)
 
 
@@ -234,7 +234,7 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scala
     )
 
 
-def _filter_values(new: Any, filtered: Any, values: Any, dt: Scalar) -> tuple[Scalar, ...]:
+def _filter_values(new: Scalar, filtered: Iterable[Scalar], values: Iterable[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
     """Low-pass filter step of several values; a new filter starts at its first input."""
     return tuple(where(new, x, low_pass(y, x, HISTORY, dt)) for y, x in zip(filtered, values, strict=True))
 
@@ -274,7 +274,7 @@ def learned_compensator(
 
 
 def compensate(
-    measurement: Measurement, reference: Reference, unknown: tuple[Any, ...], par: LearnedParameters
+    measurement: Measurement, reference: Reference, unknown: tuple[Scalar, ...], par: LearnedParameters
 ) -> Command:
     """Command of Barakou et al. 2026's law minus a force and torque (base axes) and joint torques."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()

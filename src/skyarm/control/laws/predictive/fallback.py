@@ -8,8 +8,8 @@ enough good ones in a row, and a rest that doubles with each hand-over that foll
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -139,7 +139,9 @@ class Stabiliser:
         return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))
 
 
-def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance, signals: Any) -> tuple[Scalar, ...]:
+def _computed_torque(
+    par: Parameters, reading: Measurement, unknown: Disturbance, signals: Sequence[Sequence[Scalar]]
+) -> tuple[Scalar, ...]:
     """Rotor speeds and joint efforts of computed torque with limited tilt and compensated disturbance."""
     model, (values, rates, accelerations) = par.model, signals
     vehicle, R = model.vehicle, reading.quaternion.rotation()

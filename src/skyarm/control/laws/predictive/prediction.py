@@ -20,6 +20,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import rotor_force
 from skyarm.dynamics.state import coordinate_acceleration
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.vehicle.vehicle_records import Rotor
@@ -153,9 +154,9 @@ def euler_step(state: State, rate: State, dt: Scalar) -> State:
 class Motors:
     """Motor lags of all rotors per control period: gains for rising and falling speed, and speed limits (rad/s)."""
 
-    up: Any
-    down: Any
-    most: Any
+    up: Array
+    down: Array
+    most: Array
 
 
 def motors(rotors: Sequence[Rotor], dt: float) -> Motors:
@@ -174,7 +175,7 @@ def command_for(lags: Motors, speed: Scalar, acceleration: Scalar, dt: Scalar) -
     return maximum(0.0, minimum(target, lags.most))
 
 
-def speeds_under(lags: Motors, speed: Scalar, command: Any) -> Any:
+def speeds_under(lags: Motors, speed: Array, command: Array) -> Array:
     """Speeds (rad/s) of lagging rotors one control period after commanded speeds."""
     change = np.minimum(np.maximum(command, 0.0), lags.most) - speed
     return speed + change * np.where(change > 0.0, lags.up, lags.down)

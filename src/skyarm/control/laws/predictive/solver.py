@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA
-from skyarm.algebra.scalars import maximum, minimum
+from skyarm.algebra.scalars import Scalar, maximum, minimum
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
@@ -26,10 +26,12 @@ from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import Tree, leaves, rebuild
+
+Result = TypeVar("Result")
 
 
-class Compiled:
+class Compiled(Generic[Result]):
     """Function of dataclasses compiled to machine code and evaluated on arrays.
 
     Args:
@@ -37,8 +39,8 @@ class Compiled:
         examples: a record of floats for each argument.
     """
 
-    def __init__(self, function: Callable[..., Any], *examples: Any) -> None:
-        def step(carry: Any, _par: Any, row: Any, _uniforms: Any) -> Any:
+    def __init__(self, function: Callable[..., Result], *examples: Tree) -> None:
+        def step(carry: Tree, _par: Tree, row: tuple[Tree, ...], _uniforms: Tree) -> tuple[Tree, Result]:
             return carry, function(*row)
 
         self.kernel = Kernel(trace_loop(step, (0.0,), (), examples), Lanes(1), logging=True)
@@ -50,9 +52,10 @@ class Compiled:
         values = np.ascontiguousarray(log[:, :, 0])
         return values if rows.ndim > 1 else np.asarray(values[0])
 
-    def record(self, *parts: Array) -> Any:
+    def record(self, *parts: Array) -> Result:
         """Evaluate the compiled function on arrays and return its result as a dataclass of floats."""
-        return rebuild(self.kernel.loop.result[1], iter(self(*parts).tolist()))
+        shape: Result = self.kernel.loop.result[1]
+        return rebuild(shape, iter(self(*parts).tolist()))
 
 
 NUDGE = 1e-5
@@ -92,7 +95,9 @@ class Stages:
         shapes = examples(model.vehicle.n, len(model.vehicle.rotors), contact)
         state, inputs, disturbance, goal = shapes
 
-        def stage(x: State, par: tuple[Any, ...], _row: Any, _uniforms: Any) -> tuple[State, tuple[Any, ...]]:
+        def stage(
+            x: State, par: tuple[Inputs, tuple[Scalar], Disturbance, Goal], _row: Tree, _uniforms: Tree
+        ) -> tuple[State, tuple[Scalar, ...]]:
             u, dt, d, target = par
             errors = state_residuals(model, weights, x, target, mode)
             return predict_stage(model, x, u, d, target, dt[0]), (
@@ -157,6 +162,10 @@ class Motions:
     cost: Array
 
 
+Row = tuple[State, Inputs, tuple[Scalar, ...], tuple[tuple[Scalar, ...], ...], tuple[Scalar, Scalar, Scalar], Goal]
+"""State and inputs of the guess, policy k and K, stage length and times for which errors count (s), and goal."""
+
+
 class Rollouts:
     """Rollouts of a policy within input limits, for several step sizes at once.
 
@@ -172,7 +181,9 @@ class Rollouts:
         nx, nu = len(leaves(state)), len(leaves(inputs))
         efforts, speeds = bounds.efforts.tolist(), bounds.speeds.tolist()
 
-        def stage(carry: Any, par: Any, row: Any, _uniforms: Any) -> Any:
+        def stage(
+            carry: tuple[State, tuple[Scalar]], par: tuple[tuple[Scalar], Disturbance], row: Row, _uniforms: Tree
+        ) -> tuple[tuple[State, tuple[Scalar]], tuple[State, Inputs]]:
             x, (cost,) = carry
             (a,), d = par
             x_guess, u_guess, k, K, (dt, whole, running), target = row
@@ -301,7 +312,7 @@ def policy(problem: Linear, held: Array | None = None, at: Array | None = None, 
     return Policy(Kk[:, :, nx], Kk[:, :, :nx], P)
 
 
-def rollout(problem: Linear, feedback: Policy, first: Array, low: Any, high: Any) -> tuple[Array, Array]:
+def rollout(problem: Linear, feedback: Policy, first: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """Linear rollout of a policy with clipped inputs: deviations x (N + 1, nx) and u (N, nu)."""
     stages, nx, width = problem.AB.shape
     x, u = np.empty((stages + 1, nx)), np.empty((stages, width - nx))

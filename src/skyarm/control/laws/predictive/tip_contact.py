@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -22,11 +21,12 @@ from skyarm.control.blocks.force_control import (
     interact,
     wanted_of,
 )
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.predictive.cost import tip_velocity
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
-from skyarm.dynamics import frame_pose
+from skyarm.dynamics import State, frame_pose
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
@@ -56,7 +56,7 @@ class Touch:
         tip_force: (3,) of the surface on the tip, estimated, world axes.
     """
 
-    normal: tuple[Any, ...]
+    normal: tuple[Scalar, ...]
     asked: Scalar
     touching: Scalar
     rising: Scalar
@@ -86,7 +86,13 @@ class TipContact:
         self.gains, self.first = gains, first
         rows = (state, disturbance, (0.0,) * TOLD, (0.0,) * (4 + vehicle.n))
 
-        def step(memory: InteractionMemory, now: Any, observed: Any, push: Any, signals: Any) -> Any:
+        def step(
+            memory: InteractionMemory,
+            now: State,
+            observed: Disturbance,
+            push: Sequence[Scalar],
+            signals: Sequence[Scalar],
+        ) -> tuple[InteractionMemory, Touch]:
             x, y, z, yaw, *joints = signals
             desired, at = wanted_of(push), levers(vehicle, now.quaternion.rotation(), now.joints)
             n, into = desired.normal, -desired.normal.dot(tip_velocity(model, now))
@@ -131,10 +137,7 @@ class TipContact:
             signals: (4 + joints,) of the reference now.
         """
         memory = np.array(leaves(before or self.first), dtype=float)
-        found: tuple[InteractionMemory, Touch] = self.step.record(
-            memory, estimate, np.array(push[:TOLD], dtype=float), signals
-        )
-        return found
+        return self.step.record(memory, estimate, np.array(push[:TOLD], dtype=float), signals)
 
 
 def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Array, Array, Array]:
@@ -174,4 +177,4 @@ def contact_goals(gains: InteractionGains, touch: Touch, later: Array) -> Array:
     steps = np.append(np.diff(later), later[-1] - later[-2])
     damping = (1.0 - np.exp(-float(touch.damping) * steps)) / steps
     touching = np.full_like(later, touch.touching)
-    return np.column_stack([np.tile(touch.normal, (len(later), 1)), touching, force, damping])
+    return np.column_stack([np.tile(np.array(touch.normal), (len(later), 1)), touching, force, damping])

@@ -16,13 +16,12 @@ Source: Bulut, Turgut, Arikan, ICINCO 2019, as summarised in Barakou et al. 2026
 
 from __future__ import annotations
 
-from typing import Any
-
 from skyarm.algebra import E_Z, Motion, Quaternion, Vec3
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import Scalar, atan2, clip, cos, divide, maximum, sin
 from skyarm.control.blocks.common import coupled_forces, make_command, wanted_specific_force
 from skyarm.control.blocks.geometric import angular_acceleration
+from skyarm.control.controller import Memory
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import SINGULAR_PITCH, euler_margin, joint_accelerations
 from skyarm.control.model import Parameters
@@ -39,8 +38,8 @@ FLATTEST = 0.3
 
 
 def bulut_computed_torque(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
-) -> tuple[Any, Command]:
+    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
+) -> tuple[Memory, Command]:
     """Computed torque on position, Euler angles and joints, translation decoupled."""
     del dt
     R = measurement.quaternion.rotation()

@@ -20,7 +20,7 @@ Technology 29, 2021 (arXiv 1809.04048).
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, minimum, where
@@ -97,7 +97,7 @@ def indi(
     joint_rates, efforts = signals[12 : 12 + n], signals[12 + n :]
     per_period = divide(1.0, dt)
 
-    def slope(now: Any, past: Any) -> Scalar:
+    def slope(now: Scalar, past: Scalar) -> Scalar:
         return where(first, 0.0, (now - past) * per_period)
 
     alpha_f = Vec3(*(slope(a, b) for a, b in zip(rate, memory.rate, strict=True)))
@@ -127,7 +127,7 @@ def indi(
 
 
 def _speeds(
-    memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Any, dt: Scalar
+    memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Scalar, dt: Scalar
 ) -> tuple[Scalar, ...]:
     """Rotor speeds: measured, or modelled with the measurement's delay."""
     if par.measured_speeds:
@@ -144,8 +144,8 @@ def _filter_signals(
     hold: tuple[Scalar, ...],
     dt: Scalar,
     par: IndiParameters,
-    first: Any,
-) -> tuple[tuple[Taps, ...], list[Any]]:
+    first: Scalar,
+) -> tuple[tuple[Taps, ...], list[Scalar]]:
     """Low-pass filter step of all signals, from steady state at the first call."""
     torque, force = rotor_thrust(par.model.vehicle, speeds)
     efforts = choose_each(first, hold, memory.sent[0].efforts)
@@ -162,7 +162,7 @@ def _filter_signals(
     return filtered_all(taps, signals, coefficients)
 
 
-def _command_history(memory: IndiMemory, command: Command, standing: Command, first: Any) -> tuple[Command, ...]:
+def _command_history(memory: IndiMemory, command: Command, standing: Command, first: Scalar) -> tuple[Command, ...]:
     """Commands of the last periods, newest last, with the actuators held before the first command."""
     past = (
         Command(
@@ -174,7 +174,7 @@ def _command_history(memory: IndiMemory, command: Command, standing: Command, fi
     return (*past, command)
 
 
-def _begun(first: Any, value: Any, old: Taps, par: Butterworth) -> Taps:
+def _begun(first: Scalar, value: Scalar, old: Taps, par: Butterworth) -> Taps:
     new = settle(value, par)
     return Taps(first=where(first, new.first, old.first), second=where(first, new.second, old.second))
 

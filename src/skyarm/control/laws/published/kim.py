@@ -18,7 +18,7 @@ Source: Kim, Choi, Kim, IROS 2013; Slotine, Li 1991, chapter 7.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Sym3, Vec3, ldl_solve
@@ -109,7 +109,7 @@ def kim_sliding_mode(
     unchanged = all_follow(memory.applied)
     free = logical_and(rotors_follow(par.mixer, squares), unchanged)
 
-    def adapt(delta: Scalar, s: Scalar, group: int, inside: Any) -> Scalar:
+    def adapt(delta: Scalar, s: Scalar, group: int, inside: Scalar) -> Scalar:
         moved = clip(delta + par.adaptation[group] * s * dt, -par.limit[group], par.limit[group])
         return where(inside, moved, delta)
 

@@ -173,7 +173,7 @@ def shift_reference(
     d = disturbance(observed)
     estimate = tip_force(gains.errors, at, d - memory.bias)
     sensed, value = memory.sensed, estimate
-    if sensed and memory.sensor_bias and reading:
+    if sensed and memory.sensor_bias and reading and gains.sensing is not None:
         sensed = low_pass(sensed, Vec3(*reading), gains.sensing, dt)
         turned = at.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
         value, sensed = turned.apply(sensed - memory.sensor_bias), vector_data(sensed)

@@ -83,7 +83,7 @@ class Interaction(InteractionGains, Part):
         slides: Scalar = across.dot(across) > SLIDES * SLIDES
         effort = where(slides, 0.0, _effort(vehicle, step.memory.sent))
         felt, reading, load = None, step.measurement.tip_force, step.memory.parts.load
-        if memory.felt and reading:
+        if memory.felt and reading and self.sensing is not None:
             # the sensor measures the weight of a load too, which the surface does not carry
             weight = mul(load.mass, step.par.model.gravity) if load else 0
             turned = then.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R

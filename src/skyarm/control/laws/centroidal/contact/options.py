@@ -15,7 +15,7 @@ from skyarm.control.laws.centroidal.parameters import Part
 from skyarm.records.files import shown
 from skyarm.vehicle.vehicle_records import Vehicle
 
-OPTIONS: Mapping[str, tuple[Any, float, float]] = {
+OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
     "interaction": ((0.0, 0.0), 0.0, 1e3),
     "tolerances": ((0.0, 0.0), 0.0, 1.0),
     "force_sensor": (False, 0.0, 1.0),
