@@ -88,7 +88,7 @@ def test_interaction_is_written(seed: int) -> None:
 
         at, ahead = levers(ARM, mat(R), tuple(q)), levers(ARM, mat(R), tuple(q + 0.01))
         normal = interaction.estimated_normal(vec(told), memory.lean)
-        wanted = force_control.Wanted(force=push[0], speed=push[1], normal=normal)
+        wanted = force_control.DesiredContact(force=push[0], speed=push[1], normal=normal)
         moving = interaction.motion_share(gains, memory.moving, vec(course * np.array([0.0, 0.6, -0.8])), DT)
         memory = dataclasses.replace(memory, gap=gap, moving=moving)
         effort = 0.0 if slides else most

@@ -80,7 +80,7 @@ TINY = 1e-12
 
 
 @immutable(kw_only=False)
-class Attitude:
+class DesiredAttitude:
     """Desired attitude R_d, with its body rate (rad/s) and angular acceleration (rad/s^2) in desired body axes."""
 
     R: Mat3
@@ -133,7 +133,7 @@ def _quartic(t: Taylor) -> Taylor:
     return Taylor(coefficients)
 
 
-def attitude(force: Vec3, yaw: Taylor) -> Attitude:
+def attitude(force: Vec3, yaw: Taylor) -> DesiredAttitude:
     """Attitude with body z along a force and body x nearest to the heading, with body rate and angular acceleration.
 
     With w the body rate, R' = R S(w): derivatives of f = F b3 in the axes R give F'/F and w', w across b3; the heading
@@ -161,7 +161,7 @@ def attitude(force: Vec3, yaw: Taylor) -> Attitude:
     moved = normal * mul(2.0, turn) - Vec3(mul(y, heading.z), 0, neg(mul(y, heading.x)))
     slower = sub(mul(z, moved.x), mul(x, moved.z))
     z_turning = mul(sub(add(mul(turning, normal.y), mul(x_turning, heading.z)), slower), per)
-    return Attitude(R, Vec3(x, y, z), Vec3(x_turning, y_turning, z_turning))
+    return DesiredAttitude(R, Vec3(x, y, z), Vec3(x_turning, y_turning, z_turning))
 
 
 def _inverse_length(v: Vec3) -> Scalar:
@@ -169,7 +169,7 @@ def _inverse_length(v: Vec3) -> Scalar:
     return divide(1.0, sqrt(where(square > TINY, square, 1.0)))
 
 
-def angular_acceleration(gains: BaseGains, desired: Attitude, R: Mat3, w: Vec3) -> Vec3:
+def angular_acceleration(gains: BaseGains, desired: DesiredAttitude, R: Mat3, w: Vec3) -> Vec3:
     """Commanded angular acceleration from attitude and rate errors, body axes, rad/s^2.
 
     -KR e_R - Kw e_w + R^T R_d w_d' - w x R^T R_d w_d with e_w = w - R^T R_d w_d: Lee's law times the inverse inertia.

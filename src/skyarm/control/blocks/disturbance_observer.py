@@ -319,7 +319,7 @@ class Told:
 
 
 @immutable(kw_only=False)
-class Place:
+class FilteredPose:
     """Base position (m), attitude and joint positions of the vehicle."""
 
     position: Vec3
@@ -327,7 +327,9 @@ class Place:
     joints: tuple[Scalar, ...]
 
 
-def filter_pose(bandwidth: Scalar, memory: Observed, measurement: Measurement, started: Scalar, dt: Scalar) -> Place:
+def filter_pose(
+    bandwidth: Scalar, memory: Observed, measurement: Measurement, started: Scalar, dt: Scalar
+) -> FilteredPose:
     """Low-pass filtered base pose and joint positions, predicted from the estimated velocities and then corrected."""
     share = where(started > 0.5, low_pass_share(bandwidth, dt), 1.0)
     position = memory.position + memory.velocity * dt
@@ -335,7 +337,7 @@ def filter_pose(bandwidth: Scalar, memory: Observed, measurement: Measurement, s
     joints = [q + qd * dt for q, qd in zip(memory.joints, memory.joint_rates, strict=True)]
     measured = nearer_sign(measurement.quaternion, quaternion)
     off = Quaternion(*(m - c for m, c in zip(measured, quaternion, strict=True)))
-    return Place(
+    return FilteredPose(
         position + (measurement.position - position) * share,
         quaternion.plus(off, share).normalized(),
         tuple(q + share * (m - q) for q, m in zip(joints, measurement.joints, strict=True)),

@@ -28,7 +28,7 @@ order down to none, and from that whole speed on the reference takes over what i
 pushed into a hole. A tip that leaves its reference behind is through the surface.
 
 A tip that grips is in contact for as long as the reference says; f_d may have either sign, and the normal may be the
-radius of an arc (:class:`Wanted`).
+radius of an arc (:class:`DesiredContact`).
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ PRESSED = 0.75
 def interact(
     gains: InteractionGains,
     memory: InteractionMemory,
-    wanted: Wanted,
+    wanted: DesiredContact,
     observed: Disturbance,
     at: TipLevers,
     into: Scalar,
@@ -360,7 +360,7 @@ class InteractionMemory:
 
 
 @immutable
-class Wanted:
+class DesiredContact:
     """Desired contact: force (N), approach speed (m/s) and unit normal out of the surface, world axes.
 
     Attributes:
@@ -392,7 +392,7 @@ class Wanted:
         pushing: Scalar = self.force > 0.0
         return logical_and(pushing, self.grip < 0.5) if self.grips else pushing
 
-    def about_the_pivot(self, tip: Vec3) -> Wanted:
+    def about_the_pivot(self, tip: Vec3) -> DesiredContact:
         """Desired contact whose normal, while gripping, points from the axis of the tip's arc to the tip."""
         if self.pivot is None or self.axis is None:
             return self
@@ -430,9 +430,9 @@ def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
     return InteractionMemory(bias=no_disturbance(joints), felt=ZERO3_DATA if sensor else ())
 
 
-def wanted_of(push: Sequence[Scalar]) -> Wanted:
+def wanted_of(push: Sequence[Scalar]) -> DesiredContact:
     """Desired contact from the values in a reference's field ``push``."""
     force, speed, *normal = push[:5]
     grip = where(push[5] > 0.5, 1.0, 0.0) if len(push) > 5 else 0
     pivot, axis = (Vec3(*push[6:9]), Vec3(*push[9:])) if len(push) > 6 else (None, None)
-    return Wanted(force=force, speed=speed, normal=Vec3(*normal), grip=grip, pivot=pivot, axis=axis)
+    return DesiredContact(force=force, speed=speed, normal=Vec3(*normal), grip=grip, pivot=pivot, axis=axis)

@@ -93,7 +93,7 @@ class PressingMemory:
 
 
 @immutable(kw_only=False)
-class Touch:
+class ObservedContact:
     """Contact in one control period: tip Jacobian, desired and observed force, and speeds of the tip.
 
     Attributes:
@@ -112,7 +112,7 @@ class Touch:
 
 def observe_contact(
     memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, par: PressingParameters
-) -> tuple[PressingMemory, Touch | None]:
+) -> tuple[PressingMemory, ObservedContact | None]:
     """Step of disturbance observer and contact detection; the contact is None unless the reference requests one."""
     vehicle = par.model.vehicle
     free = (1.0,) * (1 + vehicle.n)
@@ -129,7 +129,7 @@ def observe_contact(
         par.interaction, memory.interaction, desired, disturbance(observed), at, into, 0.0, dt
     )
     along = where(interaction.touching > 0.5, desired.normal.dot(pressing.force), 0.0)
-    touch = Touch(at=at, pressing=pressing, force=desired.force, along=along, speed=desired.speed, into=into)
+    touch = ObservedContact(at=at, pressing=pressing, force=desired.force, along=along, speed=desired.speed, into=into)
     return dataclasses.replace(after, interaction=interaction), touch
 
 
@@ -197,7 +197,9 @@ def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
     return reference.position + arm
 
 
-def pressing_command(par: PressingParameters, measurement: Measurement, reference: Reference, touch: Touch) -> Command:
+def pressing_command(
+    par: PressingParameters, measurement: Measurement, reference: Reference, touch: ObservedContact
+) -> Command:
     """Computed torque command plus the contact force command along the surface normal."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     up = wanted_specific_force(par, measurement, reference)
@@ -211,7 +213,7 @@ def pressing_command(par: PressingParameters, measurement: Measurement, referenc
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
 
 
-def release_normal(touch: Touch, wanted: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def release_normal(touch: ObservedContact, wanted: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Joint accelerations whose part along the surface normal is replaced by damping while the tip presses."""
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]
@@ -257,7 +259,7 @@ def admittance_pd(
 
 
 def admittance_motion(
-    par: PressingParameters, memory: PressingMemory, touch: Touch, dt: Scalar
+    par: PressingParameters, memory: PressingMemory, touch: ObservedContact, dt: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
     """Position, velocity and acceleration of the virtual mass along the normal, one period later."""
     s, rate = memory.interaction.shift, memory.interaction.shift_rate

@@ -31,7 +31,7 @@ from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Part, Step, with_joint_damping
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step, with_joint_damping
 from skyarm.control.laws.centroidal.step_records import Planned
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
@@ -150,7 +150,7 @@ class Learned:
 
 
 @immutable
-class AdaptationGains(Part):
+class AdaptationGains(OptionalPart):
     """Rates and bounds of the tip-mass and friction adaptation; a rate of None leaves the mass out.
 
     Attributes:

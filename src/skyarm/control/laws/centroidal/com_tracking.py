@@ -16,7 +16,7 @@ from typing import Annotated
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, mul, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor, inverse_root
-from skyarm.control.blocks.attitude import Attitude, derivative, reachable, vector_series
+from skyarm.control.blocks.attitude import DesiredAttitude, derivative, reachable, vector_series
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.step_records import RotorForce
@@ -57,7 +57,7 @@ def quasi_static(
     return reachable(series, par.center.tilt, par.center.floor)
 
 
-def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Scalar, gravity: Scalar) -> Vec3:
+def planned_rate(still: DesiredAttitude, motion: Sequence[Vec3], mass: Scalar, gravity: Scalar) -> Vec3:
     """Rate of the planned force f = m (p'' + g), planned body axes, N/s: R^T m p''' - w x R^T f.
 
     ``motion`` are p'' and p''' of the centre of mass.
@@ -67,7 +67,7 @@ def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Scalar, gravity:
     return change - still.rate.cross(force)
 
 
-def goal(base: list[Vec3], h: list[Vec3], still: Attitude, moving: bool) -> list[Vec3]:
+def goal(base: list[Vec3], h: list[Vec3], still: DesiredAttitude, moving: bool) -> list[Vec3]:
     """Reference of the centre of mass, with four derivatives, from the base's reference and the offset h.
 
     ``moving`` differentiates R_q too, in velocity and acceleration.

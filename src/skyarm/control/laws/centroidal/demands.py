@@ -9,7 +9,7 @@ from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, maximum, minimum, mul, sqrt, sub
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import (
-    Attitude,
+    DesiredAttitude,
     Posture,
     angular_acceleration,
     attitude,
@@ -25,7 +25,7 @@ from skyarm.control.laws.centroidal.base_shift import FIRST_SHIFT, Acting, Shift
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion
 from skyarm.control.laws.centroidal.force_trend import Foreseen
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Step
-from skyarm.control.laws.centroidal.step_records import Demand, Effect, Planned, RotorForce
+from skyarm.control.laws.centroidal.step_records import AccelerationDemand, Effect, Planned, RotorForce
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
 from skyarm.records.immutable import immutable
@@ -49,7 +49,7 @@ def first_following(par: CentroidalParameters) -> Following:
 
 
 @immutable(kw_only=False)
-class Course:
+class DesiredMotion:
     """Desired motion of base and arm at one instant, with the quasi-static attitude.
 
     Attributes:
@@ -62,17 +62,17 @@ class Course:
     """
 
     base: list[Vec3]
-    still: Attitude
+    still: DesiredAttitude
     level: Posture
     turned: tuple[Taylor, ...]
     following: Following
     changes: tuple[Vec3, Vec3]
     rotors: RotorForce
     planned: Vec3 | None
-    goal: tip_tasks.Goal | None = None
+    goal: tip_tasks.TipGoal | None = None
 
 
-def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[Demand, Following]:
+def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[AccelerationDemand, Following]:
     """Desired thrust, angular and joint accelerations of one control step, and the next filter states."""
     par, state, before = step.par, step.state, step.memory.following
     model, pressing = par.model, effect.pressing
@@ -132,7 +132,7 @@ def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[Demand, Follo
         proper=course.still.R.apply_T(course.base[2] + E_Z * model.gravity),
         joints=course.turned,
     )
-    demand = Demand(
+    demand = AccelerationDemand(
         thrust=push.along,
         alpha=alpha,
         joints=preferred,
@@ -144,7 +144,7 @@ def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[Demand, Follo
     return demand, dataclasses.replace(course.following, arm=arm)
 
 
-def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> Course:
+def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> DesiredMotion:
     """Desired motion of base and arm in one step; in tip mode the joints compensate the base's tilt.
 
     Attitude and drag along the path are those of the base as it shifts.
@@ -172,7 +172,7 @@ def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> Course:
     planned = force if moved else None
     still = wanted_attitude(par, force, yaw, rotors, planned)
     if par.mode != "tip":
-        return Course(base, still, level, joints, before, changes, rotors, planned)
+        return DesiredMotion(base, still, level, joints, before, changes, rotors, planned)
     goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
     turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, moves)
     upright_posture, level = level, posture(vehicle, turned, 4)
@@ -180,7 +180,7 @@ def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> Course:
     if moved:
         offset = [*offset, *moved[2:]]
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    return Course(base, still, level, turned, after, changes, rotors, planned, goal)
+    return DesiredMotion(base, still, level, turned, after, changes, rotors, planned, goal)
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Scalar, ...]:
@@ -206,7 +206,7 @@ Hz, and a law without an accelerometer errs by 17 mm for 3 in noise at 1 Hz."""
 
 def wanted_attitude(
     par: CentroidalParameters, force: Vec3, yaw: Taylor, rotors: RotorForce, planned: Vec3 | None = None
-) -> Attitude:
+) -> DesiredAttitude:
     """Desired attitude for a force (Taylor series, N, world axes), of which rotors may give a part sideways.
 
     ``planned`` is the force of the motion without errors, whose direction low thrust does not change.

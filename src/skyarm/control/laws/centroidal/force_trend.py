@@ -20,7 +20,7 @@ from skyarm.algebra.scalars import Scalar, data, divide, exp, maximum, minimum
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Part
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart
 from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -42,7 +42,7 @@ SLOWEST, STEEPEST = 0.1, 5.0
 
 
 @immutable
-class TrendGains(Part):
+class TrendGains(OptionalPart):
     """Constants of the force trend: tracking filter of force and rate, and evidence for the rate's weight."""
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "tracker of the observed force")]

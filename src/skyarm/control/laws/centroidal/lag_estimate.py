@@ -27,7 +27,13 @@ from typing import Annotated
 from skyarm.algebra import inner_product
 from skyarm.algebra.scalars import Scalar, add, data, divide, maximum, minimum, mul, structural, sub, total, where
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Part, Step, at_shares, with_joint_damping
+from skyarm.control.laws.centroidal.parameters import (
+    CentroidalParameters,
+    OptionalPart,
+    Step,
+    at_shares,
+    with_joint_damping,
+)
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
@@ -73,7 +79,7 @@ IGNORED = 0.002
 
 
 @immutable
-class LagGains(Part):
+class LagGains(OptionalPart):
     """Constants of the lag estimate: lags that halve the bandwidths of rotor and joint loops, spacing of candidates."""
 
     base: Annotated[Scalar, Unit("s", "lag of the rotors' loops that halves their bandwidth", low=0.0, strict=True)]

@@ -34,7 +34,7 @@ from skyarm.control.laws.centroidal.force_trend import TrendGains, foresee, upda
 from skyarm.control.laws.centroidal.lag_estimate import LagGains
 from skyarm.control.laws.centroidal.noise_estimate import NoiseGains
 from skyarm.control.laws.centroidal.parameters import FOLLOWING, CentroidalParameters, Step, brace_joints
-from skyarm.control.laws.centroidal.step_records import Effect, ReferenceMotion, Seen, Timing
+from skyarm.control.laws.centroidal.step_records import Effect, ObserverOutput, ReferenceMotion, Timing
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -189,7 +189,7 @@ def see(
     acted: Actuation,
     adapted: tuple[Disturbance, Disturbance],
     dt: Scalar,
-) -> Seen:
+) -> ObserverOutput:
     """Update of the observer by one measurement: state and disturbance at the measurement's time.
 
     ``adapted``: feed-forward of the period before the measurement, and that of now.
@@ -202,10 +202,10 @@ def see(
     alone, R = disturbance(observed) + adapted[1], observed.quaternion.rotation()
     across = par.center.sideways is not None
     unknown = with_side(model, alone, R, observed.rotor_speeds, observed.velocity, observed.rate, across)
-    return Seen(observed=observed, told=update, alone=alone, unknown=unknown)
+    return ObserverOutput(observed=observed, told=update, alone=alone, unknown=unknown)
 
 
-def present(par: CentroidalParameters, timing: Timing, seen: Seen, dt: Scalar) -> State:
+def present(par: CentroidalParameters, timing: Timing, seen: ObserverOutput, dt: Scalar) -> State:
     """Vehicle state when the command of this step begins to act: filtered estimate, predicted over the sent commands.
 
     That is now, after the measurement's delay, and later by a delay of the commands that is found in flight.

@@ -21,8 +21,8 @@ from typing import Annotated
 from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import Scalar, clip, data, divide, maximum, sqrt
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Part
-from skyarm.control.laws.centroidal.step_records import Seen
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart
+from skyarm.control.laws.centroidal.step_records import ObserverOutput
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -80,7 +80,7 @@ class NoiseMemory:
 
 
 @immutable
-class NoiseGains(Part):
+class NoiseGains(OptionalPart):
     """Constants of the noise estimate."""
 
     density: Annotated[
@@ -104,7 +104,7 @@ class NoiseGains(Part):
         force = observer.force * seen.share(self.density, dt)
         return dataclasses.replace(par, observer=dataclasses.replace(observer, force=force, accelerometer=heard))
 
-    def after(self, memory: NoiseMemory, seen: Seen, velocity: Vec3, dt: Scalar) -> NoiseMemory:
+    def after(self, memory: NoiseMemory, seen: ObserverOutput, velocity: Vec3, dt: Scalar) -> NoiseMemory:
         """Estimates one control period later, by the velocity measured in it."""
         update, noise = seen.told, memory.accelerometer
         if noise and update.beside:

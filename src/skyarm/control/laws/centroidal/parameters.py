@@ -15,11 +15,11 @@ from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, mul, sqrt, 
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.laws.centroidal.step_records import (
-    Demand,
+    AccelerationDemand,
     Effect,
+    ObserverOutput,
     ReferenceMotion,
     RotorPart,
-    Seen,
     Timing,
 )
 from skyarm.control.model import JointGains, Model
@@ -82,7 +82,7 @@ class TipGains:
     preview: Annotated[Scalar, Unit("s", "of the reference, by which the base shifts")] | None = None
 
 
-class Part:
+class OptionalPart:
     """Base class of an optional part of the centroidal law, whose methods change nothing."""
 
     __slots__ = ()
@@ -99,7 +99,7 @@ class Part:
         """Next state of an optional part, and its effect on the control step beside that of the parts before it."""
         return memory, effect
 
-    def learn(self, memory: Any, effect: Effect, demand: Demand) -> Any:
+    def learn(self, memory: Any, effect: Effect, demand: AccelerationDemand) -> Any:
         """State of an optional part at the end of a control step, updated from the computed demand."""
         return memory
 
@@ -108,19 +108,19 @@ class Part:
 class Parts:
     """Optional parts of the centroidal law (lag estimate, contact ...) in order of execution; None disables a part."""
 
-    lag: Part | None = None
-    noise: Part | None = None
-    interaction: Part | None = None
-    admittance: Part | None = None
-    load: Part | None = None
-    trend: Part | None = None
-    adaptation: Part | None = None
+    lag: OptionalPart | None = None
+    noise: OptionalPart | None = None
+    interaction: OptionalPart | None = None
+    admittance: OptionalPart | None = None
+    load: OptionalPart | None = None
+    trend: OptionalPart | None = None
+    adaptation: OptionalPart | None = None
 
-    def present(self) -> list[tuple[str, Part]]:
+    def present(self) -> list[tuple[str, OptionalPart]]:
         """Names and constants of the enabled optional parts of the centroidal law."""
         return [(name, part) for name, part in parts(self).items() if part is not None]
 
-    def touching(self) -> list[tuple[str, Part]]:
+    def touching(self) -> list[tuple[str, OptionalPart]]:
         """Names and constants of the enabled parts that are not the law's own, of a tip in contact."""
         return [(name, part) for name, part in self.present() if name not in OWN]
 
@@ -178,7 +178,7 @@ class Step:
     dt: Scalar
     timing: Timing
     motion: ReferenceMotion
-    seen: Seen
+    seen: ObserverOutput
     state: State
 
     @property

@@ -49,7 +49,7 @@ class ReferenceMotion:
 
 
 @immutable
-class Seen:
+class ObserverOutput:
     """Observer output: state, model accelerations and disturbance at the measurement's time.
 
     Attributes:
@@ -145,7 +145,7 @@ class Planned:
 
 
 @immutable
-class Demand:
+class AccelerationDemand:
     """Desired thrust, angular acceleration and joint accelerations of one control step.
 
     Attributes:

@@ -8,7 +8,7 @@ from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
 from skyarm.control.blocks.center_of_mass import forces_under_thrust, reaction
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
 from skyarm.control.laws.centroidal.parameters import Step
-from skyarm.control.laws.centroidal.step_records import Demand
+from skyarm.control.laws.centroidal.step_records import AccelerationDemand
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command, friction, mix
@@ -25,7 +25,9 @@ TRIM = 0.1
 """Bound of the trim as a share of a rotor's largest squared speed: more than the lag of motors takes."""
 
 
-def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> tuple[Vec3, tuple[Scalar, ...]]:
+def needed(
+    model: Model, state: State, demand: AccelerationDemand, unknown: Disturbance
+) -> tuple[Vec3, tuple[Scalar, ...]]:
     """Body torque (N m, base axes) and joint torques for the desired accelerations under the desired thrust.
 
     The disturbance is subtracted; friction of the model is added, its dry part at the references' rates.
@@ -61,7 +63,7 @@ class Done:
     trim: tuple[Scalar, ...]
 
 
-def actuate(step: Step, unknown: Disturbance, demand: Demand) -> Done:
+def actuate(step: Step, unknown: Disturbance, demand: AccelerationDemand) -> Done:
     """Rotor and joint commands for the demanded thrust and accelerations.
 
     Motors that slow down later than they speed up lose thrust under noise: the trim integrates, within bounds, what the

@@ -25,7 +25,7 @@ from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sub
 from skyarm.control.blocks.attitude import derivative, moving, posture
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
-from skyarm.control.laws.predictive.prediction import Inputs, accelerations, integrate_stage
+from skyarm.control.laws.predictive.prediction import StageInputs, accelerations, integrate_stage
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
 from skyarm.records.immutable import immutable
@@ -35,7 +35,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @immutable
-class Contact:
+class ContactGoal:
     """Desired contact of the tip with a surface at one stage of the horizon.
 
     Attributes:
@@ -71,7 +71,7 @@ def under_contact(
     efforts: tuple[Scalar, ...],
     disturbance: Disturbance,
     dry_rates: tuple[Scalar, ...] | None,
-    contact: Contact | tuple[()],
+    contact: ContactGoal | tuple[()],
 ) -> tuple[Disturbance, Scalar]:
     """Disturbance with the predicted contact force added, and that force (N), 0 without contact.
 
@@ -105,7 +105,7 @@ MODES = ("tool", "joints")
 
 
 @immutable
-class Goal:
+class StageGoal:
     """Reference at one stage of the horizon: base (world axes, m, rad) and joints (rad or m).
 
     Attributes:
@@ -121,7 +121,7 @@ class Goal:
     joint_rates: tuple[Scalar, ...]
     joint_accelerations: tuple[Scalar, ...]
     shift: Vec3
-    contact: Contact | tuple[()] = ()
+    contact: ContactGoal | tuple[()] = ()
 
 
 @immutable
@@ -150,7 +150,7 @@ class Weights:
     force: Annotated[Scalar, Unit("1/N", low=0.0)] = 2.5
 
 
-def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mode: str) -> tuple[Scalar, ...]:
+def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoal, mode: str) -> tuple[Scalar, ...]:
     """Weighted errors of a predicted vehicle state against the reference, as least-squares residuals.
 
     In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it;
@@ -193,7 +193,7 @@ def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple
 
 
 def input_residuals(
-    model: Model, weights: Weights, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal
+    model: Model, weights: Weights, state: State, inputs: StageInputs, disturbance: Disturbance, goal: StageGoal
 ) -> tuple[Scalar, ...]:
     """Weighted residuals of one stage's joint and rotor accelerations, and of the contact force if there is one.
 
@@ -211,7 +211,7 @@ def input_residuals(
 
 
 def predict_stage(
-    model: Model, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal, dt: Scalar
+    model: Model, state: State, inputs: StageInputs, disturbance: Disturbance, goal: StageGoal, dt: Scalar
 ) -> State:
     """State after a stage of ``dt`` seconds under a constant contact force."""
     pushed, _ = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)

@@ -21,8 +21,8 @@ from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.laws.paper import generalized_force, joint_accelerations, make_hybrid_computed_torque
 from skyarm.control.laws.predictive.cost import Weights
-from skyarm.control.laws.predictive.preview import Sample
-from skyarm.control.laws.predictive.solver import Compiled, Plan
+from skyarm.control.laws.predictive.preview import SampledReference
+from skyarm.control.laws.predictive.solver import Compiled, MotionPlan
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import AllocationError, Command, mix
 from skyarm.records.arrays import Array
@@ -87,7 +87,7 @@ def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> floa
     return TIMES * (horizon + float(weights.final)) * sum(error * error for error in errors)
 
 
-def is_flyable(plan: Plan, most: float) -> bool:
+def is_flyable(plan: MotionPlan, most: float) -> bool:
     """Return True if a plan may be flown: finite, with a cost of at most ``most``."""
     # a comparison with NaN is false: a plan without a cost is none
     return bool(plan.cost <= most and np.isfinite(plan.u).all() and np.isfinite(plan.K).all())
@@ -133,7 +133,7 @@ class Stabiliser:
             partial(_computed_torque, par), blank_measurement(joints, self.rotors), no_disturbance(joints), signals
         )
 
-    def command(self, reading: Array, disturbance: Array, sample: Sample) -> Command:
+    def command(self, reading: Array, disturbance: Array, sample: SampledReference) -> Command:
         """Command of the law that flies while model predictive control has no good plan."""
         values = self.law(reading, disturbance, *sample.motion).tolist()
         return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))

@@ -38,12 +38,12 @@ from skyarm.control.laws.predictive.fallback import Stabiliser, Trust, after_per
 from skyarm.control.laws.predictive.observer import (
     Bandwidths,
     Observation,
-    Past,
+    ObserverState,
     command_row,
 )
 from skyarm.control.laws.predictive.prediction import command_for
 from skyarm.control.laws.predictive.preview import (
-    Sample,
+    SampledReference,
     extrapolate,
     goals,
     make_stance,
@@ -51,15 +51,15 @@ from skyarm.control.laws.predictive.preview import (
 )
 from skyarm.control.laws.predictive.solver import (
     Bounds,
+    CompiledStages,
+    MotionPlan,
     NoPlanError,
-    Plan,
     Problem,
     Riccati,
     Rollouts,
-    Stages,
     shift_plan,
 )
-from skyarm.control.laws.predictive.tip_contact import TipContact, Touch, contact_goals, shift_ahead
+from skyarm.control.laws.predictive.tip_contact import ContactState, TipContact, contact_goals, shift_ahead
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
 from skyarm.records.arrays import Array
@@ -103,7 +103,7 @@ KEPT = 16
 
 
 @immutable(kw_only=False)
-class Engine:
+class PredictiveEngine:
     """Compiled functions of predictive control for one model and one set of constants, shared between flights.
 
     Attributes:
@@ -122,7 +122,7 @@ class Engine:
     stance: Callable[[Array, Array], Array]
     contact: TipContact | None = None
 
-    def __deepcopy__(self, _memo: dict[int, Any]) -> Engine:
+    def __deepcopy__(self, _memo: dict[int, Any]) -> PredictiveEngine:
         return self  # machine code is not copied
 
 
@@ -133,7 +133,7 @@ def engine_key(par: PredictiveParameters, dt: float, push: bool) -> EngineKey:
 
 
 @lru_cache(maxsize=KEPT)
-def make_engine(key: EngineKey) -> Engine:
+def make_engine(key: EngineKey) -> PredictiveEngine:
     """Compile the functions of predictive control for a cache key."""
     model, weights, bandwidths, mode, stages, horizon, every, dt, interaction = key
     vehicle, presses = model.vehicle, interaction is not None
@@ -142,10 +142,10 @@ def make_engine(key: EngineKey) -> Engine:
         np.array([float(rotor.max_speed) for rotor in vehicle.rotors]),
     )
     scales = np.array([*(1000.0,) * len(vehicle.rotors), *(0.1,) * vehicle.n])
-    compiled = Stages(model, weights, mode, scales, presses)
+    compiled = CompiledStages(model, weights, mode, scales, presses)
     rollouts = Rollouts(model, weights, mode, bounds, presses)
     lengths = stage_lengths(stages, every, horizon, dt)
-    return Engine(
+    return PredictiveEngine(
         key,
         Riccati(compiled, rollouts, lengths, float(weights.final), bounds),
         Observation(model, bandwidths, dt),
@@ -179,11 +179,11 @@ class PredictiveMemory:
         tip_force: N, world axes, of a surface on the tip; None of a law that does not press.
     """
 
-    engine: Engine | None = None
-    past: Past | None = None
+    engine: PredictiveEngine | None = None
+    past: ObserverState | None = None
     sent: tuple[Command, ...] = ()
-    sample: Sample | None = None
-    plan: Plan | None = None
+    sample: SampledReference | None = None
+    plan: MotionPlan | None = None
     since: int = 0
     trust: Trust = Trust()
     interaction: InteractionMemory | None = None
@@ -242,7 +242,7 @@ def nmpc(
     return following, command
 
 
-def _standing(x: Array, par: PredictiveParameters) -> Plan:
+def _standing(x: Array, par: PredictiveParameters) -> MotionPlan:
     """Initial guess of a plan: the vehicle at rest."""
     vehicle, stages = par.model.vehicle, par.stages
     joints = tuple(x[13 : 13 + vehicle.n].tolist())
@@ -250,10 +250,12 @@ def _standing(x: Array, par: PredictiveParameters) -> Plan:
     still = x.copy()
     still[7:13], still[13 + vehicle.n : 13 + 2 * vehicle.n] = 0.0, 0.0
     nu = len(inputs)
-    return Plan(np.tile(still, (stages + 1, 1)), np.tile(inputs, (stages, 1)), np.zeros((stages, nu, len(x))))
+    return MotionPlan(np.tile(still, (stages + 1, 1)), np.tile(inputs, (stages, 1)), np.zeros((stages, nu, len(x))))
 
 
-def _solve_plan(engine: Engine, last: Plan | None, passed: float, problem: Problem, par: PredictiveParameters) -> Plan:
+def _solve_plan(
+    engine: PredictiveEngine, last: MotionPlan | None, passed: float, problem: Problem, par: PredictiveParameters
+) -> MotionPlan:
     """Solve for a new plan from the last one or, if that fails, from rest."""
     solver = engine.solver
     if last is not None and is_flyable(last, engine.most):
@@ -268,7 +270,7 @@ def _solve_plan(engine: Engine, last: Plan | None, passed: float, problem: Probl
         return rest
 
 
-def _command(engine: Engine, plan: Plan, stage: int, x: Array, dt: float) -> Command:
+def _command(engine: PredictiveEngine, plan: MotionPlan, stage: int, x: Array, dt: float) -> Command:
     """Command of one stage of a plan, with state feedback, inverted motor lag and effort limits."""
     u = plan.u[stage] + plan.K[stage] @ (x - plan.x[stage])
     lags, most = engine.observation.motors, engine.bounds.efforts
@@ -342,13 +344,13 @@ BEARABLE = 0.8
 
 
 def problem_at(
-    engine: Engine,
+    engine: PredictiveEngine,
     x: Array,
     disturbance: Array,
-    sample: Sample,
+    sample: SampledReference,
     late: float,
     par: PredictiveParameters,
-    touch: Touch | None = None,
+    touch: ContactState | None = None,
 ) -> Problem:
     """Optimal control problem whose initial state is ``late`` seconds ahead, when a new command takes effect."""
     later = late + np.append(0.0, np.cumsum(engine.solver.steps))

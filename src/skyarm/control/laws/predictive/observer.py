@@ -20,7 +20,7 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, divide, mul
 from skyarm.control.blocks.filters import double_pole
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
-from skyarm.control.laws.predictive.prediction import Inputs, advance, motors, speeds_under
+from skyarm.control.laws.predictive.prediction import StageInputs, advance, motors, speeds_under
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, mass_matrix
@@ -56,7 +56,7 @@ def predict(model: Model, estimate: Estimate, command: Command, dt: Scalar) -> S
     rates = tuple(divide(end - start, dt) for end, start in zip(after, state.rotor_speeds, strict=True))
     given = zip(model.vehicle.links, command.efforts, strict=True)
     efforts = tuple(limited_effort(link.joint, effort) for link, effort in given)
-    return advance(model, state, Inputs(rotor_accelerations=rates, efforts=efforts), estimate.disturbance, dt)
+    return advance(model, state, StageInputs(rotor_accelerations=rates, efforts=efforts), estimate.disturbance, dt)
 
 
 def observe(
@@ -124,14 +124,14 @@ class Observation:
             estimate = np.concatenate([state, estimate[len(state) :]])
         return estimate
 
-    def first(self, measurement: Measurement) -> Past:
+    def first(self, measurement: Measurement) -> ObserverState:
         """Initial observer state: the measured vehicle state, no disturbance, no command delay."""
         m = measurement
         moving = (*m.position, *m.quaternion, *m.velocity, *m.rate, *m.joints, *m.joint_rates, *m.rotor_speeds)
         estimate = np.array([*moving, *(0.0,) * (6 + self.joints)], dtype=float)
-        return Past(estimate, first_lateness(np.array(m.rotor_speeds, dtype=float)))
+        return ObserverState(estimate, first_lateness(np.array(m.rotor_speeds, dtype=float)))
 
-    def update(self, past: Past, sent: Command, measurement: Measurement) -> Past:
+    def update(self, past: ObserverState, sent: Command, measurement: Measurement) -> ObserverState:
         """Observer state after a new measurement, where ``sent`` is the command of the preceding period."""
         reading = np.array(leaves(measurement), dtype=float)
         shown = (*past.shown, sent)[-1 - LONGEST :]
@@ -141,7 +141,7 @@ class Observation:
         # of the quaternion's two signs the one that is nearer to the last
         if reading[4:8] @ past.estimate[3:7] < 0.0:
             reading[4:8] *= -1.0
-        return Past(self.at(past.estimate, acted, reading), late, shown)
+        return ObserverState(self.at(past.estimate, acted, reading), late, shown)
 
 
 def command_row(command: Command) -> Array:
@@ -150,7 +150,7 @@ def command_row(command: Command) -> Array:
 
 
 @immutable(kw_only=False)
-class Past:
+class ObserverState:
     """Observer state: last estimate, statistics of the command delay, and recent commands.
 
     Attributes:

@@ -27,7 +27,7 @@ from skyarm.vehicle.vehicle_records import Rotor
 
 
 @immutable
-class Inputs:
+class StageInputs:
     """Inputs held over a stage: rates of the rotors' speeds (rad/s^2) and joint torques (N m or N)."""
 
     rotor_accelerations: tuple[Scalar, ...]
@@ -84,7 +84,7 @@ def _on_base(model: Model, state: State, R: Mat3, disturbance: Disturbance) -> F
 
 
 def slope_of(
-    state: State, inputs: Inputs, linear: Vec3, angular: Vec3, joint_accelerations: tuple[Scalar, ...]
+    state: State, inputs: StageInputs, linear: Vec3, angular: Vec3, joint_accelerations: tuple[Scalar, ...]
 ) -> State:
     """Time derivative of the vehicle state, from the state and the accelerations of base and joints."""
     return State(
@@ -98,7 +98,7 @@ def slope_of(
     )
 
 
-def advance(model: Model, state: State, inputs: Inputs, disturbance: Disturbance, dt: Scalar) -> State:
+def advance(model: Model, state: State, inputs: StageInputs, disturbance: Disturbance, dt: Scalar) -> State:
     """State after ``dt`` seconds of held inputs: one step of the classical Runge-Kutta method.
 
     Source: Kutta 1901.
@@ -113,7 +113,7 @@ def advance(model: Model, state: State, inputs: Inputs, disturbance: Disturbance
 def integrate_stage(
     model: Model,
     state: State,
-    inputs: Inputs,
+    inputs: StageInputs,
     disturbance: Disturbance,
     dt: Scalar,
     dry_rates: tuple[Scalar, ...] | None = None,

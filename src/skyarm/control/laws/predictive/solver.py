@@ -19,8 +19,15 @@ from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.laws.predictive.cost import Contact, Goal, Weights, input_residuals, predict_stage, state_residuals
-from skyarm.control.laws.predictive.prediction import Inputs
+from skyarm.control.laws.predictive.cost import (
+    ContactGoal,
+    StageGoal,
+    Weights,
+    input_residuals,
+    predict_stage,
+    state_residuals,
+)
+from skyarm.control.laws.predictive.prediction import StageInputs
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
@@ -62,11 +69,11 @@ NUDGE = 1e-5
 """Of the central difference; errors are about 1e-10 of the numbers of order one that states and residuals are."""
 
 
-def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, Inputs, Disturbance, Goal]:
+def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, StageInputs, Disturbance, StageGoal]:
     """Example state, inputs, disturbance and goal, which fix the array shapes; ``contact``: the goal has a contact."""
     arm = (0.0,) * joints
-    pressed = Contact(normal=ZERO3_DATA, touching=0.0, force=0.0, damping=0.0) if contact else ()
-    goal = Goal(
+    pressed = ContactGoal(normal=ZERO3_DATA, touching=0.0, force=0.0, damping=0.0) if contact else ()
+    goal = StageGoal(
         position=ZERO3_DATA,
         velocity=ZERO3_DATA,
         yaw=0.0,
@@ -76,11 +83,11 @@ def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, In
         shift=ZERO3_DATA,
         contact=pressed,
     )
-    inputs = Inputs(rotor_accelerations=(0.0,) * rotors, efforts=arm)
+    inputs = StageInputs(rotor_accelerations=(0.0,) * rotors, efforts=arm)
     return example_state(joints, rotors), inputs, no_disturbance(joints), goal
 
 
-class Stages:
+class CompiledStages:
     """Compiled model prediction and cost residuals for all stages of the prediction horizon.
 
     Args:
@@ -96,7 +103,7 @@ class Stages:
         state, inputs, disturbance, goal = shapes
 
         def stage(
-            x: State, par: tuple[Inputs, tuple[Scalar], Disturbance, Goal], _row: Tree, _uniforms: Tree
+            x: State, par: tuple[StageInputs, tuple[Scalar], Disturbance, StageGoal], _row: Tree, _uniforms: Tree
         ) -> tuple[State, tuple[Scalar, ...]]:
             u, dt, d, target = par
             errors = state_residuals(model, weights, x, target, mode)
@@ -162,7 +169,9 @@ class Motions:
     cost: Array
 
 
-Row = tuple[State, Inputs, tuple[Scalar, ...], tuple[tuple[Scalar, ...], ...], tuple[Scalar, Scalar, Scalar], Goal]
+Row = tuple[
+    State, StageInputs, tuple[Scalar, ...], tuple[tuple[Scalar, ...], ...], tuple[Scalar, Scalar, Scalar], StageGoal
+]
 """State and inputs of the guess, policy k and K, stage length and times for which errors count (s), and goal."""
 
 
@@ -183,7 +192,7 @@ class Rollouts:
 
         def stage(
             carry: tuple[State, tuple[Scalar]], par: tuple[tuple[Scalar], Disturbance], row: Row, _uniforms: Tree
-        ) -> tuple[tuple[State, tuple[Scalar]], tuple[State, Inputs]]:
+        ) -> tuple[tuple[State, tuple[Scalar]], tuple[State, StageInputs]]:
             x, (cost,) = carry
             (a,), d = par
             x_guess, u_guess, k, K, (dt, whole, running), target = row
@@ -198,7 +207,7 @@ class Rollouts:
                 for rate, w, most in zip(u, x.rotor_speeds, speeds, strict=False)
             ]
             torques = [maximum(-most, minimum(t, most)) for t, most in zip(u[len(speeds) :], efforts, strict=True)]
-            taken = Inputs(rotor_accelerations=tuple(rates), efforts=tuple(torques))
+            taken = StageInputs(rotor_accelerations=tuple(rates), efforts=tuple(torques))
             errors = sum(e * e for e in state_residuals(model, weights, x, target, mode))
             pushes = sum(e * e for e in input_residuals(model, weights, x, taken, d, target))
             return (predict_stage(model, x, taken, d, target, dt), (cost + whole * errors + running * pushes,)), (
@@ -341,7 +350,7 @@ class NoPlanError(Exception):
 
 
 @immutable(kw_only=False)
-class Plan:
+class MotionPlan:
     """Planned motion: states (N + 1, nx), inputs (N, nu) and feedback gains (N, nu, nx).
 
     Attributes:
@@ -381,13 +390,13 @@ class Riccati:
     policy out); Levenberg 1944, Marquardt 1963 (damping, here of the inputs).
     """
 
-    def __init__(self, stages: Stages, rollouts: Rollouts, steps: Array, final: float, bounds: Bounds) -> None:
+    def __init__(self, stages: CompiledStages, rollouts: Rollouts, steps: Array, final: float, bounds: Bounds) -> None:
         self.stages, self.rollouts, self.steps, self.bounds = stages, rollouts, steps, bounds
         counted = np.append(steps, final)
         self._roots = np.sqrt(counted)
         self._times = np.column_stack([np.append(steps, steps[-1]), counted])
 
-    def solve(self, problem: Problem, guess: Plan) -> Plan:
+    def solve(self, problem: Problem, guess: MotionPlan) -> MotionPlan:
         """Improve a plan by one iteration; return it with its feedback policy.
 
         Raises:
@@ -406,9 +415,9 @@ class Riccati:
             raise NoPlanError
         share = float(SHARES[best])
         x, u = np.ascontiguousarray(tried.x[:, :, best]), np.ascontiguousarray(tried.u[:, :, best])
-        return Plan(x, u, feedback.K, next_damping(guess.damping, share), float(cost[best]), share)
+        return MotionPlan(x, u, feedback.K, next_damping(guess.damping, share), float(cost[best]), share)
 
-    def _policy(self, problem: Problem, guess: Plan) -> Policy:
+    def _policy(self, problem: Problem, guess: MotionPlan) -> Policy:
         """Policy of the linearised problem, with inputs fixed where they reach their limits."""
         here = linear_problem(self.stages, problem, guess.x, guess.u, self.steps, self._roots)
         low, high = self._room(guess, len(self.bounds.speeds))
@@ -426,7 +435,7 @@ class Riccati:
             _, du = rollout(here, feedback, first, low, high)
         return feedback
 
-    def _room(self, guess: Plan, rotors: int) -> tuple[Array, Array]:
+    def _room(self, guess: MotionPlan, rotors: int) -> tuple[Array, Array]:
         """Smallest and largest change of each input (N, nu) within rotor speed and effort limits."""
         speeds, dt = guess.x[:-1, -rotors:], self.steps[:, None]
         efforts = np.broadcast_to(self.bounds.efforts, (len(self.steps), len(self.bounds.efforts)))
@@ -444,7 +453,7 @@ def next_damping(damping: float, share: float) -> float:
     return damping / GROWTH if damping > least else 0.0
 
 
-def linear_problem(stages: Stages, problem: Problem, x: Array, u: Array, steps: Array, roots: Array) -> Linear:
+def linear_problem(stages: CompiledStages, problem: Problem, x: Array, u: Array, steps: Array, roots: Array) -> Linear:
     """Linear-quadratic problem about a trajectory x (N + 1, nx), u (N, nu), in deviations from that trajectory."""
     dt, inputs = np.append(steps, steps[-1]), np.vstack([u, u[-1:]])
     ends, AB, errors, slopes = stages.derivatives(x, inputs, dt, problem.disturbance, problem.goals)
@@ -454,7 +463,7 @@ def linear_problem(stages: Stages, problem: Problem, x: Array, u: Array, steps: 
     return Linear(AB[:-1], ends[:-1] - x[1:], J, r)
 
 
-def shift_plan(plan: Plan, steps: Array, dt: float) -> Plan:
+def shift_plan(plan: MotionPlan, steps: Array, dt: float) -> MotionPlan:
     """Plan advanced by ``dt`` seconds on unchanged stage lengths, with its end held constant."""
     times = np.append(0.0, np.cumsum(steps))
     later = np.minimum(times + dt, times[-1])

@@ -42,7 +42,7 @@ against its own push, and the arm of six joints swings up.
 
 
 @immutable
-class Touch:
+class ContactState:
     """Contact in one period: flags, and forces (N), displacements (m), speeds (m/s) along the normal.
 
     Attributes:
@@ -92,7 +92,7 @@ class TipContact:
             observed: Disturbance,
             push: Sequence[Scalar],
             signals: Sequence[Scalar],
-        ) -> tuple[InteractionMemory, Touch]:
+        ) -> tuple[InteractionMemory, ContactState]:
             x, y, z, yaw, *joints = signals
             desired, at = wanted_of(push), levers(vehicle, now.quaternion.rotation(), now.joints)
             n, into = desired.normal, -desired.normal.dot(tip_velocity(model, now))
@@ -106,7 +106,7 @@ class TipContact:
             pressed = free + at.disturbance(n * (pressing.order * pressing.engaged))
             left = divide(after.order, maximum(after.share, 1e-9))
             rising = where(desired.requests_contact, after.touching, 0.0)
-            return after, Touch(
+            return after, ContactState(
                 normal=tuple(n),
                 asked=where(desired.requests_contact, 1.0, 0.0),
                 touching=where(logical_or(rising > 0.5, after.share > 0.0), 1.0, 0.0),
@@ -127,7 +127,7 @@ class TipContact:
 
     def at(
         self, before: InteractionMemory | None, estimate: Array, push: Sequence[Scalar], signals: Array
-    ) -> tuple[InteractionMemory, Touch]:
+    ) -> tuple[InteractionMemory, ContactState]:
         """Next state of the contact force controller, and the contact in this period.
 
         Args:
@@ -140,7 +140,7 @@ class TipContact:
         return self.step.record(memory, estimate, np.array(push[:TOLD], dtype=float), signals)
 
 
-def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Array, Array, Array]:
+def shift_ahead(gains: InteractionGains, touch: ContactState, later: Array) -> tuple[Array, Array, Array]:
     """Predicted reference offset along the normal (m), with two derivatives, at given times from now.
 
     A tip that comes keeps its speed; what follows the surface, or returns, does so as a critically damped swing.
@@ -165,8 +165,8 @@ def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Ar
     )
 
 
-def contact_goals(gains: InteractionGains, touch: Touch, later: Array) -> Array:
-    """Contact references of the horizon, an array (N + 1, 6) with the fields of ``cost.Contact``.
+def contact_goals(gains: InteractionGains, touch: ContactState, later: Array) -> Array:
+    """Contact references of the horizon, an array (N + 1, 6) with the fields of ``cost.ContactGoal``.
 
     The wanted force goes on rising, or falling after a loss or in a release, as its ramp does. The damping is that of a
     stage's length: a force that is held over it would turn the tip back by more than its velocity.

@@ -29,7 +29,7 @@ from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.parameters import Part, Step
+from skyarm.control.laws.centroidal.parameters import OptionalPart, Step
 from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.coerce import concrete
@@ -130,7 +130,7 @@ class AdmittanceMemory:
 
 
 @immutable
-class AdmittanceGains(Part):
+class AdmittanceGains(OptionalPart):
     """Constants of the admittance control."""
 
     tip: Compliance

@@ -29,10 +29,10 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.blocks.filters import low_pass
 from skyarm.control.blocks.force_control import (
+    DesiredContact,
     InteractionGains,
     InteractionMemory,
     Pressing,
-    Wanted,
     contact_cleared,
     first_interaction,
     interact,
@@ -42,15 +42,15 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import TipLevers, levers
 from skyarm.control.blocks.torque_scale import first_scale
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Part, Step
-from skyarm.control.laws.centroidal.step_records import Demand, Effect
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step
+from skyarm.control.laws.centroidal.step_records import AccelerationDemand, Effect
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Interaction(InteractionGains, Part):
+class Interaction(InteractionGains, OptionalPart):
     """Contact force control as an optional part of the centroidal law; ``geared`` joints have an armature."""
 
     geared: bool = False
@@ -111,7 +111,7 @@ class Interaction(InteractionGains, Part):
         return dataclasses.replace(memory, lean=vector_data(lean), moving=moving), effect
 
     def _at_scale(
-        self, memory: InteractionMemory, step: Step, at: TipLevers, desired: Wanted
+        self, memory: InteractionMemory, step: Step, at: TipLevers, desired: DesiredContact
     ) -> tuple[Disturbance, InteractionMemory]:
         """Observed disturbance of joints with the right torque scale, and the memory with what was learned of it."""
         seen, scale, by = disturbance(step.seen.observed), memory.scale, self.tolerances
@@ -127,7 +127,7 @@ class Interaction(InteractionGains, Part):
         after = dataclasses.replace(after, met=maximum(scale.met, memory.touching))
         return scale.correct(by, self.errors, at, seen, efforts), dataclasses.replace(memory, scale=after)
 
-    def learn(self, memory: InteractionMemory, effect: Effect, demand: Demand) -> InteractionMemory:
+    def learn(self, memory: InteractionMemory, effect: Effect, demand: AccelerationDemand) -> InteractionMemory:
         """Store the distance of the tip from its reference along the surface normal."""
         if effect.pressing is None:
             return memory

@@ -21,7 +21,7 @@ from skyarm.control.blocks.force_control import contact_cleared
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.tip_force import ForceErrors, LeastSquares
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Part, Step
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step
 from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
@@ -142,7 +142,7 @@ def _step(pace: Scalar, bandwidth: Scalar, holds: Scalar, learns: Scalar, dt: Sc
 
 
 @immutable
-class LoadGains(Part):
+class LoadGains(OptionalPart):
     """Constants of the load estimate.
 
     Mass and observer find the same weight at once: from a ``pace`` of 2 on they would swing. ``size`` is small: a

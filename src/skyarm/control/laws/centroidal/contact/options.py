@@ -11,7 +11,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.contact.admittance import admittance_gains
 from skyarm.control.laws.centroidal.contact.interaction import Interaction
 from skyarm.control.laws.centroidal.contact.load import load_gains
-from skyarm.control.laws.centroidal.parameters import Part
+from skyarm.control.laws.centroidal.parameters import OptionalPart
 from skyarm.records.files import shown
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -36,9 +36,9 @@ def must_act(gains: Mapping[str, Any], admittance: Mapping[str, Any] | None) -> 
 
 def contact_parts(
     gains: Mapping[str, Any], admittance: Mapping[str, Any] | None, vehicle: Vehicle, *, leads: bool, lead: float
-) -> dict[str, Part]:
+) -> dict[str, OptionalPart]:
     """Parts by their names, from the law's options; ``leads`` a tip, ``lead`` s, lag of its observer."""
-    parts: dict[str, Part] = {}
+    parts: dict[str, OptionalPart] = {}
     if any(gains["interaction"]):
         parts["interaction"] = _interaction(gains, vehicle, leads=leads)
     if admittance is not None:

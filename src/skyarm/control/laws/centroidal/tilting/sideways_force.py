@@ -42,7 +42,7 @@ class SidewaysGains:
 
 
 @immutable(kw_only=False)
-class Reach:
+class RotorReach:
     """Squared rotor speeds per unit of force, and limits of the squared speeds, for sideways forces.
 
     Attributes:
@@ -60,7 +60,7 @@ class SidewaysForce(RotorForce):
     """Force of rotors that push across body z, too, as far as they have room."""
 
     gains: SidewaysGains
-    reach: Reach
+    reach: RotorReach
 
     def leaning(self, force: Vec3, yaw: Taylor) -> Vec3:
         """Part of a desired force (series, N, world axes) that sets the attitude: what is not given sideways."""
@@ -85,16 +85,16 @@ class SidewaysForce(RotorForce):
         return Vec3(inside.x, inside.y, 0)
 
 
-def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> Reach:
+def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> RotorReach:
     """Matrix from force at the centre of mass to squared rotor speeds, of a mixer with sideways force."""
     rows = []
     for turning, across in zip(mixer.inverse, mixer.across, strict=True):
         rows.append(Vec3(*(*across, turning[3])) + Vec3(*turning[:3]).cross(com))
     least = tuple(LEAST * weight * turning[3] for turning in mixer.inverse)
-    return Reach(rows=tuple(rows), highest=mixer.highest, least=least)
+    return RotorReach(rows=tuple(rows), highest=mixer.highest, least=least)
 
 
-def gauge(reach: Reach, force: Vec3) -> Taylor:
+def gauge(reach: RotorReach, force: Vec3) -> Taylor:
     """Sum of eighth powers of each rotor's used margin under a sideways force (Taylor series, body axes)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
@@ -109,7 +109,7 @@ def gauge(reach: Reach, force: Vec3) -> Taylor:
     return result
 
 
-def leaning(reach: Reach, force: Vec3, share: Scalar, upright: Vec3 | None = None) -> Vec3:
+def leaning(reach: RotorReach, force: Vec3, share: Scalar, upright: Vec3 | None = None) -> Vec3:
     """Force that sets the attitude: the desired force (Taylor series, N) less the part given sideways.
 
     Sideways is across ``upright`` (series), or world z. The second derivative counts as the rest does: the snap of a
@@ -133,7 +133,7 @@ def thrust_axis(attitude: Sequence[Scalar], yaw: Taylor) -> Vec3:
     return Vec3(c * forward - s * left, s * forward + c * left, Taylor.constant(up, len(yaw.c) - 1))
 
 
-def slightest(reach: Reach, vertical: Taylor) -> Taylor:
+def slightest(reach: RotorReach, vertical: Taylor) -> Taylor:
     """Squared rotor margin used per N of sideways force in the worst direction, 1/N^2 (Taylor series)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
