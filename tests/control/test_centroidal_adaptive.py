@@ -177,7 +177,7 @@ def test_the_forces_rate_is_the_thrusts_with_the_other_sign():
     known = {"wanted": still, "position": still[0], "velocity": still[0], "R": Mat3.identity(), "w": still[0]}
     rate = vec([0.5, -0.3, 0.2])
     without, with_rate = (
-        com_tracking.thrust(par, 0.8, disturbance=vec([0.1, 0.2, 0.0]), force_rate=each, **known)
+        com_tracking.thrust(par, 0.8, disturbance=(vec([0.1, 0.2, 0.0]), each, still[0]), **known)
         for each in (still[0], rate)
     )
     off = [a.derivative(1) - b.derivative(1) for a, b in zip(with_rate.force, without.force, strict=True)]

@@ -435,9 +435,7 @@ def test_the_forces_derivatives_are_those_along_the_motion_that_the_thrust_makes
         velocity=vec(start[3:]),
         R=Mat3(*(vec(row) for row in first.as_matrix())),
         w=vec(w),
-        disturbance=vec(d),
-        force_rate=vec(rate),
-        force_bend=vec(bend),
+        disturbance=(vec(d), vec(rate), vec(bend)),
     )
     for k, tolerance in enumerate((1e-9, 1e-6, 1e-4)):
         np.testing.assert_allclose(array(derivative(found.force, k)), expected[k], rtol=tolerance, atol=tolerance)

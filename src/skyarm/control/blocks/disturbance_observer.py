@@ -84,15 +84,28 @@ class Felt:
     beside: Vec3 | tuple[()] = ()
 
 
+def modelled_specific_force(model: Model, R: Mat3, linear: Vec3, rotors: Vec3) -> Vec3:
+    """Specific force that the model expects of an accelerometer at the base origin, base axes, m/s^2.
+
+    Args:
+        model: the controller's model.
+        R: R_WB amid the period.
+        linear: acceleration of the base origin by the model, mean of the period, world axes.
+        rotors: thrust at the end of the period, where it was measured, less that in ``linear``; N, base axes. The
+            corresponding torque is left out: by way of the offset of the common centre of mass it accelerates
+            the base origin too, for a part of a period.
+    """
+    return R.apply_T(linear + E_Z * model.gravity) + rotors * divide(1.0, model.vehicle.mass)
+
+
 def measure_translation(
-    model: Model,
     gains: AccelerometerGains,
     velocity: Vec3,
     seen: Felt,
     measurement: Measurement,
     R: Mat3,
     linear: Vec3,
-    rotors: Vec3,
+    modelled: Vec3,
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> Felt:
@@ -102,21 +115,17 @@ def measure_translation(
     estimated from the measured velocity alone. So it is where the specific force is three zeros: none was measured.
 
     Args:
-        model: the controller's model.
         gains: bandwidths.
         velocity: one period earlier, world axes.
         seen: estimate from the measured velocity alone, with the bias of one period earlier.
         measurement: the new one.
         R: R_WB amid the period.
         linear: acceleration of the base origin by the model, mean of the period, world axes.
-        rotors: thrust at the end of the period, where it was measured, less that in ``linear``; N, base axes. The
-            corresponding torque is left out: by way of the offset of the common centre of mass it accelerates
-            the base origin too, for a part of a period.
+        modelled: specific force by the model (:func:`modelled_specific_force`).
         free: 1 for rotors and each joint that are not at their limit, else 0.
         dt: s.
     """
     felt = measurement.specific_force
-    modelled = R.apply_T(linear + E_Z * model.gravity) + rotors * divide(1.0, model.vehicle.mass)
     beside = R.apply(felt - seen.bias - modelled)
     ahead = velocity + (linear + beside) * dt
     e = measurement.velocity - ahead
@@ -202,9 +211,9 @@ def observe(
     base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0], learns=free[0])
     residuals, quick = memory.joint_residuals, bending
     if gains.accelerometer is not None:
-        rotors = unmodelled_thrust(model, squares, half, speeds)
+        modelled = modelled_specific_force(model, R, linear, unmodelled_thrust(model, squares, half, speeds))
         base = measure_translation(
-            model, gains.accelerometer, memory.velocity, base, measurement, R, linear, rotors, free, dt
+            gains.accelerometer, memory.velocity, base, measurement, R, linear, modelled, free, dt
         )
         pace, rest = base.heard * divide(low_pass_share(gains.accelerometer.force, dt), dt), 1.0 - base.heard
         quick = [(e - last) * pace + b * rest for e, last, b in zip(er, residuals, bending, strict=True)]

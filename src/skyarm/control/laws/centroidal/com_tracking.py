@@ -93,23 +93,22 @@ def thrust(
     velocity: Vec3,
     R: Mat3,
     w: Vec3,
-    disturbance: Vec3,
-    force_rate: Vec3 = ZERO3,
-    force_bend: Vec3 = ZERO3,
+    disturbance: Sequence[Vec3],
     rotors: RotorForce = ALONG_Z,
 ) -> Thrust:
     """Force on the centre of mass for tracking, m (p_c,d'' + g e_3 + PD) - d, with derivatives, N.
 
     ``wanted`` is the reference of the centre of mass, value to fourth derivative, ``position`` and ``velocity`` its
-    present ones; ``force_rate`` and ``force_bend`` are known derivatives of the disturbance.
+    present ones; ``disturbance`` has its two known derivatives with it.
     """
+    pushed, force_rate, force_bend = disturbance
     kv, gravity = par.base.velocity, E_Z * par.model.gravity
     e, ed = position - wanted[0], velocity - wanted[1]
     off = [e]
     pull = [_attraction(par, off) + kv.hadamard(ed)]
-    force = (wanted[2] + gravity - _soft_limit(pull)) * mass - disturbance
+    force = (wanted[2] + gravity - _soft_limit(pull)) * mass - pushed
     per_mass = divide(1.0, mass)
-    edd = (rotors.achievable([force], R, w) + disturbance) * per_mass - gravity - wanted[2]
+    edd = (rotors.achievable([force], R, w) + pushed) * per_mass - gravity - wanted[2]
     off.append(ed)
     pull.append(_attraction(par, off) + kv.hadamard(edd))
     first = (wanted[3] - _soft_limit(pull)) * mass - force_rate
@@ -119,12 +118,12 @@ def thrust(
     second = (wanted[4] - _soft_limit(pull)) * mass - force_bend
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
     limited = reachable(Vec3(*series), par.center.tilt, par.center.floor)
-    pushed = rotors.achievable([derivative(limited, 0)], R, w)
+    given = rotors.achievable([derivative(limited, 0)], R, w)
     return Thrust(
         force=limited,
         along=derivative(limited, 0).dot(R.column(2)),
-        acceleration=(pushed + disturbance) * per_mass - gravity,
-        across=rotors.across(R, pushed),
+        acceleration=(given + pushed) * per_mass - gravity,
+        across=rotors.across(R, given),
     )
 
 

@@ -94,9 +94,7 @@ def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[AccelerationD
         velocity=state.velocity + _velocity(R, w, now.com),
         R=R,
         w=w,
-        disturbance=coming.unknown.force,
-        force_rate=course.changes[0],
-        force_bend=course.changes[1],
+        disturbance=(coming.unknown.force, *course.changes),
         rotors=course.rotors,
     )
     alpha = angular_acceleration(par.base, wanted_attitude(par, push.force, yaw, course.rotors, course.planned), R, w)

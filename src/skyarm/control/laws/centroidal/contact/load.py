@@ -97,8 +97,7 @@ def learn_load(
     gains: LoadGains,
     memory: LoadMemory,
     model: Model,
-    R: Mat3,
-    joints: Sequence[Scalar],
+    at: Hang,
     observed: Disturbance,
     holds: Scalar,
     learns: Scalar,
@@ -110,10 +109,9 @@ def learn_load(
     A held load that lies on something pushes the tip up as soon as the reference is low; a law that compensated this
     would push down ever harder. So an upward force beyond the load's weight is taken out of the disturbance.
 
-    R and ``joints`` at the measurement's time; ``holds``: whether something is held; ``learns``: 0 on a surface and at
-    limits of actuators; ``bandwidth`` of the observer, rad/s.
+    ``at``: the measurement's time; ``holds``: whether something is held; ``learns``: 0 on a surface and at limits of
+    actuators; ``bandwidth`` of the observer, rad/s.
     """
-    at = hang(model.vehicle, R, joints, model.gravity)
     beyond = observed - memory.bias - at.weight(mul(1.0 - gains.inertia_share, memory.mass), memory.place)
     mass, about_x, about_y = missing(model.vehicle, gains, at, beyond)
     least = gains.light * gains.limit
@@ -196,9 +194,8 @@ class LoadGains(OptionalPart):
             learns = mul(learns, where(holds, 1.0, contact_cleared(contact, before.parts.interaction)))
         R = observed.quaternion.rotation()
         bandwidth = minimum(par.observer.force, par.observer.joints)
-        load, resting = learn_load(
-            self, memory, par.model, R, observed.joints, step.seen.alone, holds, learns, bandwidth, dt
-        )
+        at = hang(par.model.vehicle, R, observed.joints, par.model.gravity)
+        load, resting = learn_load(self, memory, par.model, at, step.seen.alone, holds, learns, bandwidth, dt)
         unknown = effect.unknown + resting
         shares = self.unknown_shares(par.model.vehicle, observed.joints, load.mass)
         efforts = tuple(mul(1.0 - share, each) for share, each in zip(shares, unknown.efforts, strict=True))
