@@ -169,7 +169,7 @@ def with_consequences(controller: Controller, changed: Collection[Place], contro
     """Controller with what follows from replaced numbers of its model: the mixer, and queues of joint drives at rest.
 
     Args:
-        controller: with the numbers.
+        controller: controller with the replaced numbers.
         changed: places of the numbers in it.
         control_period: s.
     """

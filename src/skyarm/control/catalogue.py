@@ -96,9 +96,9 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
 
     Args:
         name: a key of ``LAWS``.
-        model: of the controller.
-        options: of the law's maker, for example ``gains``, ``joint_gains``, ``mixer_policy`` of the paper's laws
-            (:func:`skyarm.control.laws.paper.make_hybrid_computed_torque`).
+        model: model of the controller.
+        options: options of the law's maker, for example ``gains``, ``joint_gains``, ``mixer_policy`` of the paper's
+            laws (:func:`skyarm.control.laws.paper.make_hybrid_computed_torque`).
 
     Raises:
         ControllerError: unknown law, an option the law does not have, or one with a wrong value.
@@ -143,7 +143,7 @@ class Preset:
     """Named preset: a law with its published gains or other options.
 
     Attributes:
-        title: one line for people. law: a key of ``LAWS``. options: of the law.
+        title: one line for people. law: a key of ``LAWS``. options: options of the law.
     """
 
     title: str
@@ -193,7 +193,7 @@ def preset(name: str, model: Model, known: Mapping[str, float] | None = None) ->
 
     Args:
         name: a key of ``PRESETS``.
-        model: of the controller.
+        model: model of the controller.
         known: properties of the loop, as far as the law has such options: ``delay``, ``control_period``,
             ``reference_period``, s.
 
@@ -255,7 +255,7 @@ def make_named(name: str, model: Model, known: Mapping[str, float] | None = None
 
     Args:
         name: a key of ``PRESETS`` or ``LAWS``, or that of a tuned law and ``TUNED``.
-        model: of the controller.
+        model: model of the controller.
         known: properties of the loop (:func:`preset`).
 
     Raises:

@@ -31,12 +31,12 @@ class Controller:
     """Control law as a step function, with its constants and its initial internal state.
 
     Attributes:
-        name: of the law. law: the step function. memory: its first memory.
+        name: name of the law. law: step function. memory: initial internal state.
         par: its constants: a frozen record with at least ``model`` (:class:`skyarm.control.model.Model`) and ``mixer``
-            (:class:`skyarm.dynamics.actuators.Mixer`), so that beliefs can be varied whatever the law.
+            (:class:`skyarm.dynamics.actuators.Mixer`), so that the model can be varied whatever the law.
         margin: distance of an attitude (quaternion) to where the law is not defined, negative beyond; None if it is
             defined everywhere.
-        limit: that place in words.
+        limit: text that describes that place.
         compiled: the law is traceable, so that machine code, C and other engines can be made of it; a law that is
             not is called with floats.
         keeps_tip: the law takes the joints from their references to keep the tip on its own.

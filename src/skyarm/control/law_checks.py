@@ -61,7 +61,7 @@ def wrong(controller: Controller, words: str, place: str = "") -> LawError:
     """One-line error about a user-defined law, with its file and line.
 
     Args:
-        controller: whose law it is.
+        controller: controller of the law.
         words: the fault and the requirement.
         place: file and line; where the law begins if left out.
     """
@@ -269,9 +269,9 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
     A shipped law is not tried, nor one that is called with floats: such a law may keep what it likes.
 
     Args:
-        controller: as it is to fly.
+        controller: controller with all its layers.
         period: control period, s.
-        seen: its first measurement; in the following periods the vehicle drifts slightly from there.
+        seen: first measurement; in the following periods the vehicle drifts slightly from there.
         wanted: references of the periods.
 
     Raises:

@@ -94,15 +94,15 @@ def law_maker(
     its annotation. None stands for the default.
 
     Args:
-        name: of the law.
-        law: the step function.
+        name: name of the law.
+        law: step function.
         kind: class of its constants.
         shared: options among the fields of :class:`Parameters`.
-        readers: for options that are written otherwise than held, their default and how they are read.
-        constants: those that follow from the model.
-        memory: first memory, from the constants.
+        readers: default and reader of each option that is written otherwise than stored.
+        constants: function from the model to further constants.
+        memory: function from the constants to the initial internal state.
         torque_gains: joint gains act on torque.
-        rate_error: where that is no option.
+        rate_error: form of the body rate error where that is no option.
         bounds: further fields of :class:`Controller` that follow from the constants, such as ``margin``.
         of_controller: further fields of :class:`Controller`.
     """

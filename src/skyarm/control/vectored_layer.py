@@ -67,7 +67,7 @@ class VectoredParameters(LayerParameters):
     """Constants of a law inside the tilting-rotor layer, whose mixer is for pairs of fixed rotors.
 
     Attributes:
-        lead: of each servo's setpoint.
+        lead: lead factor of each servo's setpoint.
     """
 
     lead: Annotated[tuple[Scalar, ...], Unit("", "times the way to its angle that a servo is told to go")]
@@ -86,7 +86,7 @@ class VectoredMemory:
 
     Attributes:
         inner: memory of the law.
-        goals: angles of the last desired wrench. angles: those that the modelled servos have reached.
+        goals: angles of the last desired wrench. angles: angles that the modelled servos have reached.
         matched: angles of servos that would lag just as the motors do, as the law reckons.
     """
 

@@ -51,19 +51,19 @@ def limit_efforts(par: ModelHolder, efforts: Sequence[Scalar]) -> tuple[Scalar, 
     return tuple(clip(effort, -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
 
 
-def command_for(rotor: Rotor, speed: Scalar, wanted: Scalar, dt: Scalar, share: Scalar) -> Scalar:
-    """Speed command (rad/s) that brings a lagging rotor to the speed ``wanted`` at the end of the period.
+def command_for(rotor: Rotor, speed: Scalar, desired: Scalar, dt: Scalar, share: Scalar) -> Scalar:
+    """Speed command (rad/s) that brings a lagging rotor to a desired speed at the end of the period.
 
     Args:
-        rotor: with its two time constants.
-        speed: now, rad/s.
-        wanted: rad/s.
+        rotor: rotor with its two time constants.
+        speed: speed now, rad/s.
+        desired: desired speed, rad/s.
         dt: control period, s.
-        share: 1 inverts the lag (:func:`skyarm.dynamics.actuators.speed_after`) exactly, 0 sends ``wanted`` itself.
+        share: 1 inverts the lag (:func:`skyarm.dynamics.actuators.speed_after`) exactly, 0 sends ``desired`` itself.
 
     Without the inversion noise through two time constants rectifies into thrust.
     """
-    target = minimum(wanted, rotor.max_speed)
+    target = minimum(desired, rotor.max_speed)
     change = target - speed
     rise, fall = (
         divide(1.0, 1.0 - exp(divide(-dt, tau))) - 1.0 for tau in (rotor.time_constant_up, rotor.time_constant_down)
@@ -80,12 +80,12 @@ def compensate_motor_lag(
     tau); without that the mean speed of a period is the wanted one at its middle.
 
     Args:
-        rotors: with their time constants.
-        mixer: of all six rows, or of four: then of the force along z alone.
-        force_rate: planned, body axes, N/s.
-        squares: of each rotor.
+        rotors: rotors with their time constants.
+        mixer: mixer of all six rows, or of four: then of the force along z alone.
+        force_rate: planned rate of the force, body axes, N/s.
+        squares: squared speed of each rotor, (rad/s)^2.
         dt: control period, s.
-        share: of the lag that commands invert, as in :func:`command_for`.
+        share: share of the lag that commands invert, as in :func:`command_for`.
     """
     ahead = []
     sides = mixer.across or ((0, 0),) * len(rotors)

@@ -99,11 +99,11 @@ def forces_under_thrust(
     Args:
         vehicle: the model.
         joints: rad or m.
-        rate: of the base, base axes, rad/s.
+        rate: angular velocity of the base, base axes, rad/s.
         joint_rates: rad/s or m/s.
         applied: force at the base origin that is really there, base axes, N: thrust, wind.
-        angular: wanted angular acceleration, base axes, rad/s^2.
-        joint_accelerations: wanted.
+        angular: desired angular acceleration, base axes, rad/s^2.
+        joint_accelerations: desired joint accelerations, rad/s^2 or m/s^2.
 
     Returns:
         Force on the base (its force equals ``applied``), joint torques, proper acceleration of the base origin (m/s^2).

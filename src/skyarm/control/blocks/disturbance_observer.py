@@ -56,8 +56,8 @@ class AccelerometerGains:
     """Bandwidths (rad/s) of the disturbance observer's accelerometer correction.
 
     Attributes:
-        force: at which the unknown force follows the accelerometer.
-        velocity: below which the measured velocity outweighs the accelerometer.
+        force: bandwidth at which the unknown force follows the accelerometer.
+        velocity: bandwidth below which the measured velocity outweighs the accelerometer.
     """
 
     force: Annotated[Scalar, Unit("rad/s", "at which the unknown force follows the accelerometer")]
@@ -69,7 +69,8 @@ class Felt:
     """Translation estimates of the observer: base velocity, accelerometer bias and change of the external force.
 
     Attributes:
-        velocity: of the base origin, world axes, m/s. bias: of the accelerometer, base axes, m/s^2; empty without one.
+        velocity: velocity of the base origin, world axes, m/s.
+        bias: bias of the accelerometer, base axes, m/s^2; empty without one.
         change: acceleration by which the unknown force varies, world axes, m/s^2.
         learns: 1 where that change is taken, 0 where the force is held.
         heard: 1 where that change is the accelerometer's, 0 where it is that of the measured velocity.
@@ -188,7 +189,7 @@ def observe(
         measurement: the new one.
         acted: actuation in the period between them.
         unknown: disturbance over the period, as estimated before the new one.
-        started: below 0.5 at the first measurement, which is taken as it is.
+        started: flag, below 0.5 at the first measurement, which is taken as it is.
         free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
         dt: s.
     """
@@ -279,7 +280,7 @@ def unmodelled_thrust(
         model: the controller's model.
         squares: means of the squared speeds, of the thrust along body z.
         half: speeds amid the period, of the thrust across it: see :func:`with_side`.
-        speeds: at its end.
+        speeds: speeds at its end.
     """
     along = rotor_wrench(model, [s * s - mean for s, mean in zip(speeds, squares, strict=True)])
     across = rotor_wrench(model, [s * s - m * m for s, m in zip(speeds, half, strict=True)], sideways=True)
@@ -377,9 +378,10 @@ class Observed:
     Attributes:
         position, quaternion, joints: filtered.
         velocity, rate, joint_rates: estimates.
-        force: N, world axes, at the base origin. torque: N m, base axes. efforts: of the joints.
-        rotor_speeds: of the modelled motors, rad/s.
-        bias: of the accelerometer, m/s^2, base axes. joint_residuals: for the force's row. Both () without one.
+        force: N, world axes, at the base origin. torque: N m, base axes. efforts: joint efforts, N m or N.
+        rotor_speeds: speeds of the modelled motors, rad/s.
+        bias: bias of the accelerometer, m/s^2, base axes. joint_residuals: joint rates beyond the model, for the
+            force's row. Both () without an accelerometer.
     """
 
     position: Annotated[Vec3, Unit("m", "filtered")]

@@ -37,12 +37,12 @@ def extrapolate(
     """Reference signals at present or later, next states of the signals, and age of the held sample.
 
     Args:
-        channels: as remembered.
-        age: of the sample last seen, s.
+        channels: states of the signals, one period earlier.
+        age: age of the sample last seen, s.
         held: the samples now held.
         started: False at the first call.
         dt: control period, s.
-        period: between samples, s.
+        period: time between samples, s.
         ahead: samples of one and two periods later; empty without a preview.
         late: s, from the present to the instant of the signals.
     """

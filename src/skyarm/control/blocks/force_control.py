@@ -406,9 +406,9 @@ def require_thresholds(
     """Reject invalid contact force thresholds (N), or contact control by a law that does not control the tip.
 
     Args:
-        thresholds: of contact and of its loss, N.
+        thresholds: forces of contact and of its loss, N.
         leads: whether the law controls the tip.
-        mode: of the law that does, for the message.
+        mode: mode of the law that does, for the message.
         optional: whether twice 0 means a law without contact.
 
     Raises:

@@ -48,7 +48,7 @@ class TipLevers:
 
     Attributes:
         vehicle: model. R: R_WB.
-        tip: m, of the tip against the base origin, base axes. columns: of its Jacobian, base axes.
+        tip: position of the tip against the base origin, m, base axes. columns: columns of its Jacobian, base axes.
     """
 
     vehicle: Vehicle
@@ -110,10 +110,10 @@ class LeastSquares:
         self.A: list[list[Scalar]] = [[0] * n for _ in range(n)]
         self.b: list[Scalar] = [0] * n
 
-    def require(self, columns: Sequence[Term], wanted: Term, weight: Scalar) -> None:
-        """Add the term weight |columns x - ``wanted``|^2, of numbers or vectors."""
+    def require(self, columns: Sequence[Term], value: Term, weight: Scalar) -> None:
+        """Add the term weight |columns x - value|^2, of numbers or vectors."""
         for i, c in enumerate(columns):
-            self.b[i] = add(self.b[i], mul(weight, _product(c, wanted)))
+            self.b[i] = add(self.b[i], mul(weight, _product(c, value)))
             for j, d in enumerate(columns[: i + 1]):
                 self.A[i][j] = add(self.A[i][j], mul(weight, _product(c, d)))
 

@@ -63,8 +63,8 @@ class StepParameters(Parameters):
 
     Attributes:
         steps: number of extensions taken, 1 to 6.
-        observer: bandwidths, rad/s. reference_period: between published samples, s.
-        lag_share: of the motors' lag that rotor commands undo; above 1 counts as 1.
+        observer: bandwidths, rad/s. reference_period: time between published samples, s.
+        lag_share: share of the motors' lag that rotor commands undo; above 1 counts as 1.
         delay_periods: age of the measurement in control periods, for the observer's inputs.
     """
 
@@ -81,9 +81,9 @@ class StepMemory:
 
     Attributes:
         started: 0 before the first measurement.
-        observed: of the observer, or none. sent: the last commands, oldest first.
+        observed: state of the observer, or none. sent: the last commands, oldest first.
         free: 1 while no actuator was at its limit, for the base and each joint.
-        age, channels: of the held reference sample.
+        age, channels: age of the held reference sample, and states of its extrapolation.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]

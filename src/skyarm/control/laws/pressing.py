@@ -82,8 +82,8 @@ class PressingMemory:
     """Internal state of hybrid force control and admittance control.
 
     Attributes:
-        started: 0 before the first measurement. observed: of the observer. sent: the last command. interaction: of
-            touch and loss.
+        started: 0 before the first measurement. observed: state of the observer. sent: the last command.
+        interaction: state of the contact force controller.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
@@ -97,9 +97,9 @@ class ObservedContact:
     """Contact in one control period: tip Jacobian, desired and observed force, and speeds of the tip.
 
     Attributes:
-        at: levers of the tip, as measured. pressing: of the interaction. force: N, wanted. along: N, observed, of the
-            surface along its normal, 0 where the tip does not touch. speed: m/s, with which the tip comes. into: m/s,
-            of the tip into the surface.
+        at: measured levers of the tip. pressing: output of the contact force controller.
+        force: desired force, N. along: observed force of the surface along its normal, N; 0 without contact.
+        speed: desired speed of the approach, m/s. into: speed of the tip into the surface, m/s.
     """
 
     at: TipLevers

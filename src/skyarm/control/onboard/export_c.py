@@ -193,11 +193,11 @@ def export_c(
 
     Args:
         controller: law and constants; its model's vehicle gives joints and rotors.
-        name: begins every name of the file that others see; a C identifier.
-        period: s, time between two calls.
+        name: prefix of every name of the file that others see; a C identifier.
+        period: time between two calls, s.
         single: float in place of double.
         generator: name and version of the writing program, for the opening comment.
-        estimator: from readings to the law's measurement; the file's measurement then holds the readings.
+        estimator: state estimator between readings and law; the file's measurement then holds the readings.
 
     Raises:
         ValueError: the name is no C identifier of at most 64 characters, the law cannot be traced, or the estimator's

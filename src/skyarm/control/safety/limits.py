@@ -141,8 +141,8 @@ class UsualJoint:
         margin: distance that a joint of 12 rad/s covers in one control period of 4 ms.
         error: allowed joint error, above that of any shipped law that tracks joints in the paper's cases.
         tip_error: error allowed for a law that moves the joints by the tilt, and by more, to keep the tip in place.
-        step, slew: of a reference: above those a law meets it as a jump, at the pace of a quick reach.
-        stow_speed: of the arm's way to its stowed pose, which hardly moves the base.
+        step, slew: largest step of a reference that is no jump, and rate of a jump, the pace of a quick reach.
+        stow_speed: speed of the arm on its way to its stowed pose, which hardly moves the base.
     """
 
     speed: float

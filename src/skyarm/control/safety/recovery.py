@@ -126,8 +126,8 @@ class Recovery:
     """Constants of the recovery law.
 
     Attributes:
-        gains: of the base. joint_gains: of the joints, on torque.
-        stow: rad or m, pose of the arm. stow_speed: rad/s or m/s, on the way there.
+        gains: gains of the base. joint_gains: gains of the joints, on torque.
+        stow: stowed pose of the arm, rad or m. stow_speed: speed on the way there, rad/s or m/s.
     """
 
     gains: GeometricGains

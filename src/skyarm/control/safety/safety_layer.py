@@ -53,7 +53,7 @@ class SafetyParameters(LayerParameters):
     """Constants of a law inside the safety layer: limits and recovery law.
 
     Attributes:
-        limits: of references and commands. recovery: law that flies when the other is given up.
+        limits: limits of references and commands. recovery: constants of the recovery law.
     """
 
     limits: Limits
@@ -65,12 +65,12 @@ class SafetyMemory:
     """Internal state of a law with the safety layer: state of the law, limited references, supervisor and last command.
 
     Attributes:
-        inner: memory of the law.
+        inner: state of the law.
         started: 0 before the first step.
-        joints: rad or m, governed references of the law. ramping: 1 where one is on its way.
+        joints: governed references of the law, rad or m. ramping: 1 where one is on its way.
         arm: governed joint references of the recovery.
         sent: the last command.
-        confidence: of the law. hold: m, where the recovery hovers. yaw: rad, its heading.
+        confidence: state of the failure detection. hold: hover position of the recovery, m. yaw: its heading, rad.
     """
 
     inner: Any

@@ -96,15 +96,15 @@ class JointLearned:
     moving: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of the reference's rate")]
     off: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of what the rate is off")]
 
-    def filtered(self, new: Efforts, wanted: Scalar, share: Scalar, dt: Scalar) -> JointLearned:
-        """Joint state with filtered signals and statistics, one period later; ``wanted`` is the reference's rate."""
+    def filtered(self, new: Efforts, desired: Scalar, share: Scalar, dt: Scalar) -> JointLearned:
+        """Joint state with filtered signals and statistics, one period later; ``desired`` is the reference's rate."""
         once, slow = self.once.towards(new, share), low_pass_share(FOLLOWING, dt)
-        off = sub(new.rate, wanted)
+        off = sub(new.rate, desired)
         return replace(
             self,
             once=once,
             twice=self.twice.towards(once, share),
-            moving=towards(self.moving, mul(wanted, wanted), slow),
+            moving=towards(self.moving, mul(desired, desired), slow),
             off=towards(self.off, mul(off, off), slow),
         )
 

@@ -83,7 +83,7 @@ class Acting:
     """Forces on the vehicle beside those of rotors and weight, world axes.
 
     Attributes:
-        force: steady, N. rate: of it as it is foretold, N/s. drag: of the rotors, N s/m.
+        force: steady force, N. rate: its predicted rate, N/s. drag: hub drag of the rotors, N s/m.
     """
 
     force: Vec3
@@ -96,8 +96,8 @@ class PreviewInstant:
     """Reference at one instant of the preview.
 
     Attributes:
-        time: from now, s. rise: vertical acceleration, m/s^2.
-        force: what joints leave of d - a, horizontal, world axes, m/s^2.
+        time: time from now, s. rise: vertical acceleration, m/s^2.
+        force: part of d - a that joints leave, horizontal, world axes, m/s^2.
         lever: height of the centre of mass above the tip, m.
     """
 
@@ -112,7 +112,7 @@ class TiltShares:
     """Share of a base's tilt that joints do not take back: matrix [[m + x, y], [y, m - x]] on horizontal vectors.
 
     Attributes:
-        mean: m, of all directions. x, y: of heading 0.
+        mean: m, mean of all directions. x, y: deviations from it at heading 0.
     """
 
     mean: Scalar
@@ -171,8 +171,8 @@ class PreviewInterval:
     """Solution between two instants of the preview: y' = -b y + v at the first one, and the motion to the second one.
 
     Attributes:
-        b: 1/s. v: m/s. time: from the first to the second one, s.
-        cosh, sinh: of y and y' (s) at the first one, in y at the second one. forced: m, of it by the force.
+        b: 1/s. v: m/s. time: time from the first to the second one, s.
+        cosh, sinh: factors of y and y' (s) at the first one, in y at the second one. forced: m, by the force.
     """
 
     b: Scalar
@@ -259,7 +259,7 @@ def bounded_shift(
     """Rate to fourth derivative of the centre of mass's shift (m, world axes), and the shift one period later.
 
     Args:
-        par: of the law.
+        par: constants of the law.
         shift: now.
         base: its reference, value to fourth derivative.
         yaw: rad, series of second order at least.

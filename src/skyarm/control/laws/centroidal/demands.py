@@ -53,12 +53,12 @@ class DesiredMotion:
     """Desired motion of base and arm at one instant, with the quasi-static attitude.
 
     Attributes:
-        base: of the base origin, value to fourth derivative, world axes.
+        base: motion of the base origin, value to fourth derivative, world axes.
         still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
-        following: of the shift's motion, one period later.
+        following: filter states, one period later.
         changes: known derivatives of the disturbance, N/s and N/s^2, world axes.
-        rotors: force that they give. planned: force of the motion, N, if the shift answers it, else None.
-        goal: of the tip mode, else None.
+        rotors: force of the rotors. planned: force of the motion, N, if the shift answers it, else None.
+        goal: tip and link references in tip mode, else None.
     """
 
     base: list[Vec3]

@@ -134,8 +134,8 @@ class Foreseen:
     """Disturbance forecast by the weighted rate of the force.
 
     Attributes:
-        unknown: that is compensated, now. near_rate: N/s, of its force, by which the attitude turns.
-        steady: force that the attitude balances, N, world axes. rate: N/s, of it.
+        unknown: compensated disturbance, now. near_rate: rate of its force by which the attitude turns, N/s.
+        steady: force that the attitude balances, N, world axes. rate: its rate, N/s.
     """
 
     unknown: Disturbance

@@ -64,8 +64,8 @@ class CentroidalMemory:
 
     Attributes:
         channels: samples of x, y, z, yaw and joints.
-        sent: the last command. past: of the actuators, as long as delay and lag may be.
-        following: of the demands. parts: of the parts.
+        sent: the last command. past: modelled past of the actuators, as long as delay and lag may be.
+        following: filter states of the desired motion. parts: states of the optional parts.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]

@@ -121,7 +121,7 @@ def preview_of(gains: Mapping[str, Any], mode: str, late: float, *, given: bool)
         gains: the law's options.
         mode: "tip" or "joint".
         late: s, from a published sample to the next, and further as commands are known to be late.
-        given: as the user has set it, not as it goes with the vehicle.
+        given: whether the user has set it.
     """
     preview, least = gains["preview"], late / SHARES[0]
     if mode != "tip" or not preview:

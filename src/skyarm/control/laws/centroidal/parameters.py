@@ -135,7 +135,7 @@ class CentroidalParameters:
         joint_ends: whether each joint has a lower and an upper limit that it is kept off; empty without joints.
         braces: stiffer and better damped joints where a force pushes a straight arm from below.
         delay_periods: known delay from a command to its measurement, in control periods.
-        lead_periods: what of it is not the measurement's age, by which the reference is ahead.
+        lead_periods: part of it that is not the measurement's age, by which the reference is ahead.
     """
 
     model: Model

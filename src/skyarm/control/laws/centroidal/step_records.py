@@ -23,9 +23,9 @@ class Timing:
     """Delay of the command of this step, and the actuation before the measurement.
 
     Attributes:
-        late: s, after which a command acts, found in flight. lead: that with the commands' known delay.
+        late: estimated delay of the commands, s. lead: the same with the commands' known delay.
         age: periods from the measurement to when the command acts.
-        past: of the actuators. acted: mean actuation over the period before the measurement.
+        past: modelled past of the actuators. acted: mean actuation over the period before the measurement.
     """
 
     late: Scalar = 0
@@ -53,8 +53,8 @@ class ObserverOutput:
     """Observer output: state, model accelerations and disturbance at the measurement's time.
 
     Attributes:
-        observed: at the measurement's time. told: accelerations of the model over the period before it.
-        alone: observed disturbance with the adapted feed-forward. unknown: that with what the mixer omits.
+        observed: observer state at the measurement's time. told: its correction of the model by that measurement.
+        alone: observed disturbance with the adapted feed-forward. unknown: the same with what the mixer omits.
     """
 
     observed: Observed
@@ -68,8 +68,8 @@ class Effect:
     """Change of a control step by a tip in contact: reference, compensated disturbance, adaptation.
 
     Attributes:
-        signals: of the reference, as shifted. unknown: disturbance that is compensated.
-        force: N, world axes, that the posture follows.
+        signals: shifted signals of the reference. unknown: compensated disturbance.
+        force: external force that the posture follows, N, world axes.
         learns, isolated: 1 where base and joints, and the lag, may be adapted, 0 in contact.
         external: 1 while a force on the tip is part of the observed disturbance. pressing: the push; None without one.
         links: bandwidth of each link's orientation over the tip's; () for 1.

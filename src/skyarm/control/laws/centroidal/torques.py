@@ -55,7 +55,7 @@ class Done:
 
     Attributes:
         free: 1 for the base and each joint whose actuators are not at their limit, else 0.
-        trim: of the squared rotor speeds, one period later, (rad/s)^2.
+        trim: trim of the squared rotor speeds, one period later, (rad/s)^2.
     """
 
     command: Command

@@ -62,9 +62,9 @@ class Network:
     """Feed-forward network with tanh layers and normalised inputs.
 
     Attributes:
-        means, factors: of the inputs; factor is one over the deviation.
+        means, factors: mean of each input, and one over its deviation.
         layers: the last is linear.
-        scales: of the outputs. limits: largest magnitude of each output, in its unit.
+        scales: scale of each output. limits: largest magnitude of each output, in its unit.
     """
 
     means: Annotated[tuple[Scalar, ...], Unit("", "of the inputs, in their units")]

@@ -41,7 +41,7 @@ class ContactGoal:
     Attributes:
         normal: out of the surface as estimated, world axes.
         touching: 1 where the surface holds the tip along the normal, 0 in free flight.
-        force: N, wanted. damping: 1/s, c above.
+        force: desired force, N. damping: 1/s, c above.
     """
 
     normal: Vec3
@@ -77,11 +77,11 @@ def under_contact(
 
     Args:
         model: the controller's model.
-        state: of it.
-        efforts: of the joints, N m or N.
+        state: state of that model.
+        efforts: joint efforts, N m or N.
         disturbance: without the surface's force along the normal.
-        dry_rates: of the joints, at which dry friction is taken.
-        contact: wanted.
+        dry_rates: joint rates at which dry friction is taken.
+        contact: desired contact.
     """
     if not contact:
         return disturbance, 0
@@ -111,7 +111,7 @@ class StageGoal:
     Attributes:
         position, velocity, yaw, joints, joint_rates, joint_accelerations: desired ones.
         shift: m, world axes, of the base, which keeps the tip where a level base would carry it.
-        contact: of the tip with a surface; empty where none is ever requested.
+        contact: desired contact of the tip; empty where none is ever requested.
     """
 
     position: Vec3

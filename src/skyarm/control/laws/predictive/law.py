@@ -76,11 +76,11 @@ class PredictiveParameters:
     """Constants of the predictive law.
 
     Attributes:
-        model: the controller's. mixer: of that model; the law does not use it.
-        weights, mode: of the cost. bandwidths: of the observer.
-        stages: of the horizon, which grow by one factor from the ``every``-th on. horizon: s.
+        model: the controller's. mixer: mixer of that model; the law does not use it.
+        weights, mode: cost weights and mode. bandwidths: poles of the observer.
+        stages: number of stages of the horizon, which grow by one factor from the ``every``-th on. horizon: s.
         every: control periods from one solution to the next. delay_periods: known age of measurements, control periods.
-        interaction: of pressing on surfaces; None for a law that ignores requested contact.
+        interaction: constants of contact force control; None for a law that ignores requested contact.
     """
 
     model: Model
@@ -108,9 +108,9 @@ class PredictiveEngine:
 
     Attributes:
         key: constants that it was made of.
-        solver, observation, bounds: of the plan, the state estimate, the inputs.
+        solver, observation, bounds: solver of the plan, state estimator, bounds of the inputs.
         stabiliser: law while no plan is trusted. most: cost of a plan that is trusted.
-        stance: shift of the base for the tip. contact: of the tip; None where the reference requests none.
+        stance: shift of the base for the tip. contact: contact detection; None where the reference requests none.
     """
 
     key: EngineKey
@@ -172,11 +172,11 @@ class PredictiveMemory:
     """Internal state of predictive control: observer, last plan, reference sample and acceptance history.
 
     Attributes:
-        engine: machine code. past: of the observer. Both None before the first step.
+        engine: machine code. past: state of the observer. Both None before the first step.
         sent: commands that the last measurement does not show yet, oldest first, if they act at once.
-        sample: of the reference. plan: the last solution. since: control periods since it was made.
-        trust: in the plans. interaction: of touch and loss; None without contact.
-        tip_force: N, world axes, of a surface on the tip; None of a law that does not press.
+        sample: held reference sample. plan: the last solution. since: control periods since it was made.
+        trust: acceptance history of the plans. interaction: state of contact force control; None without contact.
+        tip_force: force of a surface on the tip, N, world axes; None for a law that does not press.
     """
 
     engine: PredictiveEngine | None = None

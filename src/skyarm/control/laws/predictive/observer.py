@@ -101,7 +101,7 @@ class Observation:
     """Compiled extended state observer, and prediction over commands that no measurement shows yet.
 
     Args:
-        model: the controller's. bandwidths: of the observer. dt: control period, s.
+        model: the controller's. bandwidths: poles of the observer. dt: control period, s.
     """
 
     def __init__(self, model: Model, bandwidths: Bandwidths, dt: float) -> None:
@@ -154,7 +154,7 @@ class ObserverState:
     """Observer state: last estimate, statistics of the command delay, and recent commands.
 
     Attributes:
-        estimate: leaves of an :class:`Estimate` at the last measurement. late: how late commands act.
+        estimate: leaves of an :class:`Estimate` at the last measurement. late: statistics of the command delay.
         shown: last commands before that measurement, oldest first, if commands act at once.
     """
 

@@ -140,7 +140,7 @@ def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: tuple[Scalar, ...
     """Base offset (m, world axes) that keeps the tip in place while the base tilts to a thrust direction.
 
     Args:
-        vehicle: with a tip.
+        vehicle: vehicle with a tip.
         thrust: direction in which the rotors must push, world axes.
         yaw: rad.
         joints: positions, which give the tip's place under a level base.

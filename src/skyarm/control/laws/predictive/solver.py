@@ -42,7 +42,7 @@ class Compiled(Generic[Result]):
     """Function of dataclasses compiled to machine code and evaluated on arrays.
 
     Args:
-        function: of records; returns a record.
+        function: function of records that returns a record.
         examples: a record of floats for each argument.
     """
 
@@ -91,7 +91,7 @@ class CompiledStages:
     """Compiled model prediction and cost residuals for all stages of the prediction horizon.
 
     Args:
-        model: the controller's. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`.
+        model: the controller's. weights, mode: cost weights and mode (:mod:`skyarm.control.laws.predictive.cost`).
         scales: size of a unit of each input; nudges are taken in it. contact: whether goals may request one.
 
     Attributes:
@@ -179,8 +179,8 @@ class Rollouts:
     """Rollouts of a policy within input limits, for several step sizes at once.
 
     Args:
-        model: the controller's. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`. bounds: of the inputs.
-        contact: whether goals may request one.
+        model: the controller's. weights, mode: cost weights and mode (:mod:`skyarm.control.laws.predictive.cost`).
+        bounds: limits of the inputs. contact: whether goals may request one.
 
     Source: Tassa, Mansard, Todorov 2014 (limits within the rollout of a policy).
     """
@@ -354,8 +354,8 @@ class MotionPlan:
     """Planned motion: states (N + 1, nx), inputs (N, nu) and feedback gains (N, nu, nx).
 
     Attributes:
-        x, u, K: states, inputs and gains. damping: of the next step. cost: sum of squared residuals; NaN if not known.
-        share: of the last step that was taken.
+        x, u, K: states, inputs and gains. damping: Levenberg-Marquardt damping of the next step.
+        cost: sum of squared residuals; NaN if not known. share: accepted part of the last step.
     """
 
     x: Array
@@ -384,7 +384,7 @@ class Riccati:
 
     Args:
         stages: compiled prediction. rollouts: compiled motions. steps: (N,) lengths of the stages, s.
-        final: s for which the end counts. bounds: of the inputs.
+        final: time for which the end counts, s. bounds: limits of the inputs.
 
     Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todorov 2014 (line search by rolling the
     policy out); Levenberg 1944, Marquardt 1963 (damping, here of the inputs).

@@ -48,9 +48,10 @@ class ContactState:
     Attributes:
         normal: (3,) out of the surface, world axes.
         asked, touching: 1 where contact is requested, and where the surface holds the tip.
-        rising: 1 while the order rises. share: of the wanted force so far. force: wanted as a whole.
+        rising: 1 while the order rises. share: part of the desired force so far. force: desired force as a whole.
         damping: 1/s, of the tip.
-        shift, shift_rate: of the reference. gap: of the tip from it. speed: of the tip's approach.
+        shift, shift_rate: offset of the reference and its rate. gap: distance of the tip from it.
+        speed: speed of the tip's approach.
         free: leaves of the disturbance without the surface's force along the normal while it holds the tip.
         pressed: leaves of the disturbance with the commanded force in place of the observed one.
         tip_force: (3,) of the surface on the tip, estimated, world axes.
@@ -76,7 +77,7 @@ class TipContact:
     """Compiled contact detection, and the disturbance without the contact force.
 
     Args:
-        model: the controller's. gains: of pressing. dt: control period, s.
+        model: the controller's. gains: constants of contact force control. dt: control period, s.
     """
 
     def __init__(self, model: Model, gains: InteractionGains, dt: float) -> None:

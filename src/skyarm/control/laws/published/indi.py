@@ -53,7 +53,7 @@ class IndiParameters(Parameters):
     """Constants of the INDI law in addition to the gains.
 
     Attributes:
-        cutoff: of every filter, Hz. measured_speeds: False models the rotor speeds from the commands.
+        cutoff: cut-off frequency of every filter, Hz. measured_speeds: False models the rotor speeds by the commands.
         delay_periods: known age of the measurement, in control periods, by which the commands are late that efforts and
             modelled rotor speeds follow from.
     """
@@ -69,10 +69,10 @@ class IndiMemory:
 
     Attributes:
         started: 0 before the first measurement.
-        taps: of the filters: specific force and thrust vector (world), gyroscope, rotor torque, joint rates, efforts.
+        taps: filter states of specific force and thrust vector (world), gyroscope, rotor torque, joint rates, efforts.
         rate, joint_rates: filtered, one period ago.
         sent: the commands of the periods before, oldest first.
-        speeds: of the modelled rotors one period ago, rad/s; none where they are measured.
+        speeds: modelled rotor speeds one period ago, rad/s; none where they are measured.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]

@@ -46,9 +46,9 @@ class SlidingParameters(Parameters):
 
     Attributes:
         switching: eta of position (m/s^2), attitude (rad/s^2) and joints (rad/s^2).
-        boundary: of s, m/s, rad/s, rad/s.
+        boundary: width of the boundary layer of s, m/s, rad/s, rad/s.
         adaptation: gamma, 1/s^2, of position, attitude, joints.
-        limit: of delta, m/s^2, rad/s^2, rad/s^2.
+        limit: largest magnitude of delta, m/s^2, rad/s^2, rad/s^2.
     """
 
     switching: Annotated[Triple, Unit(ACCELERATION, "of position, attitude, joints", low=0.0)] = (0.5, 2.0, 2.0)

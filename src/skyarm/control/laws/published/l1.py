@@ -100,7 +100,7 @@ class L1Memory:
         quaternion, joints: attitude and joint positions, measured one period ago. sent: the command since then.
         measured, error, sigma: z, the error of its prediction and what disturbs it, one period ago.
         force: low-pass of the estimated force, world axes, N. thrust: along body z, N.
-        torque, torque_twice: after one and two filters, N m. efforts, efforts_twice: of the joints.
+        torque, torque_twice: torque after one and two filters, N m. efforts, efforts_twice: the same of the joints.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]

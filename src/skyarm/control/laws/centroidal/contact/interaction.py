@@ -176,7 +176,7 @@ def with_slow_wind(given: Disturbance, pressing: Pressing, beside: Vec3, slow: V
 
     Args:
         given: disturbance with the commanded contact force.
-        pressing: of the contact force controller.
+        pressing: output of the contact force controller.
         beside: observed force on the base beside the contact's, N, world axes.
         slow: the same, filtered at ``wind_rate``.
     """

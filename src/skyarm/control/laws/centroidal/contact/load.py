@@ -43,7 +43,8 @@ class Hang:
 
     Attributes:
         lift: N on the base, world z, per kg.
-        turning: N m on the base, base axes, per kg and per N m about world x and y. efforts: of each joint, likewise.
+        turning: N m on the base, base axes, per kg and per N m about world x and y.
+        efforts: effort of each joint, likewise.
         tip: R_WT, axes of the tip.
     """
 
@@ -109,8 +110,8 @@ def learn_load(
     A held load that lies on something pushes the tip up as soon as the reference is low; a law that compensated this
     would push down ever harder. So an upward force beyond the load's weight is taken out of the disturbance.
 
-    ``at``: the measurement's time; ``holds``: whether something is held; ``learns``: 0 on a surface and at limits of
-    actuators; ``bandwidth`` of the observer, rad/s.
+    ``at``: regressor at the measurement's time; ``holds``: whether something is held; ``learns``: 0 on a surface and at
+    limits of actuators; ``bandwidth`` of the observer, rad/s.
     """
     beyond = observed - memory.bias - at.weight(mul(1.0 - gains.inertia_share, memory.mass), memory.place)
     mass, about_x, about_y = missing(model.vehicle, gains, at, beyond)

@@ -47,7 +47,7 @@ class RotorReach:
 
     Attributes:
         rows: squared speed of each rotor per force at the centre of mass, body axes, (rad/s)^2 / N.
-        highest: of each, (rad/s)^2. least: room, (rad/s)^2.
+        highest: largest squared speed of each, (rad/s)^2. least: least room, (rad/s)^2.
     """
 
     rows: tuple[Vec3, ...]
