@@ -30,7 +30,7 @@ from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.model import LayerParameters, Model
 from skyarm.dynamics.actuators import Command, allocation_matrix
 from skyarm.dynamics.actuators.tilting import (
-    Force,
+    TiltedForce,
     angles_after,
     as_pairs,
     forces_of_pairs,
@@ -208,7 +208,7 @@ def angles_seen(measurement: Measurement, believed: tuple[Scalar, ...]) -> tuple
     return tuple(where(absolute(seen) < math.inf, seen, modelled) for seen, modelled in rows)
 
 
-def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
+def goal_angles(model: Model, forces: Sequence[TiltedForce], last: Sequence[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
     """Servo angles (rad) of the desired rotor forces, which change slowly where a force is near zero."""
     vehicle = model.vehicle
     total: Scalar = 0.0
@@ -225,7 +225,7 @@ def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Scalar], d
     return tuple(angles)
 
 
-def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Scalar]) -> list[Scalar]:
+def squares_at(vehicle: Vehicle, forces: Sequence[TiltedForce], angles: Sequence[Scalar]) -> list[Scalar]:
     """Squared rotor speeds that give the desired torque and thrust at given rotor angles.
 
     Beginning with each wanted force's part along its rotor's axis as it stands, the least change (in squares) gives the

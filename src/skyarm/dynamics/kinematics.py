@@ -102,12 +102,12 @@ def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar], *
 
 def chain(vehicle: Vehicle, index: int) -> list[int]:
     """Indices of the joints from the base to a link."""
-    found: list[int] = []
+    indices: list[int] = []
     while index != BASE:
         own = index < vehicle.n
-        found.insert(0, index if own else vehicle.followers[index - vehicle.n].leader)
+        indices.insert(0, index if own else vehicle.followers[index - vehicle.n].leader)
         index = vehicle.moving[index].parent
-    return found
+    return indices
 
 
 def every_joint(vehicle: Vehicle, joints: Sequence[Scalar]) -> tuple[Scalar, ...]:
@@ -122,18 +122,18 @@ def every_rate(vehicle: Vehicle, rates: Sequence[Scalar]) -> tuple[Scalar, ...]:
 
 def onto_leaders(vehicle: Vehicle, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Generalised forces of the independent joints, from the torques or forces of all joints."""
-    found = list(efforts[: vehicle.n])
+    forces = list(efforts[: vehicle.n])
     for each, effort in zip(vehicle.followers, efforts[vehicle.n :], strict=True):
-        found[each.leader] = add(found[each.leader], mul(each.ratio, effort))
-    return tuple(found)
+        forces[each.leader] = add(forces[each.leader], mul(each.ratio, effort))
+    return tuple(forces)
 
 
 def columns_of_leaders(vehicle: Vehicle, columns: Sequence[Motion]) -> list[Motion]:
     """Jacobian columns of the independent joints, from those of all joints."""
-    found = list(columns[: vehicle.n])
+    independent = list(columns[: vehicle.n])
     for each, column in zip(vehicle.followers, columns[vehicle.n :], strict=True):
-        found[each.leader] = found[each.leader] + column * each.ratio
-    return found
+        independent[each.leader] = independent[each.leader] + column * each.ratio
+    return independent
 
 
 def untie_followers(vehicle: Vehicle, state: State) -> tuple[Vehicle, State]:
