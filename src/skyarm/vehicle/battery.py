@@ -57,12 +57,12 @@ class Battery:
     """Battery pack: cells in series with one internal resistance.
 
     Attributes:
-        cells: in series. capacity: from full to empty. resistance: of the whole pack with its wires.
-        open_circuit: of one cell.
-        reference_voltage: of the pack, at which the rotors' highest speeds and thrust tables hold. Above it they turn
-            no faster: state the voltage of a full pack with its highest speeds if those are known.
-        charge: at the start, as a share of the capacity.
-        standing_power: of all but the rotors.
+        cells: cells in series. capacity: charge from full to empty. resistance: resistance of pack and wires.
+        open_circuit: open-circuit voltage of one cell.
+        reference_voltage: voltage at which the rotors' highest speeds and thrust tables hold. Above it they turn no
+            faster: state the voltage of a full pack with its highest speeds if those are known.
+        charge: charge at the start, as a share of the capacity.
+        standing_power: power of all but the rotors.
         efficiency: mechanical over electrical power of rotors whose table has no current.
         esc: "governed": a speed controller holds its speed as long as the voltage allows; "open": it holds a throttle,
             whose speed is proportional to the voltage.
@@ -87,7 +87,7 @@ class Battery:
         if concrete(self.efficiency) and not self.efficiency > 0.0:
             refuse("battery.efficiency", self.efficiency, "must be above 0 and at most 1")
 
-    def open_circuit_voltage(self, charge: Any) -> Any:
+    def open_circuit_voltage(self, charge: Scalar) -> Scalar:
         """Voltage of the pack without a load, V."""
         return mul(float(self.cells), curve(charge, self.open_circuit.charge, self.open_circuit.voltage))
 
@@ -98,7 +98,7 @@ class Battery:
         """
         return rotor_power(rotors, speeds, self.efficiency, self.reference_voltage, self.standing_power)
 
-    def voltage(self, charge: Any, power: Any) -> Any:
+    def voltage(self, charge: Scalar, power: Scalar) -> Scalar:
         """Voltage of the pack under a load P (W), V: solution of V = V_0 - R P / V, limited to peak power.
 
         Zero for an empty battery, which is cut off.
@@ -107,7 +107,7 @@ class Battery:
         under_load = 0.5 * (idle + sqrt(maximum(idle * idle - 4.0 * self.resistance * power, 0.0)))
         return where(charge > 0.0, under_load, 0.0)
 
-    def discharge(self, charge: Any, power: Any, seconds: Any) -> Any:
+    def discharge(self, charge: Scalar, power: Scalar, seconds: Scalar) -> Scalar:
         """Charge after supplying a load (W) for some seconds."""
         voltage = self.voltage(charge, power)
         current = divide(power, where(voltage > 0.0, voltage, 1.0))
@@ -121,9 +121,9 @@ def rotor_power(
     """Electrical power of rotors at given speeds, plus all other loads, W.
 
     Args:
-        rotors: of a vehicle.
-        speeds: theirs, rad/s.
-        efficiency: of motor and ESC, from electrical to mechanical power, for rotors without a table of currents.
+        rotors: rotors of a vehicle.
+        speeds: their speeds, rad/s.
+        efficiency: mechanical over electrical power of motor and ESC, for rotors without a table of currents.
         voltage: V, at which such a table was measured.
         standing: power of all other loads, W.
     """

@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from skyarm.algebra import Sym3
+from skyarm.algebra.scalars import Scalar
 from skyarm.records.coerce import TOLERANCE, RecordError, coefficient, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
@@ -55,8 +56,8 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool, least: float = 0.0) 
 
     Args:
         field: name in messages.
-        inertia_com: about the centre of mass, kg m^2.
-        planar: of a planar model, which obeys no triangle inequality.
+        inertia_com: inertia about the centre of mass, kg m^2.
+        planar: True for a planar model, which obeys no triangle inequality.
         least: kg m^2; all moments of a solid body are larger.
     """
     if not concrete(*inertia_com.entries):
@@ -79,7 +80,7 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool, least: float = 0.0) 
         )
 
 
-def rising(field: str, column: Sequence[Any], why: str = "") -> None:
+def rising(field: str, column: Sequence[Scalar], why: str = "") -> None:
     """Raise an error unless each number of a column is above the one before it."""
     for i, (a, b) in enumerate(pairwise(column)):
         if concrete(a, b) and not a < b:

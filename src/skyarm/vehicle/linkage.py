@@ -83,10 +83,10 @@ class Joint:
         effort_limit: largest |torque| (N m) or |force| (N) of the actuator; 0 for a passive joint.
         armature: inertia of the drive's own rotor, reflected to the joint by the square of the gear ratio, kg m^2 or
             kg. It resists the joint's acceleration against its parent only, as in MuJoCo, Pinocchio and Drake.
-        damping: viscous, N m s/rad or N s/m.
+        damping: viscous damping, N m s/rad or N s/m.
         coulomb: smooth Coulomb friction, N m or N: coulomb * tanh(rate / coulomb_rate).
         coulomb_rate: rate at which tanh has bent, rad/s or m/s.
-        stop_stiffness: of the hard stops at both limits, N m/rad or N/m; 0 for a joint without stops.
+        stop_stiffness: stiffness of the hard stops at both limits, N m/rad or N/m; 0 for a joint without stops.
         stop_damping: share by which a stop pushes harder per rad/s or m/s of the joint moving into it.
     """
 

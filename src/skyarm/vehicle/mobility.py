@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra.scalars import Scalar
+from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.linkage import Body, Joint, Linkage
@@ -26,10 +28,10 @@ GOLDEN = 0.6180339887498949
 
 def what_does_not_move(value: Linkage) -> tuple[str, Any, str] | None:
     """Error (field, value, requirement) about a joint or base that moves no mass; None if each moves mass."""
-    found = immobile(value) if concrete(*_rigid_numbers(value)) else None
-    if found is None:
+    first = immobile(value) if concrete(*_rigid_numbers(value)) else None
+    if first is None:
         return None
-    field, joints = found
+    field, joints = first
     if field != "base.inertia":
         at = ", ".join(f"{q:g}" for q in joints)
         return (
@@ -55,9 +57,9 @@ def immobile(vehicle: Linkage) -> tuple[str, tuple[float, ...]] | None:
     for turn in range(3):
         joints = _joint_values(vehicle, turn)
         with np.errstate(all="ignore"):  # absurd masses overflow; their flight ends as diverged
-            found = _eliminate(vehicle, joints)
-        if found:
-            return found, joints
+            field = _eliminate(vehicle, joints)
+        if field:
+            return field, joints
     return None
 
 
@@ -65,7 +67,7 @@ def _joint_values(vehicle: Linkage, turn: int) -> tuple[float, ...]:
     return tuple(_joint_value(link.joint, turn, index) for index, link in enumerate(vehicle.links))
 
 
-def _moments(body: Body) -> Any:
+def _moments(body: Body) -> AnyArray:
     """Principal moments of a body's inertia, kg m^2, in ascending order."""
     return np.linalg.eigvalsh(_matrix(body.inertia.full()))
 
@@ -132,38 +134,38 @@ def joint_mobility(vehicle: Linkage) -> list[Any]:
 
     The block of the joints in the inverse of the mass matrix, with all that is not a joint free to move.
     """
-    found = []
+    mobilities = []
     for turn in range(6):
         M, _ = mass_matrix(vehicle, _joint_values(vehicle, turn))
         with np.errstate(all="ignore"):
             try:
-                found.append(np.linalg.inv(M)[6:, 6:])
+                mobilities.append(np.linalg.inv(M)[6:, 6:])
             except np.linalg.LinAlgError:
-                found.append(np.full((vehicle.n, vehicle.n), np.nan))
-    return found
+                mobilities.append(np.full((vehicle.n, vehicle.n), np.nan))
+    return mobilities
 
 
-def _numbers(*values: Any) -> list[float]:
+def _numbers(*values: Scalar) -> list[float]:
     return [float(value) for value in values]
 
 
-def _matrix(m: Mat3) -> Any:
+def _matrix(m: Mat3) -> Array:
     return np.array([list(row) for row in m.rows], dtype=float)
 
 
-def rigid_inertia(body: Body) -> Any:
+def rigid_inertia(body: Body) -> Array:
     """Spatial inertia (6 x 6) of a body about its link's origin."""
     S = _matrix(Mat3.cross(body.com))
     m = float(body.mass)
     return np.block([[_matrix(body.inertia.full()) - m * S @ S, m * S], [-m * S, m * np.eye(3)]])
 
 
-def _direction(joint: Joint) -> Any:
+def _direction(joint: Joint) -> Array:
     axis = _numbers(*joint.axis)
     return np.array([*axis, 0.0, 0.0, 0.0] if joint.turns else [0.0, 0.0, 0.0, *axis])
 
 
-def _to_child(joint: Joint, value: float) -> Any:
+def _to_child(joint: Joint, value: float) -> Array:
     """Spatial transform (6 x 6) of a motion vector from the parent link's origin to the child link's."""
     R, p = _matrix(joint.rotation), np.array(_numbers(*joint.position))
     axis = Vec3(*_numbers(*joint.axis))

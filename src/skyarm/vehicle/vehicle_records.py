@@ -54,9 +54,9 @@ class Rotor:
         drag_coefficient: hub drag, N s^2/(rad m): force = -coefficient |W| v_perp.
         rolling_moment_coefficient: N s^2/rad: torque = -coefficient |W| v_perp.
         time_constant_up, time_constant_down: first-order lag of the speed, s.
-        max_speed: rad/s.
-        inertia: of what turns, about the axis, kg m^2: its change of speed and the turning of its spin push the base.
-            It is part of the base's inertia too. An int of 0 is structure: no such effect.
+        max_speed: largest speed, rad/s.
+        inertia: inertia of what turns, about the axis, kg m^2: its change of speed and the turning of its spin push the
+            base. It is part of the base's inertia too. An int of 0 is structure: no such effect.
         table: thrust and drag torque by speed in place of k_f W^2 and k_m thrust; k_f and k_m scale them and are what
             laws know.
         tilt: servo that turns the axis; None for a rotor whose axis is fixed.
@@ -107,8 +107,8 @@ class Look(Frame):
     """Visual mesh of a link with its pose; without mass or contact.
 
     Attributes:
-        name: of the link in the file that describes it.
-        file: path of an STL file. scale: of its numbers along its axes, to m.
+        name: name of the link in the file that describes it.
+        file: path of an STL file. scale: factors of its numbers along its axes, to m.
     """
 
     file: str
@@ -136,7 +136,7 @@ class MountedDrive:
     """Actuator of one joint as part of a vehicle: name of the joint, and drive model.
 
     Attributes:
-        name: of the joint. drive: a :class:`skyarm.Drive`.
+        name: name of the joint. drive: a :class:`skyarm.Drive`.
     """
 
     name: str
@@ -161,11 +161,11 @@ class Vehicle:
         followers: links that move with others; a frame, a wrench or a shape means the k-th by the index ``n`` + k.
         frames: named frames; ``end_effector`` names the one that metrics and tasks mean.
         drag: drag of the airframe in moving air.
-        drives: of the joints whose setpoint is not the torque.
-        battery: that the rotors run on; None for a supply that never sags.
+        drives: drives of the joints whose setpoint is not the torque.
+        battery: battery of the rotors; None for a supply that never sags.
         looks: meshes for pictures, of links whose file names some.
         sources: (field, source) pairs: where each number comes from.
-        notes: what the reader of its file left out or took in another way, a line each.
+        notes: elements that the reader of its file left out or read in another way, a line each.
     """
 
     name: str
@@ -242,9 +242,9 @@ class Vehicle:
 
     def frame(self, name: str | None = None) -> Frame:
         """Frame by name, by default the end effector; raises VehicleError with the list of frames."""
-        wanted = name or self.end_effector
+        chosen = name or self.end_effector
         for candidate in self.frames:
-            if candidate.name == wanted:
+            if candidate.name == chosen:
                 return candidate
         problem = f"no frame '{wanted}'" if wanted else "no end_effector; name a frame"
         raise VehicleError(f"vehicle '{self.name}': {problem}; there are {[f.name for f in self.frames] or 'none'}")
@@ -265,20 +265,20 @@ class Vehicle:
 
     def with_views(self, values: Mapping[str, Scalar]) -> Vehicle:
         """Vehicle with point masses (kg) at some frames, by their names, on top of what is there."""
-        found = self
+        loaded = self
         for frame, mass in values.items():
-            found = found.with_payload(mass, frame)
-        return found
+            loaded = loaded.with_payload(mass, frame)
+        return loaded
 
     def with_body(self, link: int, load: Body) -> Vehicle:
         """Vehicle with a load merged into the body of a link, follower or ``BASE``, in that body's axes."""
         if link == BASE:
             return replace(self, base=self.base.merge(load))
         if link >= self.n:
-            held, k = list(self.followers), link - self.n
-            moved = replace(held[k].link, body=held[k].link.body.merge(load))
-            held[k] = replace(held[k], link=moved)
-            return replace(self, followers=tuple(held))
+            followers, k = list(self.followers), link - self.n
+            moved = replace(followers[k].link, body=followers[k].link.body.merge(load))
+            followers[k] = replace(followers[k], link=moved)
+            return replace(self, followers=tuple(followers))
         links = list(self.links)
         links[link] = replace(links[link], body=links[link].body.merge(load))
         return replace(self, links=tuple(links))
