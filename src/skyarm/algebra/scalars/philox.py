@@ -77,7 +77,7 @@ def uniform(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike) -> ND
     return uniforms(seed, episode, channel, steps, 1)[..., 0]
 
 
-def uniforms(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike, count: int) -> NDArray[np.float64]:
+def uniforms(seed: ArrayLike, episode: ArrayLike, channel: int, steps: ArrayLike, count: int) -> NDArray[np.float64]:
     """Independent uniform random numbers, ``count`` for each episode and step along a new last axis."""
     key = _whole("seed", seed, 64)
     c1, c2, c3 = _whole("step", steps, 32), _whole("channel", channel, 32), _whole("episode", episode, 32)
