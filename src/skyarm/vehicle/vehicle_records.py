@@ -246,7 +246,7 @@ class Vehicle:
         for candidate in self.frames:
             if candidate.name == chosen:
                 return candidate
-        problem = f"no frame '{wanted}'" if wanted else "no end_effector; name a frame"
+        problem = f"no frame '{chosen}'" if chosen else "no end_effector; name a frame"
         raise VehicleError(f"vehicle '{self.name}': {problem}; there are {[f.name for f in self.frames] or 'none'}")
 
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:

@@ -20,7 +20,7 @@ from skyarm.studies.flights.fly import fly
 from skyarm.studies.flights.store import pack_rows, unpack_rows
 from skyarm.studies.paper import inferred_settings
 from skyarm.studies.paper import reproduce as room
-from skyarm.studies.paper.flights import STATED, Flight, flights, metrics, scenario, with_damping, work_of
+from skyarm.studies.paper.flights import STATED, PaperFlight, flights, metrics, scenario, with_damping, work_of
 from skyarm.studies.paper.published import CASES
 from skyarm.studies.paper.reproduce import Campaign, run_campaign, works
 from skyarm.studies.paper.variations import (
@@ -32,7 +32,7 @@ from skyarm.studies.paper.variations import (
     variations,
 )
 
-CASE2, WIND = Flight("case2", "PD", "rigid_body"), Flight("case3_wind", "PD", "mujoco")
+CASE2, WIND = PaperFlight("case2", "PD", "rigid_body"), PaperFlight("case3_wind", "PD", "mujoco")
 FEW = [
     work_of(CASE2, scenario(CASE2)),
     work_of(WIND, scenario(WIND)),
@@ -196,7 +196,7 @@ def test_every_flight_has_a_key_of_its_own() -> None:
 
 
 def test_the_assumed_damping_is_that_of_the_table_and_needs_no_flight() -> None:
-    plain = scenario(Flight("case2", "CT", "rigid_body"))
+    plain = scenario(PaperFlight("case2", "CT", "rigid_body"))
     assert [float(link.joint.damping) for link in plain.plant.vehicle.links] == [0.001, 0.001]
     assert _variation("joint_damping", "0.001").change is None
     assert all(_variation("joint_damping", f"{d:g}").change is not None for d in DAMPINGS if d != 0.001)
@@ -213,12 +213,12 @@ def test_a_variation_is_the_changed_scenario_measured(monkeypatch: pytest.Monkey
 
 
 def test_damping_of_the_first_joint_leaves_the_second() -> None:
-    varied = damped_first_joint(scenario(Flight("case2", "CT", "rigid_body")))
+    varied = damped_first_joint(scenario(PaperFlight("case2", "CT", "rigid_body")))
     assert [float(link.joint.damping) for link in varied.plant.vehicle.links] == [0.05, 0.001]
 
 
 def test_damping_changes_the_truth_and_not_the_belief() -> None:
-    plain = scenario(Flight("case2", "CT", "rigid_body"))
+    plain = scenario(PaperFlight("case2", "CT", "rigid_body"))
     varied = with_damping(plain, 0.05)
     assert [float(link.joint.damping) for link in varied.plant.vehicle.links] == [0.05, 0.05]
     assert varied.controller is plain.controller
@@ -226,11 +226,11 @@ def test_damping_changes_the_truth_and_not_the_belief() -> None:
 
 
 def test_latency_is_three_physics_steps() -> None:
-    assert delay_commands(scenario(Flight("case1", "CT", "mujoco"))).delays.command == 0.003
+    assert delay_commands(scenario(PaperFlight("case1", "CT", "mujoco"))).delays.command == 0.003
 
 
 def test_other_ramps_have_the_heights_and_times_of_the_linear_ones() -> None:
-    plain = scenario(Flight("case1", "CT", "rigid_body"))
+    plain = scenario(PaperFlight("case1", "CT", "rigid_body"))
     smooth, stepped = reshaped_ramps(plain, "quintic"), reshaped_ramps(plain, "step")
     times = np.array([0.0, 6.0, 7.0, 11.9, 12.0, 13.0, 14.0, 18.0, 19.0, 20.0, 25.0])
     for t in times:

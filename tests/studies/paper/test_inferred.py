@@ -16,7 +16,7 @@ from inference.checks import checked_study
 from skyarm.simulate import run
 from skyarm.studies.paper import inference_tables as shown
 from skyarm.studies.paper.counted_cells import counts, in_group, inferred_value, published_cells, sentence, stated_value
-from skyarm.studies.paper.flights import Flight, results, scenario, settings
+from skyarm.studies.paper.flights import PaperFlight, results, scenario, settings
 from skyarm.studies.paper.inferred_settings import (
     INFERRED,
     LIBRARY,
@@ -78,7 +78,7 @@ def test_the_study_s_cells_are_the_paper_s() -> None:
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize(("case", "law"), [("case1", "CT"), ("case3", "PD"), ("case2_gust", "CT")])
 def test_without_settings_the_study_flies_what_is_stated(case: str, law: str, plant: str) -> None:
-    flight = Flight(case, law, plant)
+    flight = PaperFlight(case, law, plant)
     short = [
         dataclasses.replace(each, duration=7.0, windows=dataclasses.replace(each.windows, last=1.0))
         for each in (scenario(flight), inferred_scenario(flight, {}))
@@ -91,7 +91,7 @@ def test_without_settings_the_study_flies_what_is_stated(case: str, law: str, pl
 def test_the_settings_reach_every_flight() -> None:
     found = settings_in(shipped_evidence(), INFERRED)
     for case, law in (("case2", "CT"), ("case3", "PD"), ("case1", "PD"), ("case3_wind", "CT")):
-        planned = inferred_scenario(Flight(case, law, "mujoco"), found)
+        planned = inferred_scenario(PaperFlight(case, law, "mujoco"), found)
         believed = planned.controller.par
         assert planned.kind == "mujoco"
         assert planned.plant.vehicle.links[0].joint.damping == found["friction_1"]
@@ -101,7 +101,7 @@ def test_the_settings_reach_every_flight() -> None:
         assert planned.delays.longest_command is None
         joined = {"case1 PD": "pd_joins_case1", "case2 CT": "ct_joins", "case3 PD": "pd_joins"}.get(f"{case} {law}")
         assert planned.tracking_start == (found[joined] if joined else 0)
-    case1 = inferred_scenario(Flight("case1", "PD", "rigid_body"), found).reference.joints[0]
+    case1 = inferred_scenario(PaperFlight("case1", "PD", "rigid_body"), found).reference.joints[0]
     at = [case1.derivatives(t)[0] for t in (0.0, 0.02, found["pd_joins_case1"] + 5.98, found["pd_joins_case1"] + 6.0)]
     assert at == pytest.approx([0.0, 0.3, 0.3, 0.0])
     # a step is published with the rate of a hold

@@ -14,7 +14,7 @@ from log_metrics import motion
 from made_once import made_once
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.simulate import Rates, run
-from skyarm.studies.paper.flights import STEADY, Flight, results, scenario, settings
+from skyarm.studies.paper.flights import STEADY, PaperFlight, results, scenario, settings
 from skyarm.studies.paper.published import (
     CASES,
     CONTINUOUS,
@@ -124,7 +124,7 @@ def test_both_plants_agree_to_one_percent(table: dict[str, Any], case: str, cont
 @pytest.mark.thorough
 def test_the_plants_differ_by_the_hold_of_forces_alone() -> None:
     def pitch(plant: str, integrator: str, physics: int) -> float:
-        planned = scenario(Flight("case2", "CT", plant))
+        planned = scenario(PaperFlight("case2", "CT", plant))
         planned = dataclasses.replace(planned, integrator=integrator, rates=Rates(physics=physics), duration=20.0)
         return float(motion(run(planned), STEADY)["pitch_rms"])
 

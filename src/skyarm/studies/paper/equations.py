@@ -12,9 +12,8 @@ Source: Barakou, Tzafestas, Valavanis 2026, sections 2 and 3, Appendices B and C
 
 from __future__ import annotations
 
-from typing import Any
-
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics import euler_coordinates
 from skyarm.dynamics.array_front import ArrayLike, components, leading_axes, one_number, stack_leaves
 from skyarm.dynamics.kinematics import Pose, frame_pose, link_poses
@@ -84,7 +83,7 @@ def forward_kinematics(vehicle: Vehicle, q: ArrayLike) -> dict[str, Array]:
     }
 
 
-def _coordinates(vehicle: Vehicle, **rows: ArrayLike) -> list[tuple[Any, ...]]:
+def _coordinates(vehicle: Vehicle, **rows: ArrayLike) -> list[tuple[Scalar, ...]]:
     """Vectors of 6+n scalars from the NumPy arguments."""
     if not isinstance(vehicle, Vehicle):
         refuse("vehicle", vehicle, "must be a Vehicle")

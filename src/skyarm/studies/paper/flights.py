@@ -43,7 +43,7 @@ Metrics = dict[str, float | None]
 
 
 @immutable(kw_only=False)
-class Flight:
+class PaperFlight:
     """One flight of Barakou et al. 2026: a case, a controller ("CT", "PD" or a preset), a plant."""
 
     case: str
@@ -51,13 +51,13 @@ class Flight:
     plant: str
 
 
-def flights(plants: Sequence[str] = PLANTS) -> list[Flight]:
+def flights(plants: Sequence[str] = PLANTS) -> list[PaperFlight]:
     """All flights of Barakou et al. 2026 for the given kinds of simulated plant."""
-    return [Flight(case, controller, plant) for plant in plants for case in CASES for controller in CONTROLLERS]
+    return [PaperFlight(case, controller, plant) for plant in plants for case in CASES for controller in CONTROLLERS]
 
 
 @cache
-def scenario(flight: Flight) -> Scenario:
+def scenario(flight: PaperFlight) -> Scenario:
     """Scenario of one flight: the shipped case with the flight's plant and controller."""
     return load_scenario(
         flight.case, plant=flight.plant, controller=CONTROLLERS.get(flight.controller, flight.controller)
@@ -68,7 +68,7 @@ STATED = "stated"
 """Settings as the paper states them: those of the flights whose logs are kept."""
 
 
-def work_of(flight: Flight, planned: Scenario, settings: str = STATED, holds: tuple[Window, ...] = HOLDS) -> Work:
+def work_of(flight: PaperFlight, planned: Scenario, settings: str = STATED, holds: tuple[Window, ...] = HOLDS) -> Work:
     """One flight as a work, measured as its case is.
 
     Args:
@@ -100,14 +100,14 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
     twins = {
         suffix: {name: _with_suffix(metric, suffix) for name, metric in named.items()} for suffix in ("", CONTINUOUS)
     }
-    wanted = dict.fromkeys(m for each in twins.values() for m in each.values() if not m.startswith("settling_time"))
+    names = dict.fromkeys(m for each in twins.values() for m in each.values() if not m.startswith("settling_time"))
     windows = Windows(steady=WINDOWS[case], transient=TRANSIENT, gust=GUST, hover=HOVER, holds=holds)
-    scored = score(log, tuple(wanted), windows)
+    scored = score(log, tuple(names), windows)
     if "settling_time" in named.values():
         scored |= {f"settling_time{s}": settling_time(log, STEADY, continuous=bool(s)) for s in twins}
-    found = {name + suffix: scored[metric] for suffix, each in twins.items() for name, metric in each.items()}
+    numbers = {name + suffix: scored[metric] for suffix, each in twins.items() for name, metric in each.items()}
     whole = log.status == "completed"
-    return {name: value if whole and math.isfinite(value) else None for name, value in found.items()}
+    return {name: value if whole and math.isfinite(value) else None for name, value in numbers.items()}
 
 
 def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
@@ -118,10 +118,10 @@ def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
         return {name: name for name in TRACKING} | GUST_CASE | always
     if case == "case3_wind":
         return {name: name for name in (*TRACKING, *WIND_CASE)} | always
-    found = always | {name: name for name in STEADY_CASE}
+    by_name = always | {name: name for name in STEADY_CASE}
     if case == "case1":
-        found |= {"held_position_error": "held_position_error", "settling_time_upper_bound": "settling_time"}
-    return found
+        by_name |= {"held_position_error": "held_position_error", "settling_time_upper_bound": "settling_time"}
+    return by_name
 
 
 def _with_suffix(metric: str, suffix: str) -> str:
@@ -138,7 +138,7 @@ def results(measured: Measured, settings: dict[str, Any], inferred: Measured | N
 
     Args:
         measured: metrics by (case, controller, plant).
-        settings: that determine the numbers.
+        settings: settings that determine the numbers.
         inferred: metrics under the inferred settings, which each cell holds by plant.
     """
     experiments: dict[str, Any] = {}

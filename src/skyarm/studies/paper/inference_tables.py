@@ -66,14 +66,14 @@ def choices_table(evidence: Record) -> Table:
 
 def profile_tables(evidence: Record) -> list[Table]:
     """Tables of the misfit over each continuous setting, with the others held and refitted."""
-    study, found = unstated_study(), []
+    study, tables = unstated_study(), []
     for name in study["fit"]["free"]:
         stage, each = evidence["stages"][f"profile {name}"], table_by_name(study["parameters"], name)
         columns = zip(stage["value"], stage["held"], stage["refitted"], strict=True)
-        rows = [(number(value), f"{held:.1f}", f"{again:.1f}") for value, held, again in columns]
+        rows = [(number(value), f"{fixed:.1f}", f"{again:.1f}") for value, fixed, again in columns]
         title = ", ".join(filter(None, (f"Loss over: {each['words']}", each["unit"])))
-        found.append(_table(title, (">value", ">the others held", ">the others fitted again"), rows))
-    return found
+        tables.append(_table(title, (">value", ">the others held", ">the others fitted again"), rows))
+    return tables
 
 
 def rivals_table(evidence: Record) -> Table:
@@ -111,8 +111,8 @@ def prediction_table(results: Record, predicted: Record, plant: str) -> Table:
         name = seen if group == "seen" else group
         row = [words]
         for experiments, column in columns:
-            found = counts(experiments, column(plant), in_group(name))
-            row += [f"{found['loss']:.1f}", _share(found, "10%"), _share(found, "25%")] if found else ["-"] * 3
+            near = counts(experiments, column(plant), in_group(name))
+            row += [f"{near['loss']:.1f}", _share(near, "10%"), _share(near, "25%")] if near else ["-"] * 3
         rows.append(row)
     head = [f">{which}: {what}" for which in ("as stated", "from Cases 2 and 3", "fitted to all")
             for what in ("loss", "within 10 %", "within 25 %")]  # fmt: skip
@@ -137,17 +137,17 @@ def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Ta
 _JUDGED = (">loss", ">within 5 %", ">within 10 %", ">within 25 %")
 
 
-def _loss_cells(found: Record) -> list[str]:
-    return [f"{found['loss']:.1f}", *(str(found[f"within_{share}%"]) for share in (5, 10, 25))]
+def _loss_cells(agreement: Record) -> list[str]:
+    return [f"{agreement['loss']:.1f}", *(str(agreement[f"within_{share}%"]) for share in (5, 10, 25))]
 
 
-def _laws(found: Record) -> list[str]:
-    groups = [found["groups"][law] for law in ("PD", "CT")]
+def _laws(agreement: Record) -> list[str]:
+    groups = [agreement["groups"][law] for law in ("PD", "CT")]
     return [text for each in groups for text in (f"{each['loss']:.1f}", _share(each, "25%"))]
 
 
-def _share(found: Record, within: str) -> str:
-    return f"{found[f'within_{within}']} of {found['cells']}"
+def _share(agreement: Record, within: str) -> str:
+    return f"{agreement[f'within_{within}']} of {agreement['cells']}"
 
 
 def inferred_facts(evidence: Record) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import Window
 from skyarm.studies.flights import Work
-from skyarm.studies.paper.flights import HOLDS, Flight, work_of
+from skyarm.studies.paper.flights import HOLDS, PaperFlight, work_of
 from skyarm.studies.paper.published import Record
 from skyarm.studies.paper.unstated_study import Tables, numbers, scenario_tables, stated_tables, study_digest
 
@@ -39,8 +39,8 @@ def unstated_study() -> Tables:
 
 def shipped_evidence() -> dict[str, Any]:
     """Read the shipped results of the search for unstated settings."""
-    found: dict[str, Any] = json.loads((LIBRARY / FOUND).read_text(encoding="utf-8"))
-    return found
+    evidence: dict[str, Any] = json.loads((LIBRARY / FOUND).read_text(encoding="utf-8"))
+    return evidence
 
 
 def is_of_this_study(evidence: Record) -> bool:
@@ -56,7 +56,7 @@ def settings_in(evidence: Record, kind: str) -> dict[str, Any]:
     return dict(evidence["stages"][stage]["settings"])
 
 
-def inferred_scenario(flight: Flight, settings: Record) -> Scenario:
+def inferred_scenario(flight: PaperFlight, settings: Record) -> Scenario:
     """Scenario of one flight with inferred settings."""
     study, name = unstated_study(), f"{flight.case} {flight.controller}"
     tables = scenario_tables(study, stated_tables(study, name), name, settings)
@@ -66,7 +66,7 @@ def inferred_scenario(flight: Flight, settings: Record) -> Scenario:
     return changed.with_delays(dataclasses.replace(changed.delays, longest_command=None))
 
 
-def inferred_work(flight: Flight, evidence: Record, kind: str) -> Work:
+def inferred_work(flight: PaperFlight, evidence: Record, kind: str) -> Work:
     """Flight with settings that the search found: fitted to all cases, or predicted from some."""
     planned = inferred_scenario(flight, settings_in(evidence, kind))
     # the arm of Case 1 is held as long after the law has joined as it is after 6 s where all is as stated

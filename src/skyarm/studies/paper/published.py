@@ -59,7 +59,7 @@ def published_number(case: str, controller: str, metric: str) -> str:
 
 
 @immutable(kw_only=False)
-class Metric:
+class PublishedMetric:
     """Metric of the published tables: label, unit and definition.
 
     Attributes:
@@ -72,14 +72,14 @@ class Metric:
     bound: bool = False
 
 
-METRICS = {name: Metric(**row) for name, row in _TABLES["metrics"].items()}
+METRICS = {name: PublishedMetric(**row) for name, row in _TABLES["metrics"].items()}
 
 
-def metric(name: str) -> Metric:
+def metric(name: str) -> PublishedMetric:
     """Published metric by name; an unlisted name becomes its own label."""
     base = name.removesuffix(CONTINUOUS)
-    found = METRICS.get(base, Metric(base.replace("_", " ")))
-    return found if base == name else replace(found, label=f"{found.label}, continuous reference")
+    listed = METRICS.get(base, PublishedMetric(base.replace("_", " ")))
+    return listed if base == name else replace(listed, label=f"{listed.label}, continuous reference")
 
 
 def finite_or_none(value: Number) -> float | None:
@@ -104,9 +104,9 @@ def relative(ours: Number, paper: Number) -> float | None:
 
 def percent(ours: Number, paper: Number) -> str:
     """Text of a relative difference in whole percent with sign; "" if a number is missing."""
-    found = relative(ours, paper)
-    rounded = 0 if found is None else round(100.0 * found)
-    return "" if found is None else f"{rounded:+d} %" if rounded else "0 %"
+    difference = relative(ours, paper)
+    rounded = 0 if difference is None else round(100.0 * difference)
+    return "" if difference is None else f"{rounded:+d} %" if rounded else "0 %"
 
 
 def reversed_orders(experiments: Record, plant: str) -> list[tuple[str, str]]:
@@ -115,7 +115,7 @@ def reversed_orders(experiments: Record, plant: str) -> list[tuple[str, str]]:
     Only metrics that are better when smaller in magnitude and that the paper gives for both controllers; numbers within
     1 % of each other have no order.
     """
-    found = []
+    reversals = []
     for case, controllers in experiments.items():
         for name, cell in controllers.get("CT", {}).items():
             other = controllers.get("PD", {}).get(name, {})
@@ -124,8 +124,8 @@ def reversed_orders(experiments: Record, plant: str) -> list[tuple[str, str]]:
                 continue
             theirs, ours = (_order(abs(ct or 0.0), abs(pd or 0.0)) for ct, pd in (values[:2], values[2:]))
             if theirs * ours < 0:
-                found.append((case, name))
-    return found
+                reversals.append((case, name))
+    return reversals
 
 
 def _order(a: float, b: float) -> int:

@@ -72,7 +72,7 @@ def report_pages(
     """HTML pages of the reproduction's report: file name -> document.
 
     Args:
-        results: as in ``results.json``: "experiments" and "settings".
+        results: content of ``results.json``: "experiments" and "settings".
         sensitivity: assumption -> its value -> case -> law -> metric -> number or None.
         logs: plant -> case -> law -> log, for the plots of flights.
         figures: the paper's number -> static figure, put into the page of its case as an image.
@@ -135,12 +135,12 @@ def _flights(case: str, flown: Mapping[str, Mapping[str, Log]]) -> str:
     kinds = {"tracking": "base and joints", "tip": "tip and its error"}
     if case == "case3":
         kinds["path"] = "path of the tip"
-    found = ""
+    images = ""
     for kind, words in kinds.items():
         caption = f"{title_of(case)}: {words}, desired and flown, on {plant}."
         drawn = flight_plot(laws, kind=kind, window=CIRCLE if kind == "path" else None)
-        found += image(caption, caption, image_bytes(drawn), wide=kind == "path")
-    return found
+        images += image(caption, caption, image_bytes(drawn), wide=kind == "path")
+    return images
 
 
 def _paper_figures(figures: Mapping[int, bytes], plant: str) -> str:
@@ -173,11 +173,11 @@ def _episodes(logs: Logs) -> str:
         return ""
     ended = [(name, log) for name, log in flown if log.status != "completed"]
     lines = [f"{name}: {log.status} at {log.info['end_time']:g} s, {log.info['cause']}" for name, log in ended]
-    found = paragraph(f"{len(ended)} of {len(flown)} episodes ended early:") + bullets(lines)
+    summary = paragraph(f"{len(ended)} of {len(flown)} episodes ended early:") + bullets(lines)
     if not ended:
-        found = paragraph(f"All {len(flown)} episodes flew to their end.")
+        summary = paragraph(f"All {len(flown)} episodes flew to their end.")
     lacking = [f"{name}: {line}" for name, log in flown for line in log.shortfall.lines]
-    return found + (paragraph("They lacked:") + bullets(lacking) if lacking else "")
+    return summary + (paragraph("They lacked:") + bullets(lacking) if lacking else "")
 
 
 def _settings(settings: Record) -> str:

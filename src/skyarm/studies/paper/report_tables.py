@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.studies.paper.counted_cells import RULE, counts, in_case, inferred_value, sentence, stated_value
@@ -30,7 +29,8 @@ from skyarm.view.pages import Mark, details, grouped_table, markdown, table
 
 Cells = Mapping[str, Record]
 Cell = str | Mark
-Variants = Mapping[str, Experiments]
+Variants = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Number]]]]
+"""Value of an assumption -> case -> law -> metric -> number."""
 
 DASH, MINUS = "\N{EN DASH}", "\N{MINUS SIGN}"
 CONTROLLERS = {"CT": "CT: hybrid geometric computed torque", "PD": "PD: decoupled baseline"}
@@ -60,7 +60,7 @@ def bound_text(ours: Number, paper: Number) -> str:
     return DASH if value is None or bound is None else "below" if value <= bound else "above"
 
 
-def _paper_cell(case: str, controller: str, name: str, paper: Any) -> Cell:
+def _paper_cell(case: str, controller: str, name: str, paper: Number) -> Cell:
     """HTML table cell of a published number with its printed digits."""
     if paper is None and published_number(case, controller, name):
         return typographic(published_number(case, controller, name))
@@ -89,9 +89,11 @@ def summary_table(experiments: Experiments, files: Mapping[str, str]) -> str:
     }
     rows = []
     for case in experiments:
-        found = [counts(experiments, column, in_case(case)) for column in columns.values()]
-        near = [" / ".join(str(each[f"within_{share}%"]) for share in (5, 10, 25)) if each else DASH for each in found]
-        cells = next((str(each["cells"]) for each in found if each), DASH)
+        agreements = [counts(experiments, column, in_case(case)) for column in columns.values()]
+        near = [
+            " / ".join(str(each[f"within_{share}%"]) for share in (5, 10, 25)) if each else DASH for each in agreements
+        ]
+        cells = next((str(each["cells"]) for each in agreements if each), DASH)
         rows.append([Mark(text=title_of(case), href=files[case]), *near, cells])
     caption = "How many of the paper's numeric cells lie within 5 / 10 / 25 % of ours; each case has a page"
     return table(["Case", *columns, ">of"], rows, caption, "summary")
@@ -114,7 +116,7 @@ def experiment_table(case: str, controllers: Mapping[str, Cells]) -> str:
 
 
 def _metric_row(case: str, controller: str, name: str, cell: Record) -> list[Cell]:
-    meant, paper, found = metric(name), cell.get("paper"), cell.get("inferred", {})
+    meant, paper, inferred = metric(name), cell.get("paper"), cell.get("inferred", {})
     compare = bound_text if meant.bound else difference_text
     return [
         Mark(text=meant.label, title=meant.definition or name),
@@ -122,8 +124,8 @@ def _metric_row(case: str, controller: str, name: str, cell: Record) -> list[Cel
         _paper_cell(case, controller, name, paper),
         *(number_cell(cell.get(plant)) for plant in PLANTS),
         *(compare(cell.get(plant), paper) for plant in PLANTS),
-        *(number_cell(found.get(plant)) for plant in PLANTS),
-        compare(found.get(PLANTS[0]), paper),
+        *(number_cell(inferred.get(plant)) for plant in PLANTS),
+        compare(inferred.get(PLANTS[0]), paper),
     ]
 
 
@@ -150,17 +152,17 @@ def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experim
 
 def _cells_of(variants: Variants) -> dict[tuple[str, str], dict[str, None]]:
     """Metrics computed under any varied assumption, by case and controller."""
-    found: dict[tuple[str, str], dict[str, None]] = {}
+    cells: dict[tuple[str, str], dict[str, None]] = {}
     for cases in variants.values():
         for case, controllers in cases.items():
             for controller, values in controllers.items():
-                found.setdefault((case, controller), {}).update(dict.fromkeys(values))
-    return found
+                cells.setdefault((case, controller), {}).update(dict.fromkeys(values))
+    return cells
 
 
 def _variant_row(case: str, controller: str, name: str, variants: Variants, experiments: Experiments) -> list[Cell]:
     paper = experiments.get(case, {}).get(controller, {}).get(name, {}).get("paper")
-    values: list[Any] = [cases.get(case, {}).get(controller, {}).get(name) for cases in variants.values()]
+    values: list[Number] = [cases.get(case, {}).get(controller, {}).get(name) for cases in variants.values()]
     sizes = [relative(value, paper) for value in values]
     distances = [abs(size) for size in sizes if size is not None]
     telling = max(distances, default=0.0) - min(distances, default=0.0) > TELLING
@@ -203,7 +205,7 @@ def markdown_tables(results: Record) -> str:
 
 
 def _row(case: str, controller: str, name: str, cell: Record, plant: str) -> list[str]:
-    paper, found = published_number(case, controller, name) or "-", cell.get("inferred", {})
-    ours = [digits(column.get(each)) for column in (cell, found) for each in PLANTS]
-    apart = [percent(column.get(plant), cell["paper"]) for column in (cell, found)]
+    paper, inferred = published_number(case, controller, name) or "-", cell.get("inferred", {})
+    ours = [digits(column.get(each)) for column in (cell, inferred) for each in PLANTS]
+    apart = [percent(column.get(plant), cell["paper"]) for column in (cell, inferred)]
     return [name, metric(name).unit, controller, paper, *ours, *apart]

@@ -72,11 +72,11 @@ def works(
     Args:
         plants: "rigid_body", "mujoco" or both; variations are flown on the first.
         chosen: variations.
-        evidence: with the inferred settings; the package's own if left out.
+        evidence: results of a search for the inferred settings; the package's own if left out.
         inferred: fly them.
     """
-    found = [work_of(flight, scenario(flight)) for flight in flights(plants)]
-    found += [
+    planned = [work_of(flight, scenario(flight)) for flight in flights(plants)]
+    planned += [
         work_of(flight, each.change(scenario(flight)), each.name)
         for each in chosen
         if each.change is not None
@@ -84,12 +84,12 @@ def works(
         if flight.case in each.cases
     ]
     evidence = evidence or shipped_evidence()
-    found += [
+    planned += [
         inferred_work(flight, evidence, kind)
         for kind, flown in ((INFERRED, plants), (PREDICTED, plants[:1]))
         for flight in (flights(flown) if inferred else ())
     ]
-    return found
+    return planned
 
 
 def run_campaign(
@@ -108,7 +108,7 @@ def run_campaign(
     Args:
         plants: "rigid_body", "mujoco" or both; variations are flown on the first.
         sensitivity: fly the variations too.
-        evidence: with the inferred settings; the package's own if left out.
+        evidence: results of a search for the inferred settings; the package's own if left out.
         inferred: fly them.
         workers: processes or processors.
         on: "local", "processes", "ray" or "ray:HOST:PORT"; processes if left out, of one worker local.
@@ -165,8 +165,8 @@ def reproduce(
         plants: "rigid_body", "mujoco" or both.
         workers: processes or processors that fly; no number depends on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT"; processes if left out, of one worker local.
-        evidence: of a search for the paper's unstated settings (``research/infer.py`` of the source); that of the
-            package if left out.
+        evidence: results of a search for the paper's unstated settings (``research/infer.py`` of the source); those of
+            the package if left out.
         progress: called after every episode.
         note: called with one line before each stage.
 
@@ -245,7 +245,7 @@ def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
     return [folder / name for name in names]
 
 
-def _json(value: Any) -> bytes:
+def _json(value: Record) -> bytes:
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
 
 

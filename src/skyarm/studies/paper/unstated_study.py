@@ -28,11 +28,11 @@ WORST = 1e6
 
 
 @immutable(kw_only=False)
-class Cell:
+class PublishedNumber:
     """Published number of one metric of one flight.
 
     Attributes:
-        flight: name of the flight. name: of the cell in tables. metric: of :mod:`skyarm.log.metrics.metric_catalogue`.
+        flight: name of the flight. name: name in tables. metric: name in :mod:`skyarm.log.metrics.metric_catalogue`.
         measured: the number. half: half a unit of its last digit: that much of a difference is rounding.
     """
 
@@ -65,36 +65,36 @@ def fits(patterns: Iterable[str], flight: str) -> bool:
 
 def laid_over(below: Tables, above: Tables) -> dict[str, Any]:
     """Merge nested tables, the upper one overriding; an empty upper table removes a field."""
-    found = dict(below)
+    merged = dict(below)
     for name, value in above.items():
-        stored = found.get(name)
+        stored = merged.get(name)
         if value == {}:
-            found.pop(name, None)
+            merged.pop(name, None)
             continue
-        found[name] = laid_over(stored, value) if isinstance(stored, Mapping) and isinstance(value, Mapping) else value
-    return found
+        merged[name] = laid_over(stored, value) if isinstance(stored, Mapping) and isinstance(value, Mapping) else value
+    return merged
 
 
 def stated_tables(study: Tables, flight: str) -> dict[str, Any]:
     """Shipped scenario of a flight as nested tables, with the overrides of the search definition."""
     entry = table_by_name(study["flights"], flight)
-    found = dict(read_toml((LIBRARY / f"{entry['scenario']}.toml").read_bytes()))
+    tables = dict(read_toml((LIBRARY / f"{entry['scenario']}.toml").read_bytes()))
     for name in entry.get("over", ()):
-        found = laid_over(found, study["tables"][name])
-    return found
+        tables = laid_over(tables, study["tables"][name])
+    return tables
 
 
 def scenario_tables(study: Tables, stated: Tables, flight: str, settings: Tables) -> dict[str, Any]:
     """Scenario of a flight as nested tables, with the overrides of the selected discrete options."""
-    found = dict(stated)
+    tables = dict(stated)
     for option in _options(study, settings):
         for each in option.get("tables", ()):
             if fits(each["flights"], flight):
-                found = laid_over(found, study["tables"][each["table"]])
-    return found
+                tables = laid_over(tables, study["tables"][each["table"]])
+    return tables
 
 
-def numbers(study: Tables, flight: str, settings: Tables) -> dict[str, Any]:
+def numbers(study: Tables, flight: str, settings: Tables) -> dict[str, float]:
     """Parameter values of a flight by path, for given settings of the search."""
 
     def acts(target: Tables) -> bool:
@@ -102,13 +102,13 @@ def numbers(study: Tables, flight: str, settings: Tables) -> dict[str, Any]:
         return chosen and fits(target["flights"], flight)
 
     sets = [each for option in _options(study, settings) for each in option.get("sets", ())]
-    found: dict[str, Any] = {each["path"]: float(each["value"]) for each in sets if acts(each)}
+    values: dict[str, float] = {each["path"]: float(each["value"]) for each in sets if acts(each)}
     for parameter in study.get("parameters", ()):
         if parameter["name"] in settings:
             value = settings[parameter["name"]]
             acting = [each for each in parameter.get("targets", ()) if acts(each)]
-            found |= {t["path"]: float(t.get("factor", 1.0)) * value + float(t.get("offset", 0.0)) for t in acting}
-    return found
+            values |= {t["path"]: float(t.get("factor", 1.0)) * value + float(t.get("offset", 0.0)) for t in acting}
+    return values
 
 
 def _options(study: Tables, settings: Tables) -> list[Tables]:
@@ -117,30 +117,30 @@ def _options(study: Tables, settings: Tables) -> list[Tables]:
     return [table_by_name(each["options"], settings[each["name"]]) for each in choices]
 
 
-def group_places(patterns: Iterable[str], cells: Sequence[Cell]) -> tuple[int, ...]:
+def group_places(patterns: Iterable[str], cells: Sequence[PublishedNumber]) -> tuple[int, ...]:
     """Indices of the published numbers that match FLIGHT/METRIC patterns; "!" removes earlier matches."""
     chosen: set[int] = set()
     for pattern in patterns:
-        found = {i for i, c in enumerate(cells) if fnmatchcase(f"{c.flight}/{c.name}", pattern.removeprefix("!"))}
-        chosen = chosen - found if pattern.startswith("!") else chosen | found
+        matches = {i for i, c in enumerate(cells) if fnmatchcase(f"{c.flight}/{c.name}", pattern.removeprefix("!"))}
+        chosen = chosen - matches if pattern.startswith("!") else chosen | matches
     return tuple(sorted(chosen))
 
 
-def slack_distance(ours: Array, cells: Sequence[Cell]) -> Array:
+def slack_distance(ours: Array, cells: Sequence[PublishedNumber]) -> Array:
     """Distances (settings, numbers) of simulated values from published ones beyond their rounding."""
     measured, half = _columns(cells)
     apart = np.maximum(np.abs(ours - measured) - half, 0.0)
     return np.where(np.isfinite(ours), apart, np.inf)
 
 
-def within(ours: Array, cells: Sequence[Cell], share: float) -> Mask:
+def within(ours: Array, cells: Sequence[PublishedNumber], share: float) -> Mask:
     """True (settings, numbers) where a simulated value is within a relative share of the published number."""
     measured, _ = _columns(cells)
     # 1e-9: a number on the very edge is within
     return slack_distance(ours, cells) <= share * np.abs(measured) * (1.0 + 1e-9)
 
 
-def losses(ours: Array, cells: Sequence[Cell], width: float, knee: float) -> Array:
+def losses(ours: Array, cells: Sequence[PublishedNumber], width: float, knee: float) -> Array:
     """Robust loss (settings, numbers): u^2 / (1 + u^2 / knee^2), u = ln(simulated / published) / width.
 
     Quadratic near the measured number, at most knee^2 however far, so that one cell that a model cannot make does not
@@ -155,12 +155,12 @@ def losses(ours: Array, cells: Sequence[Cell], width: float, knee: float) -> Arr
     return u**2 / (1.0 + (u / knee) ** 2)
 
 
-def _columns(cells: Sequence[Cell]) -> tuple[Array, Array]:
+def _columns(cells: Sequence[PublishedNumber]) -> tuple[Array, Array]:
     pairs = np.array([(cell.measured, cell.half) for cell in cells], dtype=float).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
 
 
-def tally(ours: Array, cells: Sequence[Cell]) -> dict[str, Any]:
+def tally(ours: Array, cells: Sequence[PublishedNumber]) -> dict[str, int]:
     """Number of simulated values within 5, 10 and 25 % of the published numbers."""
     lane = np.asarray(ours, dtype=float).reshape(1, -1)
     return {"cells": len(cells)} | {f"within_{share:.0%}": int(within(lane, cells, share).sum()) for share in SHARES}

@@ -42,8 +42,8 @@ class Variation:
     """One changed assumption about a flight, such as joint damping, with the cases to which it applies.
 
     Attributes:
-        group, value: how tables name it.
-        cases: where it applies.
+        group, value: names in tables.
+        cases: cases to which it applies.
         change: makes the changed scenario; None for the assumption with which the main table was simulated.
     """
 
