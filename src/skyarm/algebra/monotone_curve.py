@@ -12,7 +12,7 @@ from itertools import pairwise
 from skyarm.algebra.scalars import Scalar, clip, divide, maximum, where
 
 ITERATIONS = 10
-"""Of the inverse by Newton's method within a bracket: the worst of 12 000 values of 300 curves comes back to 6e-14."""
+"""Iterations of the inverse by bracketed Newton: the worst of 12 000 values of 300 curves comes back to 6e-14."""
 
 
 def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Scalar]:
@@ -50,7 +50,7 @@ def inverse_curve(y: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scal
         bottom, top = where(above > 0.0, bottom, t), where(above > 0.0, t, top)
         slope = before + t * (2.0 * (3.0 * rise - 2.0 * before - after) + t * (3.0 * (before + after - 2.0 * rise)))
         step = t - divide(above, where(slope > 0.0, slope, rise))
-        # outside of what is known to hold it, the middle
+        # outside of the bracket, its middle
         t = where(step < bottom, 0.5 * (bottom + top), where(step > top, 0.5 * (bottom + top), step))
     beyond = maximum(y - ys[-1], 0.0)
     return start + t * width + where(last > 0.0, divide(beyond, where(last > 0.0, last, 1.0)), 0.0)

@@ -70,7 +70,7 @@ KEEP_IEEE = f"""\
 #endif
 #endif
 """
-"""Before the code."""
+"""Text before the generated code."""
 
 END_IEEE = f"""\
 {FAST}
@@ -81,7 +81,7 @@ END_IEEE = f"""\
 #endif
 #endif
 """
-"""After it: a program that includes the file keeps its own flags."""
+"""Text after the generated code: a program that includes the file keeps its own flags."""
 
 
 @immutable(kw_only=False)

@@ -163,7 +163,7 @@ def momentum(
 ArrayLike = npt.ArrayLike
 
 QUATERNION_TOLERANCE = 1e-6
-"""How far a quaternion's length may be off 1: six printed digits."""
+"""Largest deviation of a quaternion's length from 1: six printed digits."""
 
 
 def components(name: str, value: ArrayLike, size: int) -> tuple[Scalar, ...]:

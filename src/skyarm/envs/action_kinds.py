@@ -214,7 +214,7 @@ ACTIONS: dict[str, type[Actions]] = {
     "references": References,
     "residual": Residual,
 }
-"""Kinds of actions by the name that stands for one with its usual numbers."""
+"""Kinds of actions by name; a name gives one with its default numbers."""
 
 
 def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:

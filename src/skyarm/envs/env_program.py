@@ -37,7 +37,7 @@ from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
 from skyarm.simulate.stages import Readings, Stages
 
 LARGEST = 1e6
-"""Largest number of an observation and a reward: what has diverged is told as this, what is no number as 0."""
+"""Largest magnitude of an observation and a reward: larger ones are clipped to it, NaN becomes 0."""
 
 
 @immutable
@@ -157,7 +157,7 @@ class EnvProgram:
         sent = flown.alive
         # a command that is not finite ends the episode where it is, as in a single run
         state = blend(sent > 0.5, flown.agent.state, own.state)
-        # endings are told beside the loop, and a period that ends an episode counts
+        # endings are a separate output of the step, and a period that ends an episode counts
         agent = dataclasses.replace(flown.agent, state=state)
         flown = dataclasses.replace(flown, agent=agent, alive=1.0, ticks=loop.ticks + 1.0)
         coming = held_row(stages.scenario, flown.ticks)

@@ -21,7 +21,7 @@ from skyarm.simulate.lane_numbers import require_rigid_body
 from skyarm.simulate.user_code import require_shapes
 
 Info = dict[str, Any]
-"""What a reset or a step tells beside the numbers, as Gymnasium has it."""
+"""Information of a reset or a step next to its numbers, as in Gymnasium."""
 
 Kind = TypeVar("Kind", Actions, Observed, RewardTerm)
 
@@ -151,7 +151,7 @@ def require_open(call: str, *, closed: bool) -> None:
 
 
 KEYS = 2**32
-"""How many keys the noise has; a larger seed counts as its rest."""
+"""Number of keys of the noise; a larger seed is reduced modulo this number."""
 
 
 def seed_of(seed: Any, field: str = "seed") -> int:

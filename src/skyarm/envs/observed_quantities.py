@@ -201,7 +201,7 @@ OBSERVED: dict[str, type[Observed]] = {
     "tip_error": TipError,
     "last_action": LastAction,
 }
-"""Observed quantities by the name that stands for one with its usual scale."""
+"""Observed quantities by name; a name gives one with its default scale."""
 
 USUAL = (
     *("position_error", "velocity_error", "attitude", "body_rate"),

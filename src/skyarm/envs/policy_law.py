@@ -28,7 +28,7 @@ from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 Policy = Callable[[Scalars], Sequence[Scalar]]
-"""From the numbers of an observation to those of an action."""
+"""Function from the numbers of an observation to those of an action."""
 
 
 @immutable

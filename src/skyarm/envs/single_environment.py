@@ -23,7 +23,7 @@ from skyarm.simulate.loop_state import LoopState
 RENDER_MODES = ("rgb_array",)
 
 PICTURES = "skyarm.view.film.episode_pictures"
-"""Where pictures are drawn: a room above this one, imported when pictures are requested and by name only."""
+"""Module that draws pictures: in a room above this one, imported by name when pictures are requested."""
 
 
 class Environment(gymnasium.Env[Array, Array]):

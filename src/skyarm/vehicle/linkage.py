@@ -20,7 +20,7 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.check import FARTHEST, SHARE, TURN, VehicleError, accept_named
 
 BASE = -1
-"""Index that stands for the base where a link's index is asked for."""
+"""Index of the base among the links."""
 
 
 @immutable

@@ -187,7 +187,7 @@ def _rotation(wxyz: Array) -> Mat3:
 
 
 KINDS = ("free", "ball", "prismatic", "revolute")
-"""By MuJoCo's number of a joint's type."""
+"""Kinds of joints, in the order of MuJoCo's numbers of them."""
 
 AT_JOINT = (0, 1)
 """MuJoCo's numbers of the transmissions that act at a joint."""

@@ -26,10 +26,10 @@ DEPTH = {"revolute": 0.02, "prismatic": 0.002}
 """rad or m by which the drive's largest effort may press into the stop, where ``USUAL`` allows that."""
 
 DEEPEST = 5.0
-"""Of these depths, which the stop keeps to where ``STIFFEST`` allows that."""
+"""Largest depth in multiples of ``DEPTH``, where ``STIFFEST`` allows that."""
 
 DAMPING_RATIO = 0.5
-"""Of the joint against its stop, at that depth."""
+"""Damping ratio of the joint against its stop, at that depth."""
 
 
 def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:

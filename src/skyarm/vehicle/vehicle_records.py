@@ -30,7 +30,7 @@ from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
 
 LOAD = Unit("kg", "point mass on top of the vehicle's own", low=0.0, high=1e4)
-"""Of what is carried: more would leave nothing of the vehicle in a sum of both."""
+"""Unit of a carried mass: more would leave nothing of the vehicle in a sum of both."""
 
 
 def rotation_sense(field: str, value: object) -> int:

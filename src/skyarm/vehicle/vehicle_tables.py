@@ -28,14 +28,14 @@ SOURCES: Mapping[str, tuple[str, ...]] = {
     "mjcf": (".xml", ".mjcf"),
     "airframe": (".toml", ".urdf", ".xml", ".mjcf"),
 }
-"""Fields of which one may stand in place of ``base`` and ``links`` -> suffixes of the files that they name."""
+"""Fields that replace ``base`` and ``links``, one a file -> suffixes of the files that they name."""
 
 Record = TypeVar("Record")
 
 Default = TypeVar("Default")
 
 Refer = Callable[[str, str, Collection[str], str], RigidBodies | Vehicle]
-"""From a field, the name that stands there, the suffixes allowed and what becomes of mimics to what is in that file."""
+"""Reader of a named file: (field, name, allowed suffixes, treatment of mimics) -> bodies or vehicle."""
 
 
 def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:

@@ -41,7 +41,7 @@ WAIT = 0.3
 """s after which a caller that waits looks for signals, where a wait is not ended by them."""
 
 Arguments = ctypes.c_int64 * 12
-"""Of the machine code: five arrays, first and last block, begin, end, start, lanes, log every."""
+"""Arguments of the machine code: five arrays, first and last block, begin, end, start, lanes, log every."""
 
 FIRST, LAST, BEGIN, END, START = range(5, 10)
 

@@ -25,7 +25,7 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SMALL = 1e-9
-"""Of the largest: the least squared speed per N m of yaw that is reckoned with."""
+"""Least squared speed per N m of yaw in the bounds, relative to the largest."""
 
 ENDLESS = 1e100
 """N: no bound of the thrust."""

@@ -37,7 +37,7 @@ class ServoMemory:
 
 
 NEEDS = {"voltage": ("torque_constant", "resistance"), "current_limit": ("torque_constant",)}
-"""Numbers of a motor without which another one says nothing about its torque."""
+"""Motor constants that turn a limit of voltage or current into one of torque."""
 
 
 @immutable

@@ -22,7 +22,7 @@ from skyarm.studies.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER
 
 STEADY, TRANSIENT, GUST = Window(10.0, 20.0), Window(0.0, 8.0), Window(5.0, 20.0)
 WINDOWS: Mapping[str, Window] = {case: GUST if case == "case2_gust" else STEADY for case in CASES}
-"""Where each case is measured."""
+"""Window in which each case is measured."""
 HOVER = Window(4.0, 5.9)
 HOLDS = (Window(9.0, 12.0), Window(16.0, 19.0))
 """Case 1: the last 3 s of each hold of 5 s (7-12 s and 14-19 s)."""

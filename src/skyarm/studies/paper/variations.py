@@ -19,7 +19,7 @@ DAMPINGS = (0.0, 0.001, 0.005, 0.02, 0.05)
 """N m s/rad on both joints."""
 
 ASSUMED_DAMPING = 0.001
-"""What the shipped truth vehicle has: this one is the table itself."""
+"""Damping of the shipped simulated vehicle, that of the main table."""
 
 STEP_RISE = 1e-3
 """s; between two samples of a 50 Hz reference such a ramp is a step."""
@@ -34,7 +34,7 @@ GROUPS = {
     "ramp_shape": "Shape of the ramp, Case 1",
     "command_latency": "Latency of commands [s]",
 }
-"""What is varied, in words."""
+"""Varied assumptions, in words."""
 
 
 @immutable
