@@ -28,7 +28,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
 from skyarm.records.files.user_code import own_code, place_of, place_of_error
-from skyarm.records.leaves import is_record, leaves, named_parts, pairs, rebuild
+from skyarm.records.leaves import Tree, is_record, leaves, named_parts, pairs, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
@@ -296,7 +296,7 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
     )
 
 
-def _require_numbers(controller: Controller, instant: tuple[Measurement, Reference], command: Sequence[float]) -> None:
+def _require_numbers(controller: Controller, instant: tuple[Tree, ...], command: Sequence[float]) -> None:
     """Reject a first command that is not finite although its inputs are."""
     if not all(map(math.isfinite, leaves(instant))):
         return

@@ -35,7 +35,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
 
-Result = TypeVar("Result")
+Result = TypeVar("Result", bound=Tree)
 
 
 class Compiled(Generic[Result]):
