@@ -51,8 +51,6 @@ Advance = Callable[..., None]
 Facts = dict[str, Any]
 """Result of a command as plain data, for its document."""
 
-heading = pages.heading
-
 STYLES = {"ok": "green", "note": "dim", "warning": "yellow", "fault": "bold red"}
 """Level of a finding, as the title of its mark -> colour."""
 
@@ -101,13 +99,13 @@ def _drawn(line: Line | RenderableType) -> RenderableType:
         table.add_column(Text(name, overflow="fold"), justify="left" if name == head else "right")
     for row in line.rows:  # rich would read [s] in a cell as markup
         table.add_row(*(Text(printable(c), overflow="fold") if isinstance(c, str) else _drawn(c) for c in row))
-    return Group(*([_drawn(heading(line.caption))] if line.caption else []), table)
+    return Group(*([_drawn(pages.heading(line.caption))] if line.caption else []), table)
 
 
 def tell_report(lines: Sequence[str]) -> None:
     """Print the lines of a report, of which the first is its title."""
     title, *others = lines
-    tell(heading(title), *others)
+    tell(pages.heading(title), *others)
 
 
 @dataclass
