@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from skyarm.studies.compare.envelope_report import point_of_plants
+from skyarm.studies.compare.envelope import point_of_plants
 
 
 def point(error, *, lost=False, judged=None, largest=None):

@@ -8,7 +8,8 @@ from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.control.blocks.prediction import acceleration, motor_speeds, rotor_wrench
 from skyarm.control.laws.centroidal.demands import Following, demands, plan
 from skyarm.control.laws.centroidal.force_trend import Foreseen
-from skyarm.control.laws.centroidal.part import Effect, ReferenceMotion, Step
+from skyarm.control.laws.centroidal.parameters import Step
+from skyarm.control.laws.centroidal.step_records import Effect, ReferenceMotion
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 
@@ -28,7 +29,7 @@ def step_of(par: Any, state: Any, dt: float = 0.005, **known: Any) -> Any:
 def demanded(par: Any, state: Any, signals: Any, unknown: Any, steady: Vec3 = ZERO3, **rates: Vec3) -> Any:
     """Demand of a step whose whole disturbance is known, and the part of its force that stays, or its rates."""
     effect = Effect(signals=signals, unknown=unknown, force=None)
-    return demands(step_of(par, state), effect, Foreseen(unknown=unknown, steady=steady, **rates))
+    return demands(step_of(par, state), effect, Foreseen(unknown=unknown, steady=steady, **rates))[0]
 
 
 def planned(par: Any, state: Any, signals: Any, dt: float, following: Any) -> Any:

@@ -45,8 +45,7 @@ from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_model import LEAST, body_name, build_spec
 from skyarm.plant.surroundings import Surroundings, after_euler_step, before_euler_step, places_in, slopes_of
 from skyarm.records.leaves import field_names, leaves
-from skyarm.vehicle.check import require_plant
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle, require_plant
 from skyarm.world.contact.carrier import Carrier
 from skyarm.world.contact.contact import Contact, ContactMemory
 from skyarm.world.contact.free_object import FreeObject

@@ -21,13 +21,13 @@ import skyarm
 from skyarm.algebra import Sym3, Vec3
 from skyarm.control.model import Model
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.log.batch_log import BatchLog
 from skyarm.plant.interface import Truth
 from skyarm.plant.joint_rate import friction_rate
 from skyarm.reference import Constant, Product, Ramp, Sine, Sum, Trajectory
 from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario
 from skyarm.sensing.measurement import SensorNoise
+from skyarm.simulate.batch_log import BatchLog
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.disturbance_signals import Disturbance
 from skyarm.world.signal_vector import SignalVector

@@ -46,7 +46,7 @@ SMALLER: Mapping[str, tuple[str, ...]] = {
 """Beginning of a command -> options behind its own, of which the last counts; the longest beginning that fits."""
 
 ELSEWHERE: Mapping[str, str] = {
-    "reproduce": "tests/paper/test_reproduce_options.py::test_the_paper_is_reproduced",
+    "reproduce": "tests/studies/paper/test_reproduce_options.py::test_the_paper_is_reproduced",
 }
 """Beginning of a command that is minutes of compilers or searches -> the test of ``make thorough`` that runs it."""
 

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from inference.study import Constant, IdentificationStudy, Settings, Target
-from skyarm.paper.unstated_study import Cell, losses
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch import Batch
+from skyarm.studies.paper.unstated_study import PublishedNumber, losses
 
 Array = npt.NDArray[np.float64]
 
@@ -80,7 +80,9 @@ class Candidates:
         )
         self._rivals = tuple(dict.fromkeys(name for rival in study.plan.rivals for name in rival.adds))
 
-    def cells(self, cells: Sequence[Cell], fixed: Settings, varied: Mapping[str, Array] | None = None) -> Array:
+    def cells(
+        self, cells: Sequence[PublishedNumber], fixed: Settings, varied: Mapping[str, Array] | None = None
+    ) -> Array:
         """(lanes, cells): what each candidate makes of each cell.
 
         Args:
@@ -99,7 +101,9 @@ class Candidates:
                 found[:, i] = values[:, metrics.index(cells[i].metric)]
         return found
 
-    def loss(self, cells: Sequence[Cell], fixed: Settings, varied: Mapping[str, Array] | None = None) -> Array:
+    def loss(
+        self, cells: Sequence[PublishedNumber], fixed: Settings, varied: Mapping[str, Array] | None = None
+    ) -> Array:
         """(lanes,): summed loss of each candidate."""
         study = self.study
         summed: Array = losses(

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from inference.candidates import Candidates
 from inference.search import compass, decode, differential_evolution, encode
 from inference.study import IdentificationStudy, Parameter, Prediction, Rival, Settings
-from skyarm.paper.unstated_study import Cell, tally
+from skyarm.studies.paper.unstated_study import PublishedNumber, tally
 
 Array = npt.NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Evidence:
         found |= {f"rival {rival.name}": partial(self._rival, rival) for rival in study.plan.rivals}
         return found | {f"prediction {each.name}": partial(self._prediction, each) for each in study.plan.predictions}
 
-    def _evaluate(self, settings: Settings, cells: Sequence[Cell]) -> Record:
+    def _evaluate(self, settings: Settings, cells: Sequence[PublishedNumber]) -> Record:
         """Loss and counts of all these cells and of every group that lies among them."""
         study = self.study
         values = self._candidates.cells(cells, settings)[0]
@@ -64,11 +64,11 @@ class Evidence:
                 found["groups"][group] = {"loss": self._loss(among, settings)} | own
         return found
 
-    def _loss(self, cells: Sequence[Cell], settings: Settings) -> float:
+    def _loss(self, cells: Sequence[PublishedNumber], settings: Settings) -> float:
         return round(float(self._candidates.loss(cells, settings)[0]), 3)
 
     def _cost(
-        self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[Cell]
+        self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[PublishedNumber]
     ) -> Callable[[Array], Array]:
         def cost(points: Array) -> Array:
             return self._candidates.loss(cells, fixed, decode(parameters, points))
@@ -78,7 +78,9 @@ class Evidence:
     def _parameters(self, names: Sequence[str]) -> list[Parameter]:
         return [self.study.parameter(name) for name in names]
 
-    def _search(self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[Cell]) -> dict[str, Any]:
+    def _search(
+        self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[PublishedNumber]
+    ) -> dict[str, Any]:
         """The best numbers next to fixed settings, by differential evolution and a compass search from its end."""
         plan, cost = self.study.plan, self._cost(parameters, fixed, cells)
         begun = differential_evolution(
@@ -91,7 +93,7 @@ class Evidence:
         point, _ = compass(cost, begun[None, :])
         return dict(fixed) | _plain(decode(parameters, point))
 
-    def _fit(self, free: Sequence[str], family: Mapping[str, str], cells: Sequence[Cell]) -> Record:
+    def _fit(self, free: Sequence[str], family: Mapping[str, str], cells: Sequence[PublishedNumber]) -> Record:
         """The best numbers of a family."""
         settings = self._search(self._parameters(free), family, cells)
         return {"settings": settings, "free": len(free), "choices": len(family)} | self._evaluate(settings, cells)
@@ -165,7 +167,9 @@ class Evidence:
             found["on_top"] = {"numbers": numbers} | self._evaluate(on_top, study.cells)
         return found
 
-    def _line(self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[Cell]) -> dict[str, Any]:
+    def _line(
+        self, parameters: Sequence[Parameter], fixed: Settings, cells: Sequence[PublishedNumber]
+    ) -> dict[str, Any]:
         """The best of a rival's numbers: of one on a grid and a finer one around its best, of several by a fit."""
         if not parameters:
             return dict(fixed)

@@ -2,7 +2,7 @@
 
 A file has ``schema = 1``, ``name``, ``title``, ``seed`` and these tables::
 
-    [loss]          width, knee: of the logarithms (:func:`skyarm.paper.unstated_study.losses`)
+    [loss]          width, knee: of the logarithms (:func:`skyarm.studies.paper.unstated_study.losses`)
     [search]        population, generations: of the differential evolution
     [tables.NAME]   tables of a scenario file, to be laid over flights; an empty table takes a field away
     [[flights]]     name, scenario (of the library, or a path beside the file), over = [NAMES of tables],
@@ -31,10 +31,18 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
-from skyarm.paper.unstated_study import Cell, fits, group_places, laid_over, numbers, scenario_tables, study_digest
 from skyarm.records.files import Fields, one_line, read_toml, shown, unreadable
 from skyarm.records.read_table import record_from
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
+from skyarm.studies.paper.unstated_study import (
+    PublishedNumber,
+    fits,
+    group_places,
+    laid_over,
+    numbers,
+    scenario_tables,
+    study_digest,
+)
 
 Settings = Mapping[str, Any]
 """Parameter -> number, choice -> option. What is not named stays as the flights' scenarios have it."""
@@ -220,7 +228,7 @@ class Prediction:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Loss:
-    """Width and knee of :func:`skyarm.paper.unstated_study.losses`."""
+    """Width and knee of :func:`skyarm.studies.paper.unstated_study.losses`."""
 
     width: float
     knee: float
@@ -274,7 +282,7 @@ class IdentificationStudy:
 
     plan: Plan
     flights: tuple[Flight, ...]
-    cells: tuple[Cell, ...]
+    cells: tuple[PublishedNumber, ...]
     groups: Mapping[str, tuple[int, ...]]
     document: Mapping[str, Any]
 
@@ -291,7 +299,7 @@ class IdentificationStudy:
         """A choice by its name."""
         return next(each for each in self.plan.choices if each.name == name)
 
-    def among(self, group: str) -> tuple[Cell, ...]:
+    def among(self, group: str) -> tuple[PublishedNumber, ...]:
         """Cells of a group; "" is all of them."""
         return tuple(self.cells[i] for i in self.groups[group]) if group else self.cells
 
@@ -330,7 +338,7 @@ def _study(top: Fields, folder: Path) -> IdentificationStudy:
     plan = record_from(Plan, top)
     if plan.schema != 1:
         raise ValueError(f"schema = {plan.schema}: must be 1")
-    flights, cells = list[Flight](), list[Cell]()
+    flights, cells = list[Flight](), list[PublishedNumber]()
     for fields in entries:
         flights.append(_flight(fields, plan.tables, folder))
         cells += _cells(fields, flights[-1].name)
@@ -362,7 +370,7 @@ def _flight(fields: Fields, overlays: Mapping[str, Any], folder: Path) -> Flight
     return Flight(name, document, beside)
 
 
-def _cells(flight: Fields, name: str) -> Iterator[Cell]:
+def _cells(flight: Fields, name: str) -> Iterator[PublishedNumber]:
     """The measured numbers of a flight."""
     for cell, value in flight.inner("cells").table.items():
         fields = Fields(value if isinstance(value, dict) else {"measured": value}, f"{flight.where}.cells.{cell}")
@@ -376,10 +384,10 @@ def _cells(flight: Fields, name: str) -> Iterator[Cell]:
             raise ValueError(f"{fields.at('measured')} = {shown(text)}: must be a number other than 0, as text")
         # of the last digit that is written, whatever the notation: 0.0305, 3.05e-2
         last = Decimal(text).as_tuple().exponent
-        yield Cell(name, cell, str(metric), measured, 0.5 * 10.0 ** int(last))
+        yield PublishedNumber(name, cell, str(metric), measured, 0.5 * 10.0 ** int(last))
 
 
-def _group(at: str, patterns: Sequence[str], cells: Sequence[Cell]) -> tuple[int, ...]:
+def _group(at: str, patterns: Sequence[str], cells: Sequence[PublishedNumber]) -> tuple[int, ...]:
     """Places of the cells of a group, each of whose patterns must fit one."""
     for pattern in patterns:
         if not group_places([pattern.removeprefix("!")], cells):

@@ -47,7 +47,6 @@ from skyarm.log.formats import save_log as save_log
 from skyarm.log.metrics.metric import Metric as Metric
 from skyarm.log.metrics.score import score as score
 from skyarm.log.metrics.windows import Windows as Windows
-from skyarm.paper.reproduce import reproduce as reproduce
 from skyarm.plant.interface import Truth as Truth
 from skyarm.records.registry import load_plugin as load_plugin
 from skyarm.records.registry import register as register
@@ -119,13 +118,15 @@ from skyarm.simulate.user_code import check_law as check_law
 from skyarm.studies.assess.assessment import check as check
 from skyarm.studies.compare.compare_laws import compare as compare
 from skyarm.studies.identify.identify_flights import identify_flights as identify_flights
+from skyarm.studies.paper.reproduce import reproduce as reproduce
 from skyarm.studies.stability.along import margins as margins
 from skyarm.studies.stability.hover_delay import hover_delay as hover_delay
 from skyarm.studies.sweep.runner import fly_sweep as fly_sweep
 from skyarm.studies.sweep.study import StudyError as StudyError
 from skyarm.studies.sweep.study_file import list_studies as list_studies
 from skyarm.studies.sweep.study_file import load_study as load_study
-from skyarm.studies.tune.tune_scenario import tune as tune
+from skyarm.studies.sweep.sweep_figures import plot_sweep as plot_sweep
+from skyarm.studies.tune.tuning import tune as tune
 from skyarm.vehicle import (
     Body as Body,
 )
@@ -150,7 +151,6 @@ from skyarm.vehicle import (
 from skyarm.vehicle.vehicle_files import list_vehicles as list_vehicles
 from skyarm.vehicle.vehicle_files import load_vehicle as load_vehicle
 from skyarm.view.figures.flight_plot import plot as plot
-from skyarm.view.figures.study_figures import plot_sweep as plot_sweep
 from skyarm.view.figures.vehicle_drawing import vehicle_drawing as vehicle_drawing
 from skyarm.view.film.film_flights import film as film
 from skyarm.world import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.frames import of_euler_angles, to_base, to_our_attitude, to_our_axes, turn_vectors
+from skyarm.algebra.frames import of_euler_angles, to_base, to_our_attitude, to_our_axes, turn_vectors, unit_rows
 
 Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
 HALF = 0.5**0.5
@@ -76,6 +76,19 @@ def test_euler_angles_turn_by_yaw_then_pitch_then_roll() -> None:
     found = np.stack([*of_euler_angles(*angles.T)], axis=1)[:, [1, 2, 3, 0]]
     wanted = Rotation.from_euler("ZYX", angles[:, ::-1])
     np.testing.assert_allclose(Rotation.from_quat(found).as_matrix(), wanted.as_matrix(), atol=1e-12)
+
+
+def test_rows_of_unit_length_keep_their_directions() -> None:
+    rows = np.random.default_rng(5).normal(size=(40, 4))
+    np.testing.assert_allclose(Rotation.from_quat(rows).as_quat(), unit_rows(rows), atol=1e-12)
+    np.testing.assert_array_equal(unit_rows(np.array([[3.0, 0.0, -4.0]])), [[0.6, 0.0, -0.8]])
+
+
+def test_the_conjugate_is_the_inverse_rotation() -> None:
+    q = units(6)
+    found = np.stack([*Quaternion(*q.T).conjugate()], axis=1)
+    wanted = Rotation.from_quat(q[:, [1, 2, 3, 0]]).inv().as_matrix()
+    np.testing.assert_allclose(Rotation.from_quat(found[:, [1, 2, 3, 0]]).as_matrix(), wanted, atol=1e-12)
 
 
 def test_vectors_turn_into_the_world_and_back() -> None:

@@ -24,7 +24,7 @@ from skyarm.scenario.scenario_record import Delays, NamedSensor
 from skyarm.sensing.channel import Channel as Errors
 from skyarm.sensing.sensor_kinds import Imu
 from skyarm.studies.identify import identify_files, identify_flights
-from skyarm.studies.identify.held_out import CURVE, HOLD, HORIZONS, IDENTIFIED, HeldOut, HorizonErrors, OneStep
+from skyarm.studies.identify.held_out_errors import CURVE, HOLD, HORIZONS, IDENTIFIED, HeldOut, HorizonErrors, OneStep
 from skyarm.studies.identify.identified_file import identified_file
 from skyarm.studies.identify.identified_numbers import Identified, IdentifiedNumber
 from skyarm.studies.identify.identified_parts import Surroundings

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.cli.margins_command import margins_page
 from skyarm.studies.stability.along import Evidence, Locus, hover_loci, margins
-from skyarm.view.figures.study_figures import nyquist_figure
+from skyarm.studies.stability.margins_report import margins_page
+from skyarm.studies.stability.nyquist_figure import nyquist_figure
+from skyarm.view.figures.style import image_bytes
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +35,7 @@ def test_each_loop_has_a_diagram_with_its_disk_and_a_row(drawn: tuple[Evidence, 
     titles = [ax.get_title() for ax in figure.axes if ax.axison]
     assert titles == [f"{e.margin.name}: {e.margin.disk:.2f} at {e.margin.frequency:.3g} rad/s" for e in loci]
     assert all(len(ax.patches) == 1 for ax in figure.axes if ax.axison)
-    text = margins_page(found, loci)
+    text = margins_page(found, loci, image_bytes(figure, dpi=150))
     for each in found.instants[0].by_lag["up"].loops:
         assert f">{each.name}<" in text
     assert text.count("<img") == 1

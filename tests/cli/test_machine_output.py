@@ -22,7 +22,7 @@ from skyarm.cli import output
 from skyarm.cli.arguments import OLDER
 from skyarm.cli.commands import COMMANDS as SHIPPED
 from skyarm.cli.output import Terminal
-from skyarm.paper.published import PAPER
+from skyarm.studies.paper.published import PAPER
 from thorough import sampled
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
@@ -91,7 +91,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def _in_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("skyarm.paper.reproduce.reproduce", reproduced)
+    monkeypatch.setattr("skyarm.studies.paper.reproduce.reproduce", reproduced)
     monkeypatch.setattr("skyarm.cli.doctor_command.TRIALS", {})  # tried in test_doctor.py
 
 

@@ -14,7 +14,7 @@ import skyarm
 from skyarm.cli import notebook
 from skyarm.cli.main import main
 from skyarm.cli.output import tell
-from skyarm.cli.run_command import facts, summary
+from skyarm.log.flight_summary import facts, summary
 from skyarm.studies.assess.assessment import Assessment
 from skyarm.studies.assess.finding import OK, Finding
 

@@ -27,7 +27,8 @@ from skyarm.scenario.unlikely_numbers import part_warnings
 from skyarm.simulate.check_endings import Ending, find_ending
 from skyarm.simulate.user_code import require_shapes
 from skyarm.world import Air, Force
-from skyarm.world.scene.scene import Instants, Line, Scene, scene_in_log
+from skyarm.world.scene.component_scenes import scene_in_log
+from skyarm.world.scene.scene import Instants, Line, Scene
 from skyarm.world.scene.shapes import Shape
 
 BASE = skyarm.load_scenario("case1", duration=0.02)

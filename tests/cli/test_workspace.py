@@ -11,11 +11,11 @@ import pytest
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.cli.output import Terminal
-from skyarm.cli.show_command import sheet, vehicle_facts
 from skyarm.dynamics import workspace
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.workspace import AROUND, FEW, MANY, ROUNDS, SAMPLES, reach, samples_of, static_torques
 from skyarm.scenario.scenario_checks import MOST_JOINTS
+from skyarm.studies.assess.data_sheet import sheet, vehicle_facts
 from skyarm.vehicle import Vehicle
 
 

@@ -17,9 +17,9 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.base_shift import (
     FIRST_SHIFT,
     Acting,
-    Instant,
+    PreviewInstant,
+    PreviewInterval,
     Shift,
-    Stretch,
     _thrusts,
     bounded_shift,
     bounded_sweep,
@@ -63,7 +63,7 @@ def test_the_sweep_finds_the_bounded_solution_of_an_equation_whose_terms_change(
     lever = lambda t: 0.28 + 0.05 * np.cos(9.0 * t)  # noqa: E731
     asked = lambda t: 3.0 * np.sin(4.0 * t + 0.3) - 1.5  # noqa: E731
     times = np.linspace(0.0, 2.0, 201)
-    rows = [Instant(t, 0.0, Vec3(-asked(t), 0.0, 0), lever(t)) for t in times]
+    rows = [PreviewInstant(t, 0.0, Vec3(-asked(t), 0.0, 0), lever(t)) for t in times]
     means = [thrust(0.5 * (a + b)) for a, b in pairwise(times)]
     line = bounded_sweep(rows, [*means, thrust(times[-1])])
     span = np.linspace(0.0, 4.0, 400)
@@ -295,14 +295,14 @@ def test_levers_to_come_are_those_of_the_postures_to_come(model):
 
 def test_a_lever_far_aside_has_a_secant_of_two():
     """A tilt of 60 degrees is the most that is reckoned with."""
-    row, here = Instant(0.0, 0.0, ZERO, 0.2), Stretch(1.0, ZERO)
+    row, here = PreviewInstant(0.0, 0.0, ZERO, 0.2), PreviewInterval(1.0, ZERO)
     for place, secant in ((0.12, 1.25), (0.3, 2.0), (5.0, 2.0)):
         assert coming_thrusts([row], [here], Vec3(0.0, place, 0))[1] == pytest.approx([secant])
 
 
 def test_thrusts_to_come_are_means_with_the_shifts_own_and_never_below_a_floor():
     """Rises of 2, 4 and -20 m/s^2, over which the shift sinks by 1 m/s^2 in the first stretch; secants likewise."""
-    rows = [Instant(0.1 * k, rise, ZERO, 0.3) for k, rise in enumerate((2.0, 4.0, -20.0))]
+    rows = [PreviewInstant(0.1 * k, rise, ZERO, 0.3) for k, rise in enumerate((2.0, 4.0, -20.0))]
     shift = Shift(place=ZERO, sinking=(0.0,) * 3, secants=(1.0, 1.2, 1.5), coming=(-1.0, 0.0), first=0.1)
     assert _thrusts(rows, G, 1.5, shift) == pytest.approx([(G + 2.0) * 1.1, (G - 8.0) * 1.35, 1.5 * 1.5])
 

@@ -14,8 +14,8 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import moving, posture
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.contact.load import LoadGains
-from skyarm.control.laws.centroidal.part import Step
-from skyarm.control.laws.centroidal.tip_tasks import Goal, Now, derivative, joint_accelerations
+from skyarm.control.laws.centroidal.parameters import Step
+from skyarm.control.laws.centroidal.tip_tasks import Now, TipGoal, derivative, joint_accelerations
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, link_poses
 from skyarm.reference import Reference
@@ -81,7 +81,7 @@ def turned_by(gains, error, rates=(0.0,) * ARM.n, calm=()):
         tip_velocity=ZERO, com_acceleration=ZERO,
     )  # fmt: skip
     links = tuple(pose.R @ turn(error) for pose in link_poses(ARM, joints))
-    goal = Goal(tip=(tip, ZERO, ZERO), tip_B=tip, links=links, rates=(ZERO,) * 6, accelerations=(ZERO,) * 6)
+    goal = TipGoal(tip=(tip, ZERO, ZERO), tip_B=tip, links=links, rates=(ZERO,) * 6, accelerations=(ZERO,) * 6)
     return np.array(joint_accelerations(ARM, gains, goal, now, still, calm), dtype=float)
 
 

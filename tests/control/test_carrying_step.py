@@ -16,7 +16,8 @@ from skyarm.control.blocks.force_control import InteractionGains, Pressing, firs
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.part import Effect, Step
+from skyarm.control.laws.centroidal.parameters import Step
+from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.reference import Reference

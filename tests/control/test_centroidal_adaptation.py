@@ -16,7 +16,7 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.adaptation import adapt, felt_load, tip_velocity, unit_load
-from skyarm.control.laws.centroidal.demands import Planned
+from skyarm.control.laws.centroidal.step_records import Planned
 from skyarm.control.model import Model
 from skyarm.reference import Sine
 from skyarm.scenario.scenario_record import trimmed_state

@@ -10,7 +10,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars import cos, sin, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import compensate_motor_lag
-from skyarm.control.blocks.attitude import Attitude, moving, posture, upright
+from skyarm.control.blocks.attitude import DesiredAttitude, moving, posture, upright
 from skyarm.control.laws.centroidal import com_tracking
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion, compensated_motion, update_arm_motion
 from skyarm.control.laws.centroidal.make import make_centroidal
@@ -82,7 +82,7 @@ def test_the_goal_of_the_centre_of_mass_is_that_of_a_turning_base():
     def place(t):
         return poly(p, t) + turned(rate, alpha, t) @ poly(h, t)
 
-    still = Attitude(Mat3.identity(), vec(rate), vec(alpha))
+    still = DesiredAttitude(Mat3.identity(), vec(rate), vec(alpha))
     found = com_tracking.goal([vec(x) for x in p], [vec(x) for x in h], still, True)
     e = 1e-3
     assert list(found[0]) == pytest.approx(place(0.0))
@@ -103,7 +103,7 @@ def test_links_stay_level_while_the_base_turns():
     # a base that turns about the first joint's axis can be followed by that joint alone
     axis = np.array(list(poses[0].R.apply(vehicle.links[0].joint.axis)))
     rate, alpha = 0.7 * axis, -1.3 * axis
-    still = Attitude(Mat3.identity(), vec(rate), vec(alpha))
+    still = DesiredAttitude(Mat3.identity(), vec(rate), vec(alpha))
     rates, accelerations = level_motion(vehicle, gains, wanted, still, poses, told)
     e = 3e-3
     later = [q.derivative(0) + r * e + 0.5 * a * e * e for q, r, a in zip(joints, rates, accelerations, strict=True)]
@@ -177,7 +177,7 @@ def test_the_forces_rate_is_the_thrusts_with_the_other_sign():
     known = {"wanted": still, "position": still[0], "velocity": still[0], "R": Mat3.identity(), "w": still[0]}
     rate = vec([0.5, -0.3, 0.2])
     without, with_rate = (
-        com_tracking.thrust(par, 0.8, disturbance=vec([0.1, 0.2, 0.0]), force_rate=each, **known)
+        com_tracking.thrust(par, 0.8, disturbance=(vec([0.1, 0.2, 0.0]), each, still[0]), **known)
         for each in (still[0], rate)
     )
     off = [a.derivative(1) - b.derivative(1) for a, b in zip(with_rate.force, without.force, strict=True)]

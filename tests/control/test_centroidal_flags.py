@@ -15,7 +15,7 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.demands import Demand, Planned
+from skyarm.control.laws.centroidal.step_records import AccelerationDemand, Planned
 from skyarm.control.laws.centroidal.torques import TRIM
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -45,7 +45,7 @@ def hovering(speeds=(480.0,) * 4):
 def demand(thrust=WEIGHT, alpha=ZERO, joints=(0.0, 0.0)):
     still = tuple(Taylor((0.0, 0.0, 0.0)) for _ in range(2))
     plan = Planned(R=Mat3.identity(), rate=ZERO, alpha=ZERO, proper=Vec3(0.0, 0.0, 9.8), joints=still)
-    return Demand(thrust=thrust, alpha=alpha, joints=joints, planned=plan)
+    return AccelerationDemand(thrust=thrust, alpha=alpha, joints=joints, planned=plan)
 
 
 def done(par, wanted, trim=(0.0,) * 4, applied=1.0, speeds=(480.0,) * 4):

@@ -15,8 +15,8 @@ from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import command_for
 from skyarm.control.blocks.attitude import (
-    Attitude,
     BaseGains,
+    DesiredAttitude,
     angular_acceleration,
     attitude,
     derivative,
@@ -28,10 +28,11 @@ from skyarm.control.blocks.extrapolation import Channel, extrapolate
 from skyarm.control.blocks.prediction import Disturbance, actuation, predict_across
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.com_tracking import thrust
-from skyarm.control.laws.centroidal.demands import Demand, Planned, first_following
+from skyarm.control.laws.centroidal.demands import first_following
+from skyarm.control.laws.centroidal.step_records import AccelerationDemand, Planned
 from skyarm.control.laws.centroidal.tip_tasks import (
-    Goal,
     Now,
+    TipGoal,
     goal,
     joint_accelerations,
     level_joints,
@@ -217,7 +218,7 @@ def test_torques_give_the_wished_accelerations_to_pinocchios_free_vehicle():
         unknown = Disturbance(
             force=vec(rng.normal(size=3)), torque=vec(rng.normal(size=3)), efforts=tuple(rng.normal(size=n).tolist())
         )
-        demand = Demand(
+        demand = AccelerationDemand(
             thrust=float(10.0 * rng.normal()),
             alpha=vec(5.0 * rng.normal(size=3)),
             joints=tuple(rng.normal(size=n).tolist()),
@@ -365,7 +366,7 @@ def test_joint_accelerations_give_the_tip_and_the_links_what_they_were_asked_for
         tip_velocity=tip[1],
         com_acceleration=vec(com_acceleration),
     )
-    wanted = Goal(
+    wanted = TipGoal(
         tip=(tip[0], tip[1], tip[2]),
         tip_B=tip[0],
         links=tuple(R @ pose.R for pose in link_poses(vehicle, now.joints)),
@@ -434,9 +435,7 @@ def test_the_forces_derivatives_are_those_along_the_motion_that_the_thrust_makes
         velocity=vec(start[3:]),
         R=Mat3(*(vec(row) for row in first.as_matrix())),
         w=vec(w),
-        disturbance=vec(d),
-        force_rate=vec(rate),
-        force_bend=vec(bend),
+        disturbance=(vec(d), vec(rate), vec(bend)),
     )
     for k, tolerance in enumerate((1e-9, 1e-6, 1e-4)):
         np.testing.assert_allclose(array(derivative(found.force, k)), expected[k], rtol=tolerance, atol=tolerance)
@@ -468,7 +467,7 @@ def test_the_shift_moves_with_the_tilting_tip():
         leaning = first * Rotation.from_rotvec(w * t + 0.5 * alpha * t * t)
         return turn.apply(tip_of(level, t)) - leaning.apply(tip_of(arm, t))
 
-    still = Attitude(Mat3(*(vec(row) for row in first.as_matrix())), vec(w), vec(alpha))
+    still = DesiredAttitude(Mat3(*(vec(row) for row in first.as_matrix())), vec(w), vec(alpha))
     series = Taylor.of_derivatives([*yaw, 0.0, 0.0])
     expected = differentiated([offset(t) for t in NODES], 2)
     found = needed_shift(postures[0].tip, series, postures[1].tip, still)
@@ -484,7 +483,7 @@ def test_without_gains_the_rate_error_does_not_change():
     rows = [Mat3(*(vec(row) for row in turn.as_matrix())) for turn in (first, goal_)]
     zero = Vec3(0.0, 0.0, 0.0)
     gains = BaseGains(position=zero, velocity=zero, attitude=zero, rate=zero)
-    alpha = array(angular_acceleration(gains, Attitude(rows[1], vec(w_d), vec(a_d)), rows[0], vec(w)))
+    alpha = array(angular_acceleration(gains, DesiredAttitude(rows[1], vec(w_d), vec(a_d)), rows[0], vec(w)))
 
     def error(t):
         now = first * Rotation.from_rotvec(w * t + 0.5 * alpha * t * t)
@@ -496,7 +495,7 @@ def test_without_gains_the_rate_error_does_not_change():
 
 def test_the_attitude_law_turns_back_and_brakes():
     rows = Mat3(*(vec(row) for row in Rotation.from_rotvec([0.1, 0.0, 0.0]).as_matrix()))
-    level = Attitude(Mat3.identity(), Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
+    level = DesiredAttitude(Mat3.identity(), Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
     gains = make_centroidal(Model(vehicle=TRUTH)).par.base
     leaning = array(angular_acceleration(gains, level, rows, Vec3(0.0, 0.0, 0.0)))
     turning = array(angular_acceleration(gains, level, Mat3.identity(), Vec3(0.0, 0.5, 0.0)))
@@ -524,7 +523,7 @@ NONE = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), effort
 def test_known_friction_is_given_back_viscous_at_the_present_rate_dry_at_the_references():
     dry = TRUTH.with_joints(damping=0.02, coulomb=0.03, coulomb_rate=0.1)
     smooth = TRUTH.with_joints(damping=0.0, coulomb=0.0)
-    demand = Demand(thrust=6.0, alpha=Vec3(0.0, 0.0, 0.0), joints=(1.0, -2.0), planned=planned((0.1, -0.2)))
+    demand = AccelerationDemand(thrust=6.0, alpha=Vec3(0.0, 0.0, 0.0), joints=(1.0, -2.0), planned=planned((0.1, -0.2)))
     now = level_flight(TRUTH, (1.5, -0.4))
     (torque, efforts), (bare_torque, bare) = (needed(Model(vehicle=v), now, demand, NONE) for v in (dry, smooth))
     given = np.array(efforts) - np.array(bare)
@@ -559,7 +558,7 @@ def test_nothing_falls_away_from_a_vehicle_without_joints():
 def test_the_tip_follows_base_errors_longer_than_its_reach(length):
     """A share e^4 / (e^4 + reach^4) of a resting error: at the reach itself a half."""
     zero = Vec3(0.0, 0.0, 0.0)
-    still = Goal(tip=(zero, zero, zero), tip_B=zero, links=(), rates=(), accelerations=())
+    still = TipGoal(tip=(zero, zero, zero), tip_B=zero, links=(), rates=(), accelerations=())
     found = move_goal(still, [Vec3(length, 0.0, 0.0), zero, zero], 0.12).tip
     expected = length**5 / (length**4 + 0.12**4)
     np.testing.assert_allclose(array(found[0]), [expected, 0.0, 0.0], rtol=1e-12, atol=1e-15)
@@ -583,7 +582,7 @@ def asked_of_two_arms(gains, pull, preferred):
         com_acceleration=zero,
     )
     links = tuple(pose.R for pose in link_poses(vehicle, still))
-    wanted = Goal(tip=(tip, zero, vec(pull)), tip_B=tip, links=links, rates=(zero,) * 5, accelerations=(zero,) * 5)
+    wanted = TipGoal(tip=(tip, zero, vec(pull)), tip_B=tip, links=links, rates=(zero,) * 5, accelerations=(zero,) * 5)
     return np.array(joint_accelerations(vehicle, gains, wanted, now, preferred), dtype=float)
 
 

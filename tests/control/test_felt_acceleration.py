@@ -18,6 +18,7 @@ from skyarm.control.blocks.disturbance_observer import (
     ObserverGains,
     first_observed,
     measure_translation,
+    modelled_specific_force,
     observe,
     unmodelled_thrust,
 )
@@ -55,7 +56,8 @@ def felt_in(turn, specific_force, velocity, before=STILL, free=(1.0,), linear=ZE
     """What one period tells; ``before`` also stands for what the velocity alone tells."""
     measured = dataclasses.replace(blank_measurement(0, 4), velocity=vec(velocity), specific_force=vec(specific_force))
     R = Mat3(*(vec(row) for row in turn.as_matrix()))
-    return measure_translation(ARM, GAINS, before.velocity, before, measured, R, linear, rotors, free, DT)
+    modelled = modelled_specific_force(ARM, R, linear, rotors)
+    return measure_translation(GAINS, before.velocity, before, measured, R, linear, modelled, free, DT)
 
 
 def felt_along(turn, accelerations, bias, start=0.0):
@@ -354,5 +356,7 @@ def test_without_a_specific_force_the_law_is_that_without_an_accelerometer():
 
 def test_whole_numbers_are_a_specific_force():
     measured = dataclasses.replace(blank_measurement(0, 4), velocity=ZERO3, specific_force=Vec3(0, 0, 10))
-    felt = measure_translation(ARM, GAINS, ZERO3, STILL, measured, Mat3.identity(), ZERO3, ZERO3, (1.0,), DT)
+    R = Mat3.identity()
+    modelled = modelled_specific_force(ARM, R, ZERO3, ZERO3)
+    felt = measure_translation(GAINS, ZERO3, STILL, measured, R, ZERO3, modelled, (1.0,), DT)
     assert felt.change.z == pytest.approx((10.0 - G) * (1.0 - np.exp(-40.0 * DT)))

@@ -16,7 +16,7 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.force_trend import foresee, lateness, rate_weights, trend_gains, update_trend
 from skyarm.control.laws.centroidal.parameters import at_shares
-from skyarm.control.laws.centroidal.part import Effect
+from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 

@@ -114,7 +114,7 @@ def learned(load, seconds, memory=NONE, R=TILTED, holds=True, learns=1.0, beside
         d = (np.array(lacks) @ rows_of(R)).tolist()
         d = Disturbance(force=Vec3(*d[:3]), torque=Vec3(*d[3:6]), efforts=tuple(d[6:]))
         d = d if beside is None else d + beside
-        memory, _ = learn_load(GAINS, memory, MODEL, R, JOINTS, d, holds, learns, 27.0, STEP)
+        memory, _ = learn_load(GAINS, memory, MODEL, hang(ARM, R, JOINTS, G), d, holds, learns, 27.0, STEP)
     return memory
 
 
@@ -163,7 +163,7 @@ def test_a_load_that_lies_on_something_is_not_pressed_down():
             force=up.force * factor, torque=up.torque * factor, efforts=tuple(e * factor for e in up.efforts)
         )
         wish = {"holds": True, "learns": 1.0} | told
-        _, rests = learn_load(GAINS, held, MODEL, TILTED, JOINTS, d, *wish.values(), 27.0, STEP)
+        _, rests = learn_load(GAINS, held, MODEL, hang(ARM, TILTED, JOINTS, G), d, *wish.values(), 27.0, STEP)
         left = d + rests
         return [*left.force, *left.torque, *left.efforts], [*d.force, *d.torque, *d.efforts]
 
@@ -259,7 +259,8 @@ def test_without_gravity_no_weight_tells_of_a_mass():
     pulled = Disturbance(force=Vec3(0.1, 0.0, -2.0), torque=Vec3(0.0, 0.1, 0.0), efforts=(0.2,) * ARM.n)
     model = dataclasses.replace(MODEL, gravity=0.0)
     for holds in (False, True):
-        memory, rests = learn_load(GAINS, NONE, model, TILTED, JOINTS, pulled, holds, 1.0, 27.0, STEP)
+        at = hang(model.vehicle, TILTED, JOINTS, model.gravity)
+        memory, rests = learn_load(GAINS, NONE, model, at, pulled, holds, 1.0, 27.0, STEP)
         assert (memory.mass, rests.force.z) == (0.0, 0.0)
         assert np.isfinite([*memory.place]).all()
 

@@ -21,17 +21,17 @@ from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.cost import input_residuals, predict_stage, state_residuals
 from skyarm.control.laws.predictive.law import WEIGHTS, engine_key, make_engine, stage_lengths
 from skyarm.control.laws.predictive.observer import Bandwidths, Estimate, observe, predict
-from skyarm.control.laws.predictive.prediction import Inputs, command_for, integrate_stage, motors
+from skyarm.control.laws.predictive.prediction import StageInputs, command_for, integrate_stage, motors
 from skyarm.control.laws.predictive.solver import (
     Bounds,
+    CompiledStages,
     Linear,
+    MotionPlan,
     NoPlanError,
-    Plan,
     Policy,
     Problem,
     Riccati,
     Rollouts,
-    Stages,
     examples,
     next_damping,
     policy,
@@ -156,7 +156,7 @@ def test_derivatives_of_the_stages_equal_scipy_s(mode):
 
     both = np.concatenate([x, u])
     values, J = np.array(stage(*both)), slopes(stage, both, np.array([1.0] * 17 + [100.0] * 4 + [*SCALES]))
-    stages = Stages(MODEL, WEIGHTS, mode, SCALES)
+    stages = CompiledStages(MODEL, WEIGHTS, mode, SCALES)
     found = stages.derivatives(x[None], u[None], np.array([0.03]), d, wanted[None])
     np.testing.assert_allclose(found[0][0], values[:21], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(found[2][0], values[21:], rtol=1e-12, atol=1e-12)
@@ -223,7 +223,9 @@ def test_stages_and_rollouts_foresee_dry_friction_at_the_rates_that_are_wanted()
     state, inputs, unknown = (rebuild(shape, iter(v)) for shape, v in zip(shapes[:3], (x, u, d), strict=True))
     expected = leaves(integrate_stage(model, state, inputs, unknown, 0.03, goal.joint_rates))
     assert np.abs(np.subtract(expected, leaves(integrate_stage(model, state, inputs, unknown, 0.03)))).max() > 1e-4
-    found = Stages(model, WEIGHTS, "tool", SCALES).derivatives(x[None], u[None], np.array([0.03]), d, wanted[None])
+    found = CompiledStages(model, WEIGHTS, "tool", SCALES).derivatives(
+        x[None], u[None], np.array([0.03]), d, wanted[None]
+    )
     np.testing.assert_allclose(found[0][0], expected, rtol=1e-12, atol=1e-12)
     rollouts = Rollouts(model, WEIGHTS, "tool", Bounds(np.full(2, 1e9), np.full(4, 1e9)))
     zero = Policy(np.zeros((1, 6)), np.zeros((1, 6, 21)), np.zeros((21, 21)))
@@ -351,7 +353,7 @@ def test_a_plan_moved_on_in_time_is_the_plan_at_its_own_stages():
     steps = np.array([0.1, 0.1, 0.1, 0.1])
     x = np.zeros((5, 21))
     x[:, 0], x[:, 3] = np.arange(5.0), 1.0
-    plan = Plan(x, np.arange(4.0)[:, None], np.zeros((4, 1, 21)))
+    plan = MotionPlan(x, np.arange(4.0)[:, None], np.zeros((4, 1, 21)))
     later = shift_plan(plan, steps, 0.1)
     assert later.x[:, 0] == pytest.approx([1.0, 2.0, 3.0, 4.0, 4.0])
     assert later.u[:, 0] == pytest.approx([1.0, 2.0, 3.0, 3.0])
@@ -368,7 +370,7 @@ def tilted_problem():
         )
     )
     wanted = np.array(leaves(dataclasses.replace(goal, position=Vec3(0.0, 0.0, 1.0))))
-    guess = Plan(np.tile(x, (15, 1)), np.zeros((14, 6)), np.zeros((14, 6, 21)))
+    guess = MotionPlan(np.tile(x, (15, 1)), np.zeros((14, 6)), np.zeros((14, 6, 21)))
     return par, steps, Problem(x, np.zeros(8), np.tile(wanted, (15, 1))), guess
 
 
@@ -409,10 +411,10 @@ def test_iterations_reach_the_optimum_that_scipy_finds(lengths, effort):
     par, steps, problem, guess = tilted_problem()
     steps, stages = (np.array(lengths), len(lengths)) if lengths else (steps, len(steps))
     problem = dataclasses.replace(problem, goals=problem.goals[: stages + 1])
-    plan = Plan(guess.x[: stages + 1], guess.u[:stages], guess.K[:stages])
+    plan = MotionPlan(guess.x[: stages + 1], guess.u[:stages], guess.K[:stages])
     x, u = best_motion(par, steps, problem, effort)
     bounds = Bounds(np.full(2, effort), np.full(4, 838.0))
-    ours = iterations(par, Stages(MODEL, par.weights, par.mode, SCALES), steps, bounds)
+    ours = iterations(par, CompiledStages(MODEL, par.weights, par.mode, SCALES), steps, bounds)
     for _ in range(25):
         plan = ours.solve(problem, plan)
     # Gauss-Newton closes in by 0.6 a step; rotor speeds are hundreds of rad/s
@@ -489,7 +491,7 @@ def test_a_rolled_out_motion_is_the_model_s_with_inputs_within_their_limits():
 def test_no_step_towards_a_far_goal_makes_the_motion_dearer(step):
     par, steps, problem, plan = stepped_problem(step)
     bounds = Bounds(np.array([0.5, 0.5]), np.full(4, 838.0))
-    stages = Stages(MODEL, par.weights, par.mode, SCALES)
+    stages = CompiledStages(MODEL, par.weights, par.mode, SCALES)
     ours, costs, shares = iterations(par, stages, steps, bounds), [], []
     for _ in range(20):
         plan = ours.solve(problem, plan)
@@ -638,4 +640,4 @@ def test_a_controller_s_memory_is_its_own():
 
 def test_inputs_are_rates_of_the_rotors_and_torques():
     _, inputs, _, _ = examples(2, 4)
-    assert inputs == Inputs(rotor_accelerations=(0.0,) * 4, efforts=(0.0, 0.0))
+    assert inputs == StageInputs(rotor_accelerations=(0.0,) * 4, efforts=(0.0, 0.0))

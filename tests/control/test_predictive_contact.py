@@ -20,9 +20,9 @@ from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError, presses
 from skyarm.control.law_estimates import PushAlone, observed_push
 from skyarm.control.laws.predictive import preview
-from skyarm.control.laws.predictive.cost import Contact, input_residuals, state_residuals, under_contact
+from skyarm.control.laws.predictive.cost import ContactGoal, input_residuals, state_residuals, under_contact
 from skyarm.control.laws.predictive.law import WEIGHTS, problem_at
-from skyarm.control.laws.predictive.prediction import Inputs
+from skyarm.control.laws.predictive.prediction import StageInputs
 from skyarm.control.laws.predictive.solver import examples
 from skyarm.control.laws.predictive.tip_contact import KEPT, TipContact, contact_goals, shift_ahead
 from skyarm.control.model import Model
@@ -39,7 +39,7 @@ GAINS = InteractionGains(touch=0.3, lost=0.1)
 
 def contact_of(seed, touching=1.0):
     n = np.random.default_rng(seed + 7).normal(size=3)
-    return Contact(normal=vec(n / np.linalg.norm(n)), touching=touching, force=2.0, damping=15.0)
+    return ContactGoal(normal=vec(n / np.linalg.norm(n)), touching=touching, force=2.0, damping=15.0)
 
 
 def tip_of(model, r):
@@ -143,7 +143,7 @@ def test_a_tip_that_touches_costs_its_force_and_no_place_along_the_normal(seed):
     n = scalars(contact.normal)
     np.testing.assert_array_equal(found[:-3], free[:-3])
     np.testing.assert_allclose(found[-3:], free[-3:] - n * (n @ free[-3:]), atol=1e-12)
-    inputs = Inputs(rotor_accelerations=(1.0, 2.0, 3.0, 4.0), efforts=efforts)
+    inputs = StageInputs(rotor_accelerations=(1.0, 2.0, 3.0, 4.0), efforts=efforts)
     held, force = under_contact(model, state, efforts, unknown, goal.joint_rates, contact)
     costs = scalars(input_residuals(model, WEIGHTS, state, inputs, unknown, pressed))
     assert costs[-1] == pytest.approx(float(WEIGHTS.force) * (force - 2.0))
@@ -334,7 +334,7 @@ def test_the_base_stands_for_the_order_and_the_plan_finds_the_force_itself():
         normal=tuple(N), asked=0.0, free=(1.0, *(0.0,) * 7), pressed=(3.0, *(0.0,) * 7), shift=0.02, shift_rate=0.0
     )
     still = np.zeros(6)
-    sample = preview.Sample(np.zeros((3, 6)), still, 0.0, still, still)
+    sample = preview.SampledReference(np.zeros((3, 6)), still, 0.0, still, still)
     state, *_ = examples(2, 4)
     par = dataclasses.replace(make_controller("nmpc", MODEL).par, interaction=GAINS)
     problem = problem_at(engine, np.array(leaves(state)), np.full(8, 9.0), sample, 0.0, par, touch)

@@ -22,11 +22,11 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.predictive import preview
-from skyarm.control.laws.predictive.cost import Goal, Weights, input_residuals, state_residuals
+from skyarm.control.laws.predictive.cost import StageGoal, Weights, input_residuals, state_residuals
 from skyarm.control.laws.predictive.law import PredictiveMemory, engine_key, make_predictive_controller, nmpc
-from skyarm.control.laws.predictive.observer import Observation, Past, first_lateness
-from skyarm.control.laws.predictive.prediction import Inputs, accelerations, advance, motors
-from skyarm.control.laws.predictive.solver import Bounds, Plan
+from skyarm.control.laws.predictive.observer import Observation, ObserverState, first_lateness
+from skyarm.control.laws.predictive.prediction import StageInputs, accelerations, advance, motors
+from skyarm.control.laws.predictive.solver import Bounds, MotionPlan
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -60,7 +60,7 @@ class Notes(Observation):
         u = np.zeros((count, NU))
         # no two commands of a flight are alike
         u[:, NU - 1] = 0.01 * len(self.problems) + 0.0001 * np.arange(count)
-        return Plan(np.tile(problem.start, (count + 1, 1)), u, np.zeros((count, NU, NX)), cost=0.0)
+        return MotionPlan(np.tile(problem.start, (count + 1, 1)), u, np.zeros((count, NU, NX)), cost=0.0)
 
 
 def engine(par):
@@ -116,7 +116,7 @@ def test_of_a_quaternions_two_signs_the_observer_sees_the_one_near_its_estimate(
     estimate = np.zeros(29)
     estimate[3:7] = held * last
     seen = dataclasses.replace(reading(1, 0), quaternion=Quaternion(*(sign * now).tolist()))
-    notes.update(Past(estimate, first_lateness(np.zeros(4))), numbered(0), seen)
+    notes.update(ObserverState(estimate, first_lateness(np.zeros(4))), numbered(0), seen)
     ((_, _, row),) = notes.seen
     np.testing.assert_array_equal(row[4:8], held * now)
     # nothing else of the measurement is touched
@@ -323,7 +323,7 @@ def test_the_belief_has_all_that_is_compared():
 def test_a_step_is_of_fourth_order_to_scipys_solution(seed):
     """Half the step leaves a sixteenth of the error of each, a 32nd of one step's; 20 tells it from third order."""
     model, (_, state, efforts, unknown) = belief(seed), drawn(seed)
-    inputs = Inputs(rotor_accelerations=(900.0, -700.0, 500.0, -300.0), efforts=efforts)
+    inputs = StageInputs(rotor_accelerations=(900.0, -700.0, 500.0, -300.0), efforts=efforts)
 
     def slope(_t, y):
         q = y[3:7] / np.linalg.norm(y[3:7])
@@ -346,13 +346,13 @@ def test_a_step_is_of_fourth_order_to_scipys_solution(seed):
 def test_after_a_long_step_a_quaternion_is_of_unit_length():
     """Turning at some rad/s for 0.1 s the method alone would leave it 1e-5 long or short."""
     model, (_, state, efforts, unknown) = belief(1), drawn(1)
-    after = advance(model, state, Inputs(rotor_accelerations=(0.0,) * 4, efforts=efforts), unknown, 0.1)
+    after = advance(model, state, StageInputs(rotor_accelerations=(0.0,) * 4, efforts=efforts), unknown, 0.1)
     assert np.linalg.norm(scalars(after.quaternion)) == pytest.approx(1.0, abs=1e-14)
 
 
 def goal_of(seed, joints):
     rng = np.random.default_rng(seed + 90)
-    return Goal(
+    return StageGoal(
         position=vec(rng.normal(size=3)),
         velocity=vec(rng.normal(size=3)),
         yaw=float(rng.uniform(-3.0, 3.0)),
@@ -420,7 +420,7 @@ def test_the_beliefs_have_joints_of_both_kinds_next_to_the_base():
 @pytest.mark.parametrize("seed", range(4))
 def test_what_is_wanted_of_inputs_is_the_joints_accelerations_and_slow_rotors(seed):
     model, (r, state, efforts, unknown), goal = belief(seed), drawn(seed), goal_of(seed, 3)
-    inputs = Inputs(rotor_accelerations=(9.0, -7.0, 5.0, -3.0), efforts=efforts)
+    inputs = StageInputs(rotor_accelerations=(9.0, -7.0, 5.0, -3.0), efforts=efforts)
     found = scalars(input_residuals(model, WEIGHTS, state, inputs, unknown, goal))
     # a plan takes dry friction at the rates that are wanted
     qdd = true_accelerations(model, r, state.rotor_speeds, efforts, unknown, goal.joint_rates)[6:]

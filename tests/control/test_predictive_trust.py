@@ -14,7 +14,7 @@ from skyarm.control.laws.predictive import fallback, law, observer, preview
 from skyarm.control.laws.predictive.law import BEARABLE, bearable, engine_key, make_engine
 from skyarm.control.laws.predictive.prediction import accelerations, base_accelerations, integrate_stage
 from skyarm.control.laws.predictive.preview import shift
-from skyarm.control.laws.predictive.solver import NoPlanError, Plan, examples
+from skyarm.control.laws.predictive.solver import MotionPlan, NoPlanError, examples
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.leaves import leaves, rebuild
@@ -84,7 +84,7 @@ def test_joints_move_over_a_stage_with_the_accelerations_that_their_torques_give
 
 def a_plan(cost=1.0, **changed):
     arrays = {"x": np.zeros((15, 21)), "u": np.zeros((14, 6)), "K": np.zeros((14, 6, 21))} | changed
-    return Plan(**arrays, cost=cost)
+    return MotionPlan(**arrays, cost=cost)
 
 
 def test_a_plan_is_trusted_while_it_is_finite_and_not_too_dear():

@@ -21,7 +21,8 @@ from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.contact.interaction import motion_share, update_lean
 from skyarm.control.laws.centroidal.lag_estimate import CANDIDATES, Bank
-from skyarm.control.laws.centroidal.part import Effect, Step
+from skyarm.control.laws.centroidal.parameters import Step
+from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command

@@ -10,7 +10,13 @@ import pytest
 import skyarm
 from pushed_boxes import START, beside_a_box, by_force, by_place
 from skyarm.algebra import Mat3, Vec3
-from skyarm.control.blocks.force_control import InteractionGains, Wanted, first_interaction, interact, normal_shift
+from skyarm.control.blocks.force_control import (
+    DesiredContact,
+    InteractionGains,
+    first_interaction,
+    interact,
+    normal_shift,
+)
 from skyarm.control.blocks.tip_force import levers
 from skyarm.records.leaves import rebuild
 from skyarm.scenario.scenario_file import scenario_from
@@ -28,7 +34,7 @@ def pushed(force, friction, seconds=3.0):
 
     One line, one body: box and tip move together, and the tip has the damping of the law alone.
     """
-    wanted, slip = Wanted(force=force, speed=0.1, normal=Vec3(-1.0, 0.0, 0.0)), friction * BOX * WEIGHT
+    wanted, slip = DesiredContact(force=force, speed=0.1, normal=Vec3(-1.0, 0.0, 0.0)), friction * BOX * WEIGHT
     memory = dataclasses.replace(first_interaction(2), free=1.0)
     v, x, felt, found = 0.0, 0.0, 0.31, []
     for _ in range(round(seconds / DT)):

@@ -15,7 +15,7 @@ from skyarm.control.blocks.force_control import Pressing
 from skyarm.control.catalogue import make_controller, rescale
 from skyarm.control.controller import ControllerError, presses
 from skyarm.control.laws.pressing import (
-    Touch,
+    ObservedContact,
     admittance_motion,
     level_tip,
     observe_contact,
@@ -147,7 +147,7 @@ def driven(along, *, asked=True, seconds=2.0, shift=0.0, force=2.0):
         n=Vec3(-1.0, 0.0, 0.0), share=1.0, damping=53.0, engaged=1.0, shift=(0.0, 0.0, 0.0), order=0.0, beyond=0.0,
         force=Vec3(0.0, 0.0, 0.0), kept=1.0, asked=asked,
     )  # fmt: skip
-    touch = Touch(at=None, pressing=pressing, force=force, along=along, speed=0.1, into=0.0)
+    touch = ObservedContact(at=None, pressing=pressing, force=force, along=along, speed=0.1, into=0.0)
     found = (shift, 0.0, 0.0)
     for _ in range(round(seconds / DT)):
         found = admittance_motion(own.par, memory, touch, DT)

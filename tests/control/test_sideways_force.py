@@ -17,12 +17,12 @@ from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.compile import trace
 from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
-from skyarm.control.blocks.attitude import Attitude
+from skyarm.control.blocks.attitude import DesiredAttitude
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.com_tracking import planned_rate
-from skyarm.control.laws.centroidal.part import RotorForce
+from skyarm.control.laws.centroidal.step_records import RotorForce
 from skyarm.control.laws.centroidal.tilting.sideways_force import (
     SidewaysForce,
     SidewaysGains,
@@ -189,7 +189,7 @@ def test_the_planned_force_changes_in_the_planned_bodys_axes_as_differences_say(
 
     h, t = 1e-6, 0.3
     turn = (moving(t - h)[1].inv() * moving(t + h)[1]).as_rotvec() / (2.0 * h)
-    still = Attitude(Mat3(*(vec(row) for row in moving(t)[1].as_matrix())), vec(turn), STILL)
+    still = DesiredAttitude(Mat3(*(vec(row) for row in moving(t)[1].as_matrix())), vec(turn), STILL)
     motion = [vec([math.sin(t), math.cos(2.0 * t), 0.4 * t]), vec([math.cos(t), -2.0 * math.sin(2.0 * t), 0.4])]
     found = array(planned_rate(still, motion, 2.5, 9.81))
     np.testing.assert_allclose(found, (force(t + h) - force(t - h)) / (2.0 * h), rtol=1e-6, atol=1e-6)

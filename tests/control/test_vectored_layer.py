@@ -18,7 +18,7 @@ from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.vectored_layer import goal_angles, pairs_model, squares_at, turns_rotors, with_tilting
 from skyarm.dynamics.actuators import Command
-from skyarm.dynamics.actuators.tilting import Force, angle_after, speeds_of_pairs
+from skyarm.dynamics.actuators.tilting import TiltedForce, angle_after, speeds_of_pairs
 from skyarm.log.log_columns import columns
 from skyarm.plant.interface import Truth
 from skyarm.reference import Reference, Trajectory
@@ -33,7 +33,7 @@ from skyarm.world import ForceWind
 VOLIRO = skyarm.load_vehicle("voliro_like")
 BARE = dataclasses.replace(VOLIRO, links=(), frames=(), end_effector="")
 WANTED = tuple(
-    Force(push, angle)
+    TiltedForce(push, angle)
     for push, angle in zip(
         (2.2e5, 2.4e5, 2.0e5, 2.3e5, 2.5e5, 2.1e5), (0.30, -0.25, 0.20, 0.35, -0.30, 0.15), strict=True
     )
@@ -87,7 +87,7 @@ def test_servos_that_stand_where_they_should_leave_the_thrusts_alone():
 
 def test_a_correction_stays_within_what_the_rotors_have():
     top = 900.0**2
-    strong = tuple(Force(0.98 * top, 0.7) for _ in WANTED)
+    strong = tuple(TiltedForce(0.98 * top, 0.7) for _ in WANTED)
     squares = np.array(squares_at(BARE, strong, [0.7, -0.7, 0.7, 0.0, 0.1, -0.5]), dtype=float)
     assert squares.max() <= top * (1.0 + 1e-12)
     # as much of the whole correction is taken as fits: the same share for every rotor
@@ -103,10 +103,10 @@ def test_a_correction_stays_within_what_the_rotors_have():
 
 def test_an_angle_of_next_to_no_thrust_moves_slowly_and_any_other_at_once():
     last = (0.5,) * 6
-    none = goal_angles(MODEL, tuple(Force(0.0, -1.0) for _ in last), last, 0.005)
+    none = goal_angles(MODEL, tuple(TiltedForce(0.0, -1.0) for _ in last), last, 0.005)
     assert none == last
     little, most = 0.002 * 900.0**2, 0.1 * 900.0**2
-    moved = goal_angles(MODEL, (Force(little, -1.0), *(Force(most, -1.0) for _ in last[1:])), last, 0.005)
+    moved = goal_angles(MODEL, (TiltedForce(little, -1.0), *(TiltedForce(most, -1.0) for _ in last[1:])), last, 0.005)
     assert moved[0] == pytest.approx(0.5 - 1.5 * 0.1)
     assert moved[1:] == pytest.approx((-1.0,) * 5)
 
@@ -115,7 +115,7 @@ def test_an_angle_of_little_thrust_moves_as_fast_at_every_rate_of_control():
     def after(seconds, rate):
         found = (0.5,) * 6
         for _ in range(round(seconds * rate)):
-            found = goal_angles(MODEL, (Force(3e-5 * 900.0**2, -1.0),) * 6, found, 1.0 / rate)
+            found = goal_angles(MODEL, (TiltedForce(3e-5 * 900.0**2, -1.0),) * 6, found, 1.0 / rate)
         return found[0]
 
     assert after(0.1, 200) == pytest.approx(after(0.1, 1000), abs=1e-3)
@@ -126,11 +126,11 @@ def test_rotors_without_a_largest_speed_turn_as_others_do():
     free = dataclasses.replace(BARE, rotors=tuple(dataclasses.replace(r, max_speed=np.inf) for r in BARE.rotors))
     # nobody hovers without gravity: a largest speed says then how strong a rotor is
     floats = Model(vehicle=BARE, gravity=0.0)
-    assert goal_angles(floats, (Force(0.002 * 900.0**2, 1.0),) * 6, (0.0,) * 6, 0.005) == pytest.approx([0.1] * 6)
+    assert goal_angles(floats, (TiltedForce(0.002 * 900.0**2, 1.0),) * 6, (0.0,) * 6, 0.005) == pytest.approx([0.1] * 6)
     for gravity in (9.81, 1.62):
         turned = goal_angles(Model(vehicle=free, gravity=gravity), WANTED, (0.0,) * 6, 0.005)
         assert turned == pytest.approx([f.angle for f in WANTED])
-    little = Force(0.02 * 2.0e4, 1.0)
+    little = TiltedForce(0.02 * 2.0e4, 1.0)
     assert 0.0 < goal_angles(Model(vehicle=free), (little,) * 6, (0.0,) * 6, 0.005)[0] < 0.1
 
 

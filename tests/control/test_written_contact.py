@@ -88,7 +88,7 @@ def test_interaction_is_written(seed: int) -> None:
 
         at, ahead = levers(ARM, mat(R), tuple(q)), levers(ARM, mat(R), tuple(q + 0.01))
         normal = interaction.estimated_normal(vec(told), memory.lean)
-        wanted = force_control.Wanted(force=push[0], speed=push[1], normal=normal)
+        wanted = force_control.DesiredContact(force=push[0], speed=push[1], normal=normal)
         moving = interaction.motion_share(gains, memory.moving, vec(course * np.array([0.0, 0.6, -0.8])), DT)
         memory = dataclasses.replace(memory, gap=gap, moving=moving)
         effort = 0.0 if slides else most
@@ -154,9 +154,8 @@ def test_load_is_written(wrist: bool) -> None:
             at.load(-G * missing * written.UP),
             (draw.normal(0.2, 0.05, 3), draw.normal(0, 0.002, 3), draw.normal(0, 0.0005, 2)),
         )
-        memory, resting = load.learn_load(
-            gains, memory, model, mat(R), tuple(q), record(d), float(holds), 1.0, 20.0, DT
-        )
+        there = load.hang(model.vehicle, mat(R), tuple(q), model.gravity)
+        memory, resting = load.learn_load(gains, memory, model, there, record(d), float(holds), 1.0, 20.0, DT)
         taken = own.step(d, holds, at)
         assert np.allclose(flat(taken), flat(resting), rtol=0, atol=1e-7), k
         assert np.allclose([own.m, *own.c], [memory.mass, *memory.place], rtol=0, atol=1e-8)
@@ -174,8 +173,9 @@ def test_the_accelerometer_is_written() -> None:
         seen = dataclasses.replace(blank_measurement(2, 4), velocity=vec(measured), specific_force=vec(y))
         rotors = vec(thrust * float(ARM.mass))
         model = Model(vehicle=ARM, gravity=G)
+        modelled = disturbance_observer.modelled_specific_force(model, mat(R), vec(a), rotors)
         felt = disturbance_observer.measure_translation(
-            model, gains, vec(v), before, seen, mat(R), vec(a), rotors, (1.0, 1.0), DT
+            gains, vec(v), before, seen, mat(R), vec(a), modelled, (1.0, 1.0), DT
         )
         v, b, changed = written.accelerometer((30.0, 5.0), y, b, v, measured, R, a, thrust, G, DT)
         assert np.allclose([v, b, changed], [[*felt.velocity], [*felt.bias], [*felt.change]], rtol=0, atol=1e-9)

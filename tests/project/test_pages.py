@@ -58,7 +58,7 @@ PORTS = {
     "links/autopilots/betaflight.py": "opens ports on 127.0.0.1 for it",
     "links/autopilots/betaflight_process.py": "opens ports on 127.0.0.1 for it",
     "links/autopilots/px4_ports.py": "opens ports on 127.0.0.1 for it",
-    "links/outside/joint_port.py": "opens a port for the joints of that vehicle",
+    "links/joint_port.py": "opens a port for the joints of that vehicle",
     "links/outside/offboard_link.py": "`skyarm fly` opens the port that you name",
     "links/ros/ros1_node.py": "Live topics (`skyarm run --ros`) open ports on 127.0.0.1",
     "links/ros/ros2_node.py": "Live topics (`skyarm run --ros`) open ports on 127.0.0.1",

@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 from skyarm.reference.reference_tables import reference_from
-from skyarm.reference.signal_tables import signal_from
+from skyarm.reference.signals import signal_from
 from skyarm.reference.task_records import Setting
 
 

@@ -12,7 +12,7 @@ import pytest
 
 import skyarm
 from skyarm.dynamics.actuators.hover import highest_thrust
-from skyarm.dynamics.actuators.motion_demand import Motion
+from skyarm.dynamics.actuators.motion_demand import MotionSamples
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.reference import Constant, Sine, Sum, Trajectory
 from skyarm.reference.path_time import governed_reference
@@ -156,7 +156,7 @@ def turning(vehicle, rate):
     zeros = np.zeros((vehicle.n, count))
     rates = zeros.copy()
     rates[0] = rate
-    return Motion(
+    return MotionSamples(
         time=np.arange(count) * 0.01,
         acceleration=np.zeros((3, count)),
         yaw=np.zeros(count),
@@ -187,7 +187,7 @@ def test_a_tip_that_an_upright_arm_holds_asks_for_more_tilt_than_its_base():
     surge[0] = 2.0 * np.sin(w * time)
     up = zeros.copy()
     up[0] = math.pi
-    moved = Motion(time=time, acceleration=surge, yaw=zeros[0], joints=up, rates=zeros, accelerations=zeros)
+    moved = MotionSamples(time=time, acceleration=surge, yaw=zeros[0], joints=up, rates=zeros, accelerations=zeros)
     blunt = dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, end_effector=""))
     middle = slice(100, 301)
     with_tip, without = (Limits(each, OPTIONS).shares(moved)[-2, middle].max() for each in (model, blunt))

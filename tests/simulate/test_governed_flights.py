@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.cli.run_command import facts
+from skyarm.log.flight_summary import facts
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import score
 from skyarm.reference.path_time import governed_reference

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.cli.run_command import facts, sentences
+from skyarm.log.flight_summary import facts, sentences
 from skyarm.log.metrics.score import score
 from skyarm.scenario.numbers import with_numbers
 from skyarm.simulate.batch import Batch

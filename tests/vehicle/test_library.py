@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Sym3
-from skyarm.vehicle import VehicleError, check
+from skyarm.vehicle import VehicleError
 from skyarm.vehicle.vehicle_files import LIBRARY, list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_records import require_plant
 
 NAMES = (
     "crazyflie_arm1",
@@ -186,12 +187,12 @@ def test_only_the_papers_model_is_planar():
 
 def test_a_plant_refuses_the_papers_model_by_its_link():
     with pytest.raises(VehicleError, match=r"^vehicle 'hummingbird_arm2': links\[link1\].planar = True: must be false"):
-        check.require_plant(load_vehicle("hummingbird_arm2"))
+        require_plant(load_vehicle("hummingbird_arm2"))
 
 
 @pytest.mark.parametrize("name", FLYING)
 def test_a_plant_accepts_the_others(name):
-    check.require_plant(load_vehicle(name))
+    require_plant(load_vehicle(name))
 
 
 def wrench_map(vehicle):

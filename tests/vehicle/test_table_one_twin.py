@@ -7,8 +7,8 @@ import pytest
 
 from skyarm.algebra import Sym3
 from skyarm.dynamics.array_front import forward_dynamics, mass_matrix
-from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.vehicle.vehicle_records import require_plant
 
 TABLE_1, TWIN = load_vehicle("hummingbird_arm2"), load_vehicle("hummingbird_arm2_twin")
 

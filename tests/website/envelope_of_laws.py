@@ -16,7 +16,7 @@ from typing import Any
 from envelope_rules import FLAGSHIP, violation_rows, violations
 from PIL import Image
 
-from skyarm.studies.compare.envelope_report import summary_head, summary_rows
+from skyarm.studies.compare.envelope import summary_head, summary_rows
 from skyarm.view.pages import markdown
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from skyarm.studies.compare.envelope_report import LOST
+from skyarm.studies.compare.envelope import LOST
 from skyarm.view.pages import number
 
 FLAGSHIP = "centroidal_tip"

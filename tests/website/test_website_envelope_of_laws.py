@@ -10,8 +10,7 @@ from envelope_of_laws import BLOCK, PAGE, PICTURE, ROOT, block
 from envelope_rules import FLAGSHIP
 
 from compared_flights import cell_of
-from skyarm.studies.compare.envelope import Envelope
-from skyarm.studies.compare.envelope_report import summary_rows
+from skyarm.studies.compare.envelope import Envelope, summary_rows
 
 TEXT = (ROOT / PAGE).read_text("utf-8")
 FLOWN = ("circle", "payload")

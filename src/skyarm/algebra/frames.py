@@ -8,12 +8,11 @@ MAVLink's ``ATTITUDE_QUATERNION`` and ``MAV_FRAME``, ROS REP 103 and the message
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra.quaternion import Quaternion
+from skyarm.algebra.scalars import Scalar
 from skyarm.algebra.vector import Vec3
 
 Array = npt.NDArray[np.float64]
@@ -22,12 +21,12 @@ FRAMES, WORLDS, ORDERS = ("FLU", "FRD"), ("z up", "NED"), ("wxyz", "xyzw")
 """Axes of the base, axes of the world, and orders of a quaternion's numbers that a file may state; ours first."""
 
 
-def to_our_axes(x: Any, y: Any, z: Any) -> Vec3:
+def to_our_axes(x: Scalar, y: Scalar, z: Scalar) -> Vec3:
     """Vector of forward, right, down or north, east, down in our axes; and back, for the map is its own inverse."""
     return Vec3(x, -y, -z)
 
 
-def to_our_attitude(w: Any, x: Any, y: Any, z: Any, frame: str = "FRD", world: str = "NED") -> Quaternion:
+def to_our_attitude(w: Scalar, x: Scalar, y: Scalar, z: Scalar, frame: str = "FRD", world: str = "NED") -> Quaternion:
     """Attitude of a base (FLU or FRD) in a world (z up or NED) in our axes.
 
     Half a turn about x is the quaternion i: a base's axes turn by a factor i from the right, a world's by -i from the
@@ -40,10 +39,15 @@ def to_our_attitude(w: Any, x: Any, y: Any, z: Any, frame: str = "FRD", world: s
     return Quaternion(w, x, y, z)
 
 
-def of_euler_angles(roll: Any, pitch: Any, yaw: Any) -> Quaternion:
+def of_euler_angles(roll: float | Array, pitch: float | Array, yaw: float | Array) -> Quaternion:
     """Quaternion of roll, pitch and yaw, rad: turned by yaw about z, then by pitch about the new y, by roll about x."""
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(0.5 * each), np.sin(0.5 * each)) for each in (roll, pitch, yaw))
     return Quaternion(cy, 0.0, 0.0, sy) * Quaternion(cp, 0.0, sp, 0.0) * Quaternion(cr, sr, 0.0, 0.0)
+
+
+def unit_rows(rows: Array) -> Array:
+    """Rows (N, k) over their lengths: quaternions of unit length, directions."""
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
 def turn_vectors(quaternions: Array, vectors: Array) -> Array:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm.algebra.scalars import Scalar, divide, mul, same, sub
 
 
-def ldl_solve(A: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Scalar]:
+def ldl_solve(A: Sequence[Sequence[Scalar]], b: Sequence[Scalar]) -> list[Scalar]:
     """Solve A x = b for a symmetric positive definite matrix A, whose lower triangle is read.
 
     Unknowns that structural zeros keep apart are solved apart. A = L D L^T column by column; the last two unknowns
@@ -16,7 +15,7 @@ def ldl_solve(A: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Scalar]:
     algebraic solution or NaN.
     Source: Golub, Van Loan 2013, algorithm 4.1.2.
     """
-    x: list[Any] = [0] * len(b)
+    x: list[Scalar] = [0] * len(b)
     for group in _groups(A):
         block = [[A[max(i, j)][min(i, j)] for j in group] for i in group]
         for i, value in zip(group, _solve_group(block, [b[i] for i in group]), strict=True):
@@ -24,7 +23,7 @@ def ldl_solve(A: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Scalar]:
     return x
 
 
-def _groups(A: Sequence[Sequence[Any]]) -> list[list[int]]:
+def _groups(A: Sequence[Sequence[Scalar]]) -> list[list[int]]:
     """Groups of unknowns of a linear system that are coupled directly or indirectly."""
     groups: list[list[int]] = []
     for i, row in enumerate(A):
@@ -34,12 +33,12 @@ def _groups(A: Sequence[Sequence[Any]]) -> list[list[int]]:
     return groups
 
 
-def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Scalar]:
+def _solve_group(A: list[list[Scalar]], b: list[Scalar]) -> list[Scalar]:
     """Solve one coupled system of linear equations in place."""
     n = len(b)
     first = max(0, n - 2)
-    L: list[list[Any]] = [[0] * n for _ in range(n)]
-    inverse: list[Any] = []
+    L: list[list[Scalar]] = [[0] * n for _ in range(n)]
+    inverse: list[Scalar] = []
     for j in range(first):
         inverse.append(divide(1.0, A[j][j]))
         for i in range(j + 1, n):
@@ -55,7 +54,7 @@ def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Scalar]:
     return x
 
 
-def _solve_two(A: list[list[Any]], b: list[Any]) -> list[Scalar]:
+def _solve_two(A: list[list[Scalar]], b: list[Scalar]) -> list[Scalar]:
     """Solve a linear system for its last two unknowns by their determinant."""
     p, q, r = A[-2][-2], A[-1][-2], A[-1][-1]
     inverse = divide(1.0, sub(mul(p, r), mul(q, q)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, SupportsIndex
 
 from skyarm.algebra.scalars import Scalar, add, cos, mul, neg, same, sin, sub
 from skyarm.algebra.vector import ArrayLike, Vec3
@@ -54,7 +54,7 @@ class Mat3(ArrayLike):
         x, y, z = (tuple(row)[j] for row in self.rows)
         return Vec3(x, y, z)
 
-    def __getitem__(self, index: Any) -> Any:
+    def __getitem__(self, index: SupportsIndex | slice) -> Any:
         """One row by index, or a tuple of rows by slice."""
         return (self.r0, self.r1, self.r2)[index]
 
@@ -147,7 +147,7 @@ class Sym3:
         return cls(*(0 if value == 0.0 else float(value) for value in (xx, yy, zz, xy, xz, yz)))
 
     @classmethod
-    def isotropic(cls, value: Any) -> Sym3:
+    def isotropic(cls, value: Scalar) -> Sym3:
         """Identity matrix times ``value``."""
         return cls(value, value, value)
 
@@ -157,14 +157,14 @@ class Sym3:
         return cls(a.r0.x, a.r1.y, a.r2.z, a.r0.y, a.r0.z, a.r1.z)
 
     @classmethod
-    def parallel_axis(cls, mass: Any, c: Vec3) -> Sym3:
+    def parallel_axis(cls, mass: Scalar, c: Vec3) -> Sym3:
         """Inertia of a point mass at ``c`` about the origin, m S(c)^T S(c) (parallel-axis theorem)."""
         mx, my, mz = c * mass
         xx, yy, zz = mul(mx, c.x), mul(my, c.y), mul(mz, c.z)
         return cls(add(yy, zz), add(xx, zz), add(xx, yy), neg(mul(mx, c.y)), neg(mul(mx, c.z)), neg(mul(my, c.z)))
 
     @property
-    def entries(self) -> tuple[Any, Any, Any, Any, Any, Any]:
+    def entries(self) -> tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]:
         """Six entries xx, yy, zz, xy, xz, yz of the symmetric matrix."""
         return self.xx, self.yy, self.zz, self.xy, self.xz, self.yz
 
@@ -180,7 +180,7 @@ class Sym3:
         """Difference of two symmetric matrices."""
         return Sym3(*(sub(a, b) for a, b in zip(self.entries, other.entries, strict=True)))
 
-    def __mul__(self, scalar: Any) -> Sym3:
+    def __mul__(self, scalar: Scalar) -> Sym3:
         """Product of the matrix with a scalar."""
         return Sym3(*(mul(a, scalar) for a in self.entries))
 

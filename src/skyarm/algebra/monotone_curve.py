@@ -12,7 +12,7 @@ from itertools import pairwise
 from skyarm.algebra.scalars import Scalar, clip, divide, maximum, where
 
 ITERATIONS = 10
-"""Of the inverse by Newton's method within a bracket: the worst of 12 000 values of 300 curves comes back to 6e-14."""
+"""Iterations of the inverse by bracketed Newton: the worst of 12 000 values of 300 curves comes back to 6e-14."""
 
 
 def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Scalar]:
@@ -43,14 +43,14 @@ def curve(x: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scalar:
 def inverse_curve(y: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scalar:
     """Argument at which the interpolated curve reaches ``y``; linear beyond the last point."""
     start, width, low, rise, before, after, last = _piece(y, xs, ys, ys)
-    wanted = clip(y - low, 0.0, rise)
-    t, bottom, top = divide(wanted, rise), 0.0 * wanted, 0.0 * wanted + 1.0
+    height = clip(y - low, 0.0, rise)
+    t, bottom, top = divide(height, rise), 0.0 * height, 0.0 * height + 1.0
     for _ in range(ITERATIONS):
-        above = _cubic(t, rise, before, after) - wanted
+        above = _cubic(t, rise, before, after) - height
         bottom, top = where(above > 0.0, bottom, t), where(above > 0.0, t, top)
         slope = before + t * (2.0 * (3.0 * rise - 2.0 * before - after) + t * (3.0 * (before + after - 2.0 * rise)))
         step = t - divide(above, where(slope > 0.0, slope, rise))
-        # outside of what is known to hold it, the middle
+        # outside of the bracket, its middle
         t = where(step < bottom, 0.5 * (bottom + top), where(step > top, 0.5 * (bottom + top), step))
     beyond = maximum(y - ys[-1], 0.0)
     return start + t * width + where(last > 0.0, divide(beyond, where(last > 0.0, last, 1.0)), 0.0)
@@ -68,8 +68,8 @@ def _piece(at: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar], knots: Sequen
         (x0, x1 - x0, y0, y1 - y0, d0 * (x1 - x0), d1 * (x1 - x0))
         for x0, x1, y0, y1, d0, d1 in zip(xs[:-1], xs[1:], ys[:-1], ys[1:], d[:-1], d[1:], strict=True)
     ]
-    found: tuple[Scalar, ...] = rows[0]
+    piece: tuple[Scalar, ...] = rows[0]
     for knot, row in zip(knots[1:-1], rows[1:], strict=True):
         later = at > knot
-        found = tuple(where(later, new, old) for new, old in zip(row, found, strict=True))
-    return (*found, d[-1])
+        piece = tuple(where(later, new, old) for new, old in zip(row, piece, strict=True))
+    return (*piece, d[-1])

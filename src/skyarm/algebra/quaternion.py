@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, SupportsIndex
 
 from skyarm.algebra.matrix import Mat3
 from skyarm.algebra.scalars import Scalar, atan2, cos, divide, neg, sin, sqrt, where
@@ -47,10 +47,10 @@ class Quaternion(ArrayLike):
         """
         square = rate.dot(rate)
         z = square * (seconds * seconds * 0.0625)
-        sine: Any = SINC[-1] * (0.5 * seconds)  # of the quarter, times the length of half the vector's factor
+        sine: Scalar = SINC[-1] * (0.5 * seconds)  # of the quarter, times the length of half the vector's factor
         for c in reversed(SINC[:-1]):
             sine = sine * z + c * (0.5 * seconds)
-        cosine: Any = COSINE[-1]
+        cosine: Scalar = COSINE[-1]
         for c in reversed(COSINE[:-1]):
             cosine = cosine * z + c
         # sin 2y = 2 sin y cos y and cos 2y = 1 - 2 (sin y)^2
@@ -61,7 +61,7 @@ class Quaternion(ArrayLike):
         """Iterate over the components w, x, y, z."""
         return iter((self.w, self.x, self.y, self.z))
 
-    def __getitem__(self, index: Any) -> Any:
+    def __getitem__(self, index: SupportsIndex | slice) -> Any:
         """One component by index, or a tuple of components by slice."""
         return (self.w, self.x, self.y, self.z)[index]
 
@@ -75,7 +75,11 @@ class Quaternion(ArrayLike):
             a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
         )
 
-    def plus(self, other: Quaternion, factor: Any) -> Quaternion:
+    def conjugate(self) -> Quaternion:
+        """Conjugate w - xi - yj - zk: of a unit quaternion the inverse rotation."""
+        return Quaternion(self.w, -self.x, -self.y, -self.z)
+
+    def plus(self, other: Quaternion, factor: Scalar) -> Quaternion:
         """Sum ``self`` + ``factor`` * ``other``, not normalised, for Runge-Kutta stages."""
         a, b = self, other
         return Quaternion(a.w + factor * b.w, a.x + factor * b.x, a.y + factor * b.y, a.z + factor * b.z)

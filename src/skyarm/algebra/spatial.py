@@ -8,7 +8,6 @@ Source: Featherstone 2008, chapters 2, 5-7.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.algebra.matrix import Mat3, Sym3
 from skyarm.algebra.scalars import Scalar, add, mul, neg, sub, total
@@ -26,11 +25,11 @@ class Motion:
         """Sum of two spatial motions."""
         return Motion(self.angular + other.angular, self.linear + other.linear)
 
-    def __mul__(self, scalar: Any) -> Motion:
+    def __mul__(self, scalar: Scalar) -> Motion:
         """Product of the spatial motion with a scalar."""
         return Motion(self.angular * scalar, self.linear * scalar)
 
-    def dot(self, force: Force) -> Any:
+    def dot(self, force: Force) -> Scalar:
         """Power of a spatial force along this spatial motion."""
         return add(self.angular.dot(force.torque), self.linear.dot(force.force))
 
@@ -54,7 +53,7 @@ class Force:
         """Difference of two spatial forces."""
         return Force(self.torque - other.torque, self.force - other.force)
 
-    def __mul__(self, scalar: Any) -> Force:
+    def __mul__(self, scalar: Scalar) -> Force:
         """Product of the spatial force with a scalar."""
         return Force(self.torque * scalar, self.force * scalar)
 
@@ -89,7 +88,7 @@ class SpatialInertia:
     inertia: Sym3
 
     @classmethod
-    def of_body(cls, mass: Any, com: Vec3, inertia_com: Sym3) -> SpatialInertia:
+    def of_body(cls, mass: Scalar, com: Vec3, inertia_com: Sym3) -> SpatialInertia:
         """Spatial inertia from mass, centre of mass and the rotational inertia about that centre."""
         return cls(mass, com * mass, inertia_com + Sym3.parallel_axis(mass, com))
 
@@ -164,7 +163,7 @@ class ArticulatedInertia:
             self.J.apply(a.angular) + self.H.apply(a.linear), self.H.apply_T(a.angular) + self.M.apply(a.linear)
         )
 
-    def without(self, S: Motion, U: Force, inverse_d: Any, *, free: bool = True) -> ArticulatedInertia:
+    def without(self, S: Motion, U: Force, inverse_d: Scalar, *, free: bool = True) -> ArticulatedInertia:
         """Articulated inertia without the free direction of a joint, self - U U^T / d.
 
         A joint is free if its drive has none. Then nothing is left along S: where S is a coordinate axis, its row and

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, SupportsIndex
 
 import numpy as np
+import numpy.typing as npt
 
 from skyarm.algebra.scalars import Scalar, add, mul, neg, same, sqrt, structural, sub, total
 
@@ -17,14 +18,14 @@ class ArrayLike:
     __slots__ = ()
     __array_ufunc__: ClassVar[None] = None
 
-    def __getitem__(self, index: Any) -> Any:
+    def __getitem__(self, index: SupportsIndex | slice) -> Any:
         """One component by index, or a tuple of components by slice."""
         raise NotImplementedError(f"{type(self).__name__} must define __getitem__()")
 
     def __len__(self) -> int:
         return len(self[:])
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[np.generic]:
         """Convert to a NumPy array; the axes of array components come last.
 
         Raises:
@@ -61,7 +62,7 @@ class Vec3(ArrayLike):
         """Iterate over the components x, y, z."""
         return iter((self.x, self.y, self.z))
 
-    def __getitem__(self, index: Any) -> Any:
+    def __getitem__(self, index: SupportsIndex | slice) -> Any:
         """One component by index, or a tuple of components by slice."""
         return (self.x, self.y, self.z)[index]
 
@@ -77,7 +78,7 @@ class Vec3(ArrayLike):
         """Negated vector."""
         return Vec3(neg(self.x), neg(self.y), neg(self.z))
 
-    def __mul__(self, scalar: Any) -> Vec3:
+    def __mul__(self, scalar: Scalar) -> Vec3:
         """Product of the vector with a scalar."""
         return Vec3(mul(self.x, scalar), mul(self.y, scalar), mul(self.z, scalar))
 

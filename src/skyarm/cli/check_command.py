@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
 from typing import Annotated
 
 import typer
-from rich.console import RenderableType
-from rich.table import Table
-from rich.text import Text
 
 from skyarm.cli.arguments import name_completion
 from skyarm.cli.lines import DIFFERENT
-from skyarm.cli.output import Lines, bar, give, heading, tell
-from skyarm.records.files import printable
-from skyarm.records.text_tables import shown_number
-from skyarm.studies.assess.assessment import Assessment
+from skyarm.cli.output import bar, give, tell
 from skyarm.studies.assess.assessment import check as assess
-from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
-
-STYLES = {OK: "green", NOTE: "dim", WARNING: "yellow", FAULT: "bold red"}
+from skyarm.studies.assess.check_sheet import sheet
 
 
 def check(
@@ -47,45 +37,3 @@ def check(
     tell(*sheet(found))
     if not found.flies:
         raise typer.Exit(DIFFERENT)
-
-
-def sheet(found: Assessment) -> Lines:
-    """Report of a vehicle check as lines and tables: alarms with remedies, notes, then passed checks."""
-    load = f", with {found.payload:g} kg at the tip" if found.payload else ""
-    vehicle = f" ({found.vehicle.name})" if found.vehicle.name != found.name else ""
-    parts: Lines = [heading(f"{found.name}{vehicle}, g = {found.gravity:g} m/s^2{load}")]
-    alarms = found.alarms()
-    parts += [_rows(alarms), ""] if alarms else []
-    for each in alarms:
-        limit = "" if math.isnan(each.limit) else f", limit {_number(each.limit, each)}"
-        numbers = "" if math.isnan(each.value) or not each.field else f" ({_number(each.value, each)}{limit})"
-        line = f"{each.level} in {each.field or each.question}{numbers}: {each.remedy or each.text}"
-        parts.append(Text(printable(line), style=STYLES[each.level]))
-    notes, well = ([each for each in found.findings if each.level == level] for level in (NOTE, OK))
-    parts += ["", _rows(notes)] if notes else []
-    short = "; ".join(dict.fromkeys(map(_in_short, well)))
-    parts += ["", Text(printable(f"{len(well)} without an alarm: {short}"), style=STYLES[OK]), ""]
-    faults, milder = (sum(each.level == level for each in found.findings) for level in (FAULT, WARNING))
-    counted = f"{milder} warning{'s' if milder != 1 else ''}"
-    verdict = f"cannot fly as described: {faults} fault{'s' if faults != 1 else ''}" if faults else "can fly: no fault"
-    return [*parts, heading(f"{verdict}, {counted}")]
-
-
-def _in_short(each: Finding) -> str:
-    """Short text of a passed check: its question with the number found."""
-    found = _number(each.value, each)
-    return each.question if found.split(" ")[0] in ("-", "0") else f"{each.question} {found}"
-
-
-def _rows(findings: Iterable[Finding]) -> RenderableType:
-    """Make a table of check results: level, question and answer."""
-    table = Table(box=None, pad_edge=False, show_header=False)
-    for each in findings:
-        cells = Text(printable(each.question)), Text(printable(each.text), overflow="fold")
-        table.add_row(Text(each.level, style=STYLES[each.level]), *cells)
-    return table
-
-
-def _number(value: float, finding: Finding) -> str:
-    """Format a number of a check result with its unit; a dash for NaN."""
-    return "-" if math.isnan(value) else f"{shown_number(value)} {finding.unit}".rstrip()

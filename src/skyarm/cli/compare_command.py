@@ -25,16 +25,14 @@ from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.registry import names as registered
 from skyarm.records.registry.plugins import loaded_plugins
 from skyarm.simulate.user_code import check_law
-from skyarm.studies.compare.comparison import SUITE, Comparison
-from skyarm.studies.compare.contact_suite import CONTACT, QUICK, WORLDS, ContactSuite
-from skyarm.studies.compare.contact_tasks import LAWS as CONTACT_LAWS
-from skyarm.studies.compare.contact_tasks import OWN, TASKS
-from skyarm.studies.compare.entrants import ENTRANTS, chosen_entrants, chosen_laws
-from skyarm.studies.compare.envelope import ENVELOPE, LAWS, TUNED_LAWS, Envelope
+from skyarm.studies.compare.compare_laws import SUITES, suite_of
+from skyarm.studies.compare.comparison import SUITE
+from skyarm.studies.compare.contact_suite import CONTACT, QUICK, WORLDS
+from skyarm.studies.compare.contact_tasks import TASKS
+from skyarm.studies.compare.envelope import ENVELOPE, TUNED_LAWS
 from skyarm.studies.compare.envelope_axes import AXES
 from skyarm.studies.compare.envelope_setting import PAPER
 from skyarm.studies.compare.own_scenario import LAWS as USUAL_LAWS
-from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.compare.run_suite import Suite, fly_suite
 from skyarm.studies.compare.suite import conditions as conditions_of
 from skyarm.studies.flights.executor import require_place
@@ -91,40 +89,33 @@ def compare(
     if plant not in registered("plant"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
     _require_effect(context, suite)
-    folder, names = "out/compare", law_names(laws)
+    names, options = law_names(laws), dict[str, Any](seed=seed, plant=plant)
     if suite == ENVELOPE:
-        folder, usual = "out/envelope", LAWS if vehicle == PAPER else TUNED_LAWS
-        axes = chosen_names("--only", only, AXES)
-        asked: Suite[Any] = Envelope(
-            laws=chosen_laws(names or usual, "--laws"), axes=axes, vehicle=vehicle, quick=quick, seed=seed, plant=plant
-        )
+        options |= {"axes": chosen_names("--only", only, AXES), "vehicle": vehicle, "quick": quick}
+        if vehicle != PAPER:
+            options["laws"] = TUNED_LAWS
     elif suite == CONTACT:
         if quick and plants is not None:
             raise ValueError(f"--plants: must be left out beside --quick, which flies {QUICK}")
-        folder, worlds = "out/contact", plants or (QUICK if quick else WORLDS)
-        tasks = chosen_names("--only", only, TASKS)
-        asked = ContactSuite(
-            laws=chosen_laws(names or CONTACT_LAWS, "--laws", OWN), tasks=tasks, worlds=worlds, seed=seed, plant=plant
-        )
+        options |= {"tasks": chosen_names("--only", only, TASKS), "worlds": plants or (QUICK if quick else WORLDS)}
     elif suite == SUITE:
         there = conditions_of(plants or PLANTS, seeds)
-        conditions = {name: there[name] for name in chosen_names("--only", only, there)}
-        asked = Comparison(
-            entrants=chosen_entrants(names or [*ENTRANTS], "--laws"), conditions=conditions, seed=seed, plant=plant
-        )
+        options["conditions"] = {name: there[name] for name in chosen_names("--only", only, there)}
     elif suite.endswith(".toml") or suite in shipped_names("scenario"):
-        asked = OwnScenario(scenario=suite, laws=names or USUAL_LAWS, seeds=seeds, seed=seed, plant=plant)
+        # two names of one law are refused with its plan, where "own" does not count
+        options |= {"seeds": seeds, "laws": names or USUAL_LAWS}
+        names = []
     else:
-        suites = f"{SUITE}, {ENVELOPE}, {CONTACT}"
         raise ValueError(
-            f"suite = {shown(suite)}: must be one of {suites}, or a scenario (a .toml file or a shipped one)"
+            f"suite = {shown(suite)}: must be one of {', '.join(SUITES)}, or a scenario (a .toml file or a shipped one)"
         )
-    _fly(asked, Path(out or folder), count, on)
+    asked = suite_of(suite, names or None, "--laws", **options)
+    _fly(asked, Path(out or asked.folder), count, on)
 
 
 def _require_effect(context: typer.Context, suite: str) -> None:
     """Raise an error if an option was typed that this comparison does not read."""
-    kind = suite if suite in (SUITE, ENVELOPE, CONTACT) else "a scenario"
+    kind = suite if suite in SUITES else "a scenario"
     for option, readers in READ_BY.items():
         if kind not in readers:
             of = suite if kind == suite else f"scenario {suite}"

@@ -11,17 +11,14 @@ from skyarm.cli.lines import DIFFERENT, say
 from skyarm.cli.output import bar, give, tell
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flown_scenario import written_scenario
-from skyarm.log.log_differences import LogDifferences, log_differences
+from skyarm.log.log_differences import difference_lines, log_differences
 from skyarm.log.metrics.accumulate import CONTINUOUS
 from skyarm.log.metrics.score import score
-from skyarm.records.files import number, shown
+from skyarm.records.files import number
 from skyarm.records.text_tables import aligned_lines
-from skyarm.scenario.scenario_differences import scenario_differences
+from skyarm.scenario.scenario_differences import changed_field_lines, scenario_differences
 from skyarm.simulate.check_endings import RUNNING
 from skyarm.simulate.loop import read, replay
-
-MOST_COLUMNS, MOST_FIELDS = 12, 20
-"""Quantities, and fields of two scenarios, that a terminal shows; ``--json`` has all."""
 
 SHORT = (
     *(f"{what}_error_{how}{CONTINUOUS}" for what in ("position", "joint", "ee") for how in ("mean", "max")),
@@ -68,11 +65,11 @@ def diff(
         scenario=scenarios,
     )
     laws = [str(log.info.get("controller", "")) for log in logs]
-    tell(*_difference_lines(found, labels, tolerance))
+    tell(*difference_lines(found, labels, tolerance))
     ends = [f"{log.status} at {log.info['end_time']:g} s" for log in logs]
     rows = [(name, *(f"{each[name]:.4g}" for each in metrics)) for name in SHORT if all(name in of for of in metrics)]
     tell(*aligned_lines([("", *labels), ("law", *laws), ("ended", *ends), *rows]))
-    tell(*_scenario_lines(scenarios, laws))
+    tell(*changed_field_lines(scenarios, laws))
     _say_versions(a, b)
     if not equal:
         raise typer.Exit(DIFFERENT)
@@ -90,41 +87,3 @@ def _say_versions(a: Log, b: Log) -> None:
     if other:
         words = ", ".join(f"{name} {ours.get(name, 'unknown')} and {theirs.get(name, 'unknown')}" for name in other)
         say(f"note: the logs are of other versions: {words}")
-
-
-def _difference_lines(found: LogDifferences, labels: tuple[str, str], tolerance: float) -> list[str]:
-    """Text of the first difference between two logs, and of the largest difference in each quantity."""
-    both, first, second = found.instants
-    within = f" within {tolerance:g}" if tolerance else ""
-    lines = []
-    if first != second:
-        lines.append(f"control periods: {first} in {labels[0]}, {second} in {labels[1]}, {both} in both")
-    if found.unmatched:
-        lines.append(f"columns of one log alone: {', '.join(found.unmatched)}")
-    if not found.columns:
-        return [*lines, f"every number is the same{within} in {both} control periods"]
-    one, *_ = found.columns
-    numbers = f"{one.first!r} and {one.second!r} {one.unit}".rstrip()
-    lines.append(f"first difference{f' above {tolerance:g}' if tolerance else ''}: at {one.time:g} s, {one.name} = "
-                 f"{numbers}, {abs(one.first - one.second):.3g} apart")  # fmt: skip
-    rows = [("quantity", "unit", "from, s", "largest", "at, s")]
-    rows += [
-        (each.name, each.unit, f"{each.time:g}", f"{each.largest:.3g}", f"{each.at:g}")
-        for each in found.columns[:MOST_COLUMNS]
-    ]
-    lines += [line.rstrip() for line in aligned_lines(rows)]
-    return lines + _more(len(found.columns) - MOST_COLUMNS, "quantities")
-
-
-def _scenario_lines(found: dict[str, tuple[object, object]], laws: list[str]) -> list[str]:
-    """Text of the scenario fields in which two logs differ."""
-    lines = ["the scenarios differ in"] if found else []
-    if any(path.startswith("controller.law.") for path in found):
-        lines.append("  controller: " + " and ".join(map(shown, laws)))
-        found = {path: pair for path, pair in found.items() if not path.startswith("controller.")}
-    lines += [f"  {path}: {shown(ours)} and {shown(theirs)}" for path, (ours, theirs) in found.items()][:MOST_FIELDS]
-    return lines + _more(len(found) - MOST_FIELDS, "fields")
-
-
-def _more(count: int, what: str) -> list[str]:
-    return [f"and {count} {what} more, which --json lists"] if count > 0 else []

@@ -19,11 +19,12 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.lines import DIFFERENT
-from skyarm.cli.output import bar, give, table_of, tell
+from skyarm.cli.output import bar, give, tell
 from skyarm.compile.llvm import object_cache
 from skyarm.compile.llvm.object_cache import MB, cache_folder, size_limit, unused_reason
 from skyarm.records.files.packages import FLOORS, below_floor, how_to_install, installed_versions
 from skyarm.records.immutable import immutable
+from skyarm.view.pages import table_of
 
 WORKS, MISSING, BROKEN = "works", "missing", "broken"
 

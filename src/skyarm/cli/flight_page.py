@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
-from rich.console import RenderableType
-
-from skyarm.cli.output import Facts, bar, give, heading, plain, table_of, tell
-from skyarm.flight_data.clocks import clock_offset
-from skyarm.flight_data.flight_data import FlightData, format_name, load_flight
+from skyarm.cli.output import bar, give, tell
+from skyarm.flight_data.flight_data import load_flight
 from skyarm.flight_data.motion import joints_in_order
-from skyarm.flight_data.quantities import QUANTITIES
-from skyarm.records.files import printable
-from skyarm.records.text_tables import shown_number
 from skyarm.studies.identify.excitation_report import excitation_facts, excitation_lines, excited_numbers, fault_line
+from skyarm.studies.identify.flight_sheet import flight_facts, flight_sheet
 from skyarm.studies.identify.isolate_fault import find_faults
-from skyarm.studies.identify.log_checks import channel_gaps
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.view.pages import heading
 
 
 def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
@@ -41,7 +35,7 @@ def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
             flight = joints_in_order(flight, start)
             faults = find_faults(flight, start)
     give(facts)
-    for part in _sheet(facts):
+    for part in flight_sheet(facts):
         tell(part, "")
     if start is None:
         return
@@ -56,65 +50,3 @@ def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
         tell("\n".join(excitation_lines(numbers)), "")
     else:
         tell("excitation: is shown of a flight without refused faults", "")
-
-
-def flight_facts(flight: FlightData) -> Facts:
-    """Facts of a measured flight as plain data: format, duration, channels, notes and clock."""
-    channels = []
-    for name in flight:
-        channel, quantity = flight[name], QUANTITIES[name]
-        gaps = channel_gaps(name, channel)
-        channels.append(
-            {
-                "quantity": name,
-                "source": channel.source,
-                "columns": channel.values.shape[1],
-                "unit": quantity.unit,
-                "meaning": quantity.meaning,
-                "rate_hz": channel.rate,
-                "begin_s": float(channel.time[0]) if channel.time.size else None,
-                "end_s": float(channel.time[-1]) if channel.time.size else None,
-                "gaps": len(gaps),
-                "longest_gap_s": max((long for _, long in gaps), default=0.0),
-            }
-        )
-    return {
-        "flight": flight.name,
-        "file": flight.file,
-        "format": format_name(flight.file),
-        "duration_s": flight.duration,
-        "channels": channels,
-        "notes": list(flight.notes),
-        "clock": _clock_words(flight),
-        "facts": plain(flight.facts),
-        "unused": list(flight.unused),
-    }
-
-
-def _clock_words(flight: FlightData) -> str:
-    """Offset of the clocks of two channels in words, or why it is unknown."""
-    try:
-        return clock_offset(flight).words
-    except ValueError as error:
-        return f"unknown: {error}"
-
-
-def _sheet(facts: Facts) -> Iterator[RenderableType]:
-    """Yield the tables of a flight: channels, clock, notes."""
-    rows = []
-    for each in facts["channels"]:
-        gaps = f"{each['gaps']}, to {each['longest_gap_s']:.3g} s" if each["gaps"] else "none"
-        span = "" if each["begin_s"] is None else f"{each['begin_s']:.4g} to {each['end_s']:.4g}"
-        name = each["quantity"] + (f" ({each['columns']})" if QUANTITIES[each["quantity"]].width == 0 else "")
-        rows.append((name, each["unit"], each["source"], shown_number(each["rate_hz"], 4), span, gaps))
-    title = f"{facts['flight']}: {facts['format']}, {facts['duration_s']:.4g} s"
-    yield table_of(("channel", "unit", "source", "rate, Hz", "time, s", "gaps"), rows, left=3, title=title)
-    lines = [f"clock: {facts['clock']}", *(f"note: {each}" for each in facts["notes"])]
-    if facts["unused"]:
-        more = f" and {len(facts['unused']) - SHOWN} more" if len(facts["unused"]) > SHOWN else ""
-        lines.append(f"not read: {', '.join(facts['unused'][:SHOWN])}{more}")
-    yield "\n".join(printable(each) for each in lines)
-
-
-SHOWN = 12
-"""Unused columns that are listed."""

@@ -10,10 +10,11 @@ import typer
 from skyarm.cli.arguments import Duration, Flown, Laws, Out, one_law, require_not_another
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import give, say_cause, tell
-from skyarm.cli.run_command import facts, headline, save_logs, summary
+from skyarm.cli.run_command import save_logs
 from skyarm.links.outside.autopilot_link import open_link
 from skyarm.links.outside.joint_links import open_joints
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
+from skyarm.log.flight_summary import facts, headline, summary
 from skyarm.records.files import require_replaceable, require_writable, taken_back
 from skyarm.scenario.scenario_file import load_scenario
 

@@ -6,20 +6,18 @@ import io
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from rich.console import RenderableType
-
-from skyarm.cli.check_command import sheet
-from skyarm.cli.output import PLAIN, Terminal, heading, table_of, tell
-from skyarm.cli.run_command import facts, summary
-from skyarm.cli.show_command import sheet as vehicle_sheet
-from skyarm.cli.show_command import vehicle_facts
+from skyarm.cli.output import PLAIN, Terminal, tell
 from skyarm.log.flight_log import Log
+from skyarm.log.flight_summary import facts, summary
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.assessment import Assessment
+from skyarm.studies.assess.check_sheet import sheet
+from skyarm.studies.assess.data_sheet import sheet as vehicle_sheet
+from skyarm.studies.assess.data_sheet import vehicle_facts
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_plot import plot
 from skyarm.view.figures.vehicle_drawing import vehicle_drawing
-from skyarm.view.pages import image
+from skyarm.view.pages import Line, heading, image, table_of
 
 WIDTH = 100
 """Characters of a line of a table."""
@@ -28,7 +26,7 @@ PARTS = ("air", "forces", "faults", "sensors", "drives", "payloads", "changes", 
 """Fields of a scenario with any number of records, which are counted by class."""
 
 
-def scenario_lines(scenario: Scenario) -> Iterable[RenderableType]:
+def scenario_lines(scenario: Scenario) -> Iterable[Line]:
     """Lines of a scenario: title, vehicle, law, plant, surroundings."""
     rows = {
         "vehicle": scenario.plant.vehicle.name,
@@ -43,7 +41,7 @@ def scenario_lines(scenario: Scenario) -> Iterable[RenderableType]:
     )
 
 
-SHOWN: Mapping[type, tuple[Callable[[Any], Iterable[RenderableType]], Callable[[Any], Any] | None]] = {
+SHOWN: Mapping[type, tuple[Callable[[Any], Iterable[Line]], Callable[[Any], Any] | None]] = {
     Log: (lambda log: summary(log, facts(log)), lambda log: plot(log, kind="tracking")),
     Scenario: (scenario_lines, lambda scenario: vehicle_drawing(scenario.plant.vehicle)),
     Vehicle: (lambda vehicle: vehicle_sheet(vehicle, vehicle_facts(vehicle, 9.81))[:1], vehicle_drawing),

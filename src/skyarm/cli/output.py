@@ -35,6 +35,8 @@ from skyarm.cli.lines import say
 from skyarm.records.files import printable, write_atomically
 from skyarm.records.files.user_code import require_result
 from skyarm.records.registry.plugins import identities
+from skyarm.view import pages
+from skyarm.view.pages import Line, Mark
 
 SCHEMA = 1
 """Of the document: keys are added under the same number; one that goes or means something else raises it."""
@@ -49,8 +51,8 @@ Advance = Callable[..., None]
 Facts = dict[str, Any]
 """Result of a command as plain data, for its document."""
 
-Lines = list[RenderableType]
-"""Texts and tables that are printed one below the other."""
+STYLES = {"ok": "green", "note": "dim", "warning": "yellow", "fault": "bold red"}
+"""Level of a finding, as the title of its mark -> colour."""
 
 
 class Terminal(Console):
@@ -78,31 +80,32 @@ PLAIN: Mapping[str, Any] = {"markup": False, "highlight": False, "emoji": False}
 console = Terminal(**PLAIN)
 
 
-def tell(*lines: RenderableType, screen: Console | None = None) -> None:
+def tell(*lines: Line | RenderableType, screen: Console | None = None) -> None:
     """Print lines (never wrapped) and tables, to standard output unless there is another screen."""
     for line in lines:
-        (screen or console).print(line, soft_wrap=isinstance(line, (str, Text)))
+        drawn = _drawn(line)
+        (screen or console).print(drawn, soft_wrap=isinstance(drawn, (str, Text)))
 
 
-def heading(text: str) -> Text:
-    """Make a line of bold text."""
-    return Text(printable(text), style="bold")
+def _drawn(line: Line | RenderableType) -> RenderableType:
+    """Line or table of a report as Rich draws it."""
+    if isinstance(line, Mark):
+        return Text(printable(line.text), style="bold" if line.strong else STYLES.get(line.title, ""))
+    if not isinstance(line, pages.Table):
+        return line
+    names = [name.removeprefix(">") for name in line.head]
+    table = Table(box=None, pad_edge=False, show_header=any(names), header_style="dim")
+    for name, head in zip(names, line.head, strict=True):
+        table.add_column(Text(name, overflow="fold"), justify="left" if name == head else "right")
+    for row in line.rows:  # rich would read [s] in a cell as markup
+        table.add_row(*(Text(printable(c), overflow="fold") if isinstance(c, str) else _drawn(c) for c in row))
+    return Group(*([_drawn(pages.heading(line.caption))] if line.caption else []), table)
 
 
 def tell_report(lines: Sequence[str]) -> None:
     """Print the lines of a report, of which the first is its title."""
     title, *others = lines
-    tell(heading(title), *others)
-
-
-def table_of(columns: Sequence[str], rows: Iterable[Sequence[str]], *, left: int = 1, title: str = "") -> Group:
-    """Make a table with a title; the first ``left`` columns hold text, the others numbers."""
-    table = Table(box=None, pad_edge=False, show_header=any(columns), header_style="dim")
-    for i, column in enumerate(columns):
-        table.add_column(Text(column), justify="left" if i < left else "right", overflow="fold")
-    for row in rows:
-        table.add_row(*(Text(printable(cell)) for cell in row))  # rich would read [s] in a cell as markup
-    return Group(*([heading(title)] if title else []), table)
+    tell(pages.heading(title), *others)
 
 
 @dataclass

@@ -57,7 +57,7 @@ def plot(
         missing = "--over" if metric else "--metric"
         raise ValueError(f"{missing}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
     else:
-        from skyarm.view.figures.study_figures import plot_sweep
+        from skyarm.studies.sweep.sweep_figures import plot_sweep
 
         target = picture_file(file, "--out")
         plot_sweep(folders[0], metric, over, target)

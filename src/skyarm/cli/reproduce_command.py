@@ -22,11 +22,11 @@ def reproduce(
     Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
     Figures 3-18 and report.html. The same command continues what was interrupted (extra: sweep).
     """
-    from skyarm.paper.counted_cells import sentence
-    from skyarm.paper.reproduce import prepare_folder
-    from skyarm.paper.reproduce import reproduce as perform
     from skyarm.scenario.scenario_record import PLANTS
     from skyarm.studies.flights.executor import require_place
+    from skyarm.studies.paper.counted_cells import sentence
+    from skyarm.studies.paper.reproduce import prepare_folder
+    from skyarm.studies.paper.reproduce import reproduce as perform
 
     if plant not in (*PLANTS, "both"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of((*PLANTS, 'both'), plant)}")

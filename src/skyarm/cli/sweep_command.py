@@ -37,8 +37,8 @@ from skyarm.records.files import (
 
 if TYPE_CHECKING:
     from skyarm.studies.sweep.maps import RobustnessMap
+    from skyarm.studies.sweep.stats import Pictures
     from skyarm.studies.sweep.study import Study
-    from skyarm.studies.sweep.study_page import Pictures
 
 DPI = 160
 
@@ -178,8 +178,7 @@ def _fly(
 def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tuple[str, str] | None) -> None:
     """Compute statistics of a sweep's episodes, and write them as JSON and HTML."""
     from skyarm.studies.sweep.maps import robustness_maps
-    from skyarm.studies.sweep.stats import Rows, parse_limits, statistics
-    from skyarm.studies.sweep.study_page import page, summary
+    from skyarm.studies.sweep.stats import Rows, page, parse_limits, statistics, summary
 
     rows = Rows(Path(folder), parse_limits(success) if success else None)
     with bar(f"statistics of {folder}"):
@@ -195,8 +194,8 @@ def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tupl
 
 def _draw_maps(maps: Sequence[RobustnessMap]) -> Pictures:
     """Draw the robustness map of each controller; a constant map becomes a number."""
-    from skyarm.studies.sweep.study_page import Pictures
-    from skyarm.view.figures.study_figures import robustness_figure
+    from skyarm.studies.sweep.stats import Pictures
+    from skyarm.studies.sweep.sweep_figures import robustness_figure
     from skyarm.view.figures.style import image_bytes
 
     return Pictures(

@@ -20,7 +20,7 @@ from skyarm.cli.arguments import (
     workers,
 )
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
-from skyarm.cli.output import Facts, bar, give, heading, plugin_facts, tell
+from skyarm.cli.output import bar, give, plugin_facts, tell, tell_report
 from skyarm.control.catalogue import is_named, must_be_named
 from skyarm.records.files import (
     must_be_one_of,
@@ -33,7 +33,6 @@ from skyarm.records.files import (
 )
 from skyarm.records.immutable import immutable
 from skyarm.records.registry.plugins import is_law_of_file, law_of_file_name
-from skyarm.records.text_tables import Row, aligned_lines
 from skyarm.scenario.controller_table import LAYERS, is_gains_file
 from skyarm.scenario.save import law_entry, save_scenario
 from skyarm.scenario.scenario_file import LIBRARY, kind_of_file, load_scenario
@@ -41,7 +40,6 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 if TYPE_CHECKING:
-    from skyarm.studies.tune.front import LoopMargins
     from skyarm.studies.tune.tuning import Tuning
 
 GAINS, PAGE, BEST = "tuned.toml", "tune.html", "best.toml"
@@ -68,7 +66,7 @@ def tune(
     best.toml is the scenario under the picked law. The same command continues what was interrupted. Exit code 3 if no
     gains meet the margins.
     """
-    from skyarm.studies.tune.tune_scenario import plan_of, require_size
+    from skyarm.studies.tune.tuning import plan_of, require_size, tune_plan
 
     require_size(candidates, plants, seed, "--")
     from skyarm.studies.flights.executor import LOCAL, require_place
@@ -78,8 +76,7 @@ def tune(
     from skyarm.studies.flights.store import ROWS, require_parquet
     from skyarm.studies.tune.front import POINTS
     from skyarm.studies.tune.gain_search import Effort
-    from skyarm.studies.tune.tune_page import front_name, gains_text, tune_page
-    from skyarm.studies.tune.tuning import tune as perform
+    from skyarm.studies.tune.tune_page import front_lines, front_name, gains_text, plain_tuning, tune_page
 
     scenario = wanted.scenario
     say_suspicious(scenario)
@@ -95,7 +92,7 @@ def tune(
         require_writable(folder)
         files = (GAINS, PAGE, BEST, *map(front_name, range(POINTS)))
         require_replaceable(*(folder / name for name in files))
-        found = perform(plan, workers=count, on=place, folder=folder, progress=advance)
+        found = tune_plan(plan, workers=count, on=place, folder=folder, progress=advance)
     for i, point in enumerate(found.points):
         write_atomically(folder / front_name(i), gains_text(found, point, wanted.words, wanted.kept).encode())
     for stale in range(len(found.points), POINTS):
@@ -103,7 +100,11 @@ def tune(
     write_atomically(folder / PAGE, tune_page(found).encode())
     write_atomically(folder / GAINS, gains_text(found, found.pick, wanted.words, wanted.kept).encode())
     best = _save_best(folder / BEST, scenario, found, target, one_law(laws)) if wanted.has_motion else None
-    _tell_front(found, time.perf_counter() - begin)
+    tell_report(front_lines(found, time.perf_counter() - begin))
+    if found.pick.margins.why_none:
+        say(f"margins are not asked for: {found.pick.margins.why_none}")
+    if not found.meets:
+        say("no point meets all constraints; the pick is the one that is least short of them")
     loads = f" --plugin {wanted.label.rpartition(':')[0]}" if is_law_of_file(wanted.label) else ""
     flown = target if wanted.has_motion else "SCENARIO"
     tell(
@@ -111,7 +112,7 @@ def tune(
         f"next: skyarm run {flown}{loads} --laws {folder / GAINS}",
         *([] if best is None else [f"the scenario under them, with all digits: skyarm run {best}"]),
     )
-    give(plain_tuning(found), folder=folder, gains=folder / GAINS, page=folder / PAGE, best=best)
+    give(plain_tuning(found), **plugin_facts(), folder=folder, gains=folder / GAINS, page=folder / PAGE, best=best)
     if not found.meets:
         raise typer.Exit(NOT_COMPLETED)
 
@@ -182,60 +183,3 @@ def _is_vehicle(target: str) -> bool:
         return False
     models = (".urdf", ".xacro", ".xml")
     return target in shipped_names("vehicle") or Path(target).suffix in models or kind_of_file(target) == "vehicle"
-
-
-def _tell_front(found: Tuning, seconds: float) -> None:
-    """Print the Pareto front of a tuning, and a check on plants and a path not used for tuning."""
-    from skyarm.studies.tune.tune_page import error_words
-    from skyarm.studies.tune.tuning import ASIDE
-
-    plan, vehicle = found.plan, found.plan.flight.plant.vehicle
-    error = error_words(vehicle)
-    rows: list[Row] = [("", error, "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")]
-    for i, point in enumerate((found.before, *found.points)):
-        mark = "before" if i == 0 else "pick" if i - 1 == found.picked else ""
-        numbers = (f"{1e3 * point.tip:.3g} mm", f"{point.jitter:.3g}", f"{point.effort:.3g}", f"{point.lost:.0%}")
-        rows.append((mark, *numbers, f"{point.saturated:.1%}", *_margins(point.margins)))
-    if not vehicle.n:  # nothing of joints that there are not
-        rows = [(*row[:3], *row[4:-1]) for row in rows]
-    aside = [
-        (name, f"{1e3 * x.tip:.3g} mm", f"{x.jitter:.3g}", f"{x.lost:.1%}", "yes" if x.meets else "no")
-        for name, x in found.aside.items()
-    ]
-    tell(
-        heading(f"{plan.label} for {vehicle.name}, from calm to stiff"),
-        *aligned_lines(rows),
-        f"{plan.effort.candidates} candidates on {plan.effort.plants} wrong plants, the front on {plan.unseen} others: "
-        f"{seconds:.0f} s",
-        f"on {ASIDE} plants and a path by which nothing was chosen:",
-        *aligned_lines([("", error, "jitter", "lost", "meets all"), *aside]),
-    )
-    if found.pick.margins.why_none:
-        say(f"margins are not asked for: {found.pick.margins.why_none}")
-    if not found.meets:
-        say("no point meets all constraints; the pick is the one that is least short of them")
-
-
-def _margins(margins: LoopMargins) -> tuple[str, str, str]:
-    """Format delay and gain margins for a table row; dashes if they are missing."""
-    if margins.why_none:
-        return "-", "-", "-"
-    rotors, joints = ("-".join(f"{k:.2f}" for k in pair) for pair in (margins.rotors, margins.joints))
-    return f"{1e3 * margins.delay:.3g} ms", rotors, joints
-
-
-def plain_tuning(found: Tuning) -> Facts:
-    """Convert the result of a tuning to plain data for JSON."""
-    from skyarm.studies.tune.tune_page import about, gains_of, plain_aside, plain_point
-
-    return {
-        "controller": found.plan.label,
-        "scenario": found.plan.check.name,
-        "about": about(found),
-        "before": plain_point(found.before),
-        "front": [plain_point(point) | {"gains": gains_of(found, point)} for point in found.points],
-        "picked": found.picked,
-        "aside": {name: plain_aside(each) for name, each in found.aside.items()},
-        "meets_constraints": found.meets,
-        "required": {"delay_margin_s": found.required.delay, "gain_margin": found.required.gain},
-    } | plugin_facts()

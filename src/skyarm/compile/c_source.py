@@ -12,14 +12,13 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.algebra.scalars.floats import to_single
 from skyarm.compile.tracing.lower import Lowered
 from skyarm.compile.tracing.tracer import Node, is_condition
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, is_leaf, is_record, parts, walk
+from skyarm.records.leaves import Place, Tree, is_leaf, is_record, parts, walk
 from skyarm.records.units import Unit, units
 
 INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "and": "&&", "or": "||"}
@@ -71,7 +70,7 @@ KEEP_IEEE = f"""\
 #endif
 #endif
 """
-"""Before the code."""
+"""Text before the generated code."""
 
 END_IEEE = f"""\
 {FAST}
@@ -82,7 +81,7 @@ END_IEEE = f"""\
 #endif
 #endif
 """
-"""After it: a program that includes the file keeps its own flags."""
+"""Text after the generated code: a program that includes the file keeps its own flags."""
 
 
 @immutable(kw_only=False)
@@ -138,7 +137,7 @@ def statements(
     Args:
         program: basic operations.
         floats: type of every number.
-        prefix: of the functions of :func:`helpers`.
+        prefix: first part of the names of the functions of :func:`helpers`.
         inputs: C expression of each input; one that the program does not use is not read.
         outputs: C place of each output. All reading is done before the first writing, so places may be inputs too.
     """
@@ -183,11 +182,11 @@ Units = Mapping[Place, Mapping[str, Unit]]
 
 
 @immutable(kw_only=False)
-class Field:
+class RecordField:
     """Field of a dataclass with its path, unit, array sizes and scalars, as input of a C struct.
 
     Attributes:
-        path: where it stands, for example ("links", "0", "body", "mass").
+        path: place in the record, for example ("links", "0", "body", "mass").
         note: unit and meaning of its numbers.
         shape: () for a scalar, (3,) for a vector, (4, 4) for rows. entries: (place, value) of all, structural ones too.
     """
@@ -195,7 +194,7 @@ class Field:
     path: Place
     note: str
     shape: tuple[int, ...]
-    entries: tuple[tuple[Place, Any], ...]
+    entries: tuple[tuple[Place, Tree], ...]
 
 
 @immutable(kw_only=False)
@@ -216,20 +215,22 @@ class Struct:
     places: tuple[str | None, ...]
 
 
-def fields(record: Any, others: Units = MappingProxyType({}), path: Place = (), note: str = "") -> Iterator[Field]:
+def fields(
+    record: Tree, others: Units = MappingProxyType({}), path: Place = (), note: str = ""
+) -> Iterator[RecordField]:
     """List the fields of a nested dataclass that contain scalars, in the order of the scalars."""
     if isinstance(record, VECTORS) or _grid(record):
-        yield Field(path, note, _shape(record), tuple(walk(record)))
+        yield RecordField(path, note, _shape(record), tuple(walk(record)))
     elif isinstance(record, tuple) or is_record(record):
         said = others.get(path) or (units(type(record)) if is_record(record) else {})
         for name, value in parts(record).items():
             own = note if isinstance(record, tuple) else said[name].words if name in said else ""
             yield from fields(value, others, (*path, name), own)
     elif is_leaf(record):
-        yield Field(path, note, (), (((), record),))
+        yield RecordField(path, note, (), (((), record),))
 
 
-def _grid(value: Any) -> bool:
+def _grid(value: Tree) -> bool:
     """True for a tuple of scalars, or a tuple of equally long tuples of scalars: a one- or two-dimensional array."""
     if not isinstance(value, tuple):
         return False
@@ -240,14 +241,14 @@ def _grid(value: Any) -> bool:
     return plain and len(lengths) == 1 and 0 not in lengths and len({isinstance(item, tuple) for item in value}) == 1
 
 
-def _shape(value: Any) -> tuple[int, ...]:
+def _shape(value: Tree) -> tuple[int, ...]:
     if isinstance(value, tuple):
         return (len(value), len(value[0])) if isinstance(value[0], tuple) else (len(value),)
     return (3, 3) if isinstance(value, Mat3) else (len(parts(value)),)
 
 
 def make_struct(
-    record: Any, name: Callable[[Place], str], keep: Sequence[bool], others: Units = MappingProxyType({})
+    record: Tree, name: Callable[[Place], str], keep: Sequence[bool], others: Units = MappingProxyType({})
 ) -> Struct:
     """C struct of a dataclass, with the units of the fields as comments.
 
@@ -265,16 +266,16 @@ def make_struct(
     places: list[str | None] = []
     for field in fields(record, others):
         leaves = [(place, value) for place, value in field.entries if is_leaf(value)]
-        wanted = [keep[len(places) + i] for i in range(len(leaves))]
-        if len(leaves) == len(field.entries) and all(wanted):
+        included = [keep[len(places) + i] for i in range(len(leaves))]
+        if len(leaves) == len(field.entries) and all(included):
             own = name(field.path)
             members.append(Member(own, field.shape, field.note, tuple(float(value) for _, value in leaves)))
             places += [own + index for index in _indices(field.shape)]
             continue
-        for (place, value), kept in zip(leaves, wanted, strict=True):
+        for (place, value), include in zip(leaves, included, strict=True):
             own = name((*field.path, *place))
-            places.append(own if kept else None)
-            if kept:
+            places.append(own if include else None)
+            if include:
                 members.append(Member(own, (), field.note, (float(value),)))
     repeated = {member.name for member in members if sum(other.name == member.name for other in members) > 1}
     if repeated:
@@ -332,7 +333,7 @@ class StepFile:
         name: begins every name that others see, a C identifier.
         floats: type of every number.
         program: inputs in the order parameters, then ``inputs``, then memory; outputs in the order memory, ``output``.
-        structs: of "parameters", "memory", of each of ``inputs`` and of ``output``.
+        structs: structs of "parameters", "memory", each of ``inputs`` and ``output``.
         notes: one line on each struct.
         inputs: names of the structs that a call only reads. output: name of the struct that it only writes.
     """

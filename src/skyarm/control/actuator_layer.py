@@ -104,14 +104,14 @@ def plain_model(model: Model) -> Model:
 
 
 def _plain(rotor: Rotor) -> Rotor:
-    return rotor if rotor.table is None else dataclasses.replace(rotor, table=None, max_speed=_as_plain(rotor, None))
-
-
-def _as_plain(rotor: Rotor, speed: Any) -> Any:
-    """Speed (rad/s) at which k_f W^2 equals the thrust table's value at ``speed``, or at the highest speed for None."""
     if rotor.table is None:
-        return speed
-    return sqrt(maximum(push(rotor, rotor.max_speed if speed is None else speed), 0.0))
+        return rotor
+    return dataclasses.replace(rotor, table=None, max_speed=_plain_speed(rotor, rotor.max_speed))
+
+
+def _plain_speed(rotor: Rotor, speed: Scalar) -> Scalar:
+    """Speed (rad/s) at which k_f W^2 equals the thrust table's value at ``speed``."""
+    return sqrt(maximum(push(rotor, speed), 0.0))
 
 
 def with_actuators(controller: Controller, model: Model, control_period: float, *, servos: bool = True) -> Controller:
@@ -169,7 +169,7 @@ def with_consequences(controller: Controller, changed: Collection[Place], contro
     """Controller with what follows from replaced numbers of its model: the mixer, and queues of joint drives at rest.
 
     Args:
-        controller: with the numbers.
+        controller: controller with the replaced numbers.
         changed: places of the numbers in it.
         control_period: s.
     """
@@ -203,25 +203,33 @@ def actuator_law(
 ) -> tuple[ActuatorMemory, Command]:
     """One step of the control law ``inner``, whose command is converted to servo setpoints and real rotor speeds."""
     own, rotors = par.own, par.model.vehicle.rotors
-    turning = tuple(_as_plain(rotor, w) for rotor, w in zip(rotors, measurement.rotor_speeds, strict=True))
-    told = dataclasses.replace(measurement, rotor_speeds=turning)
-    following, command = inner(memory.inner, told, reference, dt, par=own)
+    turning = tuple(
+        w if rotor.table is None else _plain_speed(rotor, w)
+        for rotor, w in zip(rotors, measurement.rotor_speeds, strict=True)
+    )
+    inner_measurement = dataclasses.replace(measurement, rotor_speeds=turning)
+    following, command = inner(memory.inner, inner_measurement, reference, dt, par=own)
     speeds = tuple(
         w if rotor.table is None else speed_of_push(rotor, w * w)
         for rotor, w in zip(rotors, command.rotor_speeds, strict=True)
     )
     moved, efforts = memory, command.efforts
     if servos:
-        moved, efforts = _setpoints(memory, told, efforts, own.model, par.model, dt)
+        moved, efforts = _setpoints(memory, inner_measurement, efforts, own.model, par.model, dt)
     moved = dataclasses.replace(moved, inner=following, started=1.0)
     return moved, dataclasses.replace(command, rotor_speeds=speeds, efforts=efforts)
 
 
 def _setpoints(
-    memory: ActuatorMemory, measurement: Measurement, efforts: Any, plain: Model, model: Model, dt: Scalar
-) -> tuple[ActuatorMemory, tuple[Any, ...]]:
+    memory: ActuatorMemory,
+    measurement: Measurement,
+    efforts: Sequence[Scalar],
+    plain: Model,
+    model: Model,
+    dt: Scalar,
+) -> tuple[ActuatorMemory, tuple[Scalar, ...]]:
     """Memory with the next states of drives and joints, and setpoints for the desired mean efforts over a period."""
-    setpoints, kept, ahead = [], [], []
+    setpoints, drives, ahead = [], [], []
     angles, started = _angles(plain.vehicle, memory, measurement), memory.started > 0.5
     rows = zip(
         believed_drives(model),
@@ -233,16 +241,16 @@ def _setpoints(
         _accelerations(plain, measurement, angles, efforts),
         strict=True,
     )
-    for drive, held, joint, effort, q, qd, modelled in rows:
+    for drive, before, joint, effort, q, qd, modelled in rows:
         seen = joint.correct(q, qd, started, dt)
         qdd = add(modelled, seen.unmodelled)
-        begun = drive.steady_memory(held, q, drive.standing(effort, q))
-        now = blend(started, held, begun)
+        begun = drive.steady_memory(before, q, drive.standing(effort, q))
+        now = blend(started, before, begun)
         setpoint = data(drive.setpoint(now, effort, *_mean_motion(drive, seen.position, seen.rate, qdd, dt), dt))
         setpoints.append(setpoint)
-        kept.append(drive.advance(now, setpoint, q, qd, dt))
+        drives.append(drive.advance(now, setpoint, q, qd, dt))
         ahead.append(seen.ahead(qdd, dt))
-    return dataclasses.replace(memory, drives=tuple(kept), joints=tuple(ahead)), tuple(setpoints)
+    return dataclasses.replace(memory, drives=tuple(drives), joints=tuple(ahead)), tuple(setpoints)
 
 
 def _mean_motion(drive: Any, q: Scalar, qd: Scalar, qdd: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
@@ -259,14 +267,13 @@ def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) 
 
 
 def _accelerations(
-    model: Model, measurement: Measurement, angles: Sequence[Scalar], efforts: Any
+    model: Model, measurement: Measurement, angles: Sequence[Scalar], efforts: Sequence[Scalar]
 ) -> tuple[Scalar, ...]:
     """Joint accelerations of the model under joint torques and rotor thrust, in calm air."""
     vehicle, rates = model.vehicle, measurement.joint_rates
     torque, force = rotor_thrust(turn_rotors(vehicle, angles), measurement.rotor_speeds)
     rows = zip(vehicle.links, efforts, rates, strict=True)
     torques = tuple(joint_force(link.joint, effort, qd) for link, effort, qd in rows)
-    found = dynamics.forward_dynamics(
+    return dynamics.forward_dynamics(
         vehicle, measurement.joints, measurement.rate, rates, Force(torque, force), torques
-    )
-    return found[1]
+    )[1]

@@ -19,7 +19,7 @@ from importlib import resources
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import mul
+from skyarm.algebra.scalars import Scalar, mul
 from skyarm.control.controller import Controller, ControllerError, FormerNameWarning
 from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
@@ -51,8 +51,8 @@ class Entry:
 
     def function(self) -> Callable[..., Controller]:
         """Function that makes the law's controller: (model, **options) -> Controller."""
-        found: Callable[..., Controller] = self.row.load()
-        return found
+        maker: Callable[..., Controller] = self.row.load()
+        return maker
 
     def options(self) -> tuple[str, ...]:
         """Names of the law's options."""
@@ -96,9 +96,9 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
 
     Args:
         name: a key of ``LAWS``.
-        model: of the controller.
-        options: of the law's maker, for example ``gains``, ``joint_gains``, ``mixer_policy`` of the paper's laws
-            (:func:`skyarm.control.laws.paper.make_hybrid_computed_torque`).
+        model: model of the controller.
+        options: options of the law's maker, for example ``gains``, ``joint_gains``, ``mixer_policy`` of the paper's
+            laws (:func:`skyarm.control.laws.paper.make_hybrid_computed_torque`).
 
     Raises:
         ControllerError: unknown law, an option the law does not have, or one with a wrong value.
@@ -117,7 +117,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     return dataclasses.replace(made, name=name) if made.name in LAWS else made
 
 
-def suitable_options(law: str, known: Mapping[str, Any]) -> dict[str, Any]:
+def suitable_options(law: str, known: Mapping[str, float]) -> dict[str, Any]:
     """Subset of given options that a law accepts."""
     options = entry_of(law).options()
     return {name: value for name, value in known.items() if name in options}
@@ -143,7 +143,7 @@ class Preset:
     """Named preset: a law with its published gains or other options.
 
     Attributes:
-        title: one line for people. law: a key of ``LAWS``. options: of the law.
+        title: one line for people. law: a key of ``LAWS``. options: options of the law.
     """
 
     title: str
@@ -188,12 +188,12 @@ def named_now(name: str) -> str:
     return now
 
 
-def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> Controller:
+def preset(name: str, model: Model, known: Mapping[str, float] | None = None) -> Controller:
     """Make the controller of a named preset for a model.
 
     Args:
         name: a key of ``PRESETS``.
-        model: of the controller.
+        model: model of the controller.
         known: properties of the loop, as far as the law has such options: ``delay``, ``control_period``,
             ``reference_period``, s.
 
@@ -210,7 +210,7 @@ def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> C
         raise ControllerError(f"controller.preset = {name!r}: does not fit this model ({error})") from None
 
 
-def rescale(controller: Controller, factors: Mapping[str, Any]) -> Controller:
+def rescale(controller: Controller, factors: Mapping[str, Scalar]) -> Controller:
     """Controller with some constants, given by parameter paths such as base.position, multiplied by factors.
 
     Raises:
@@ -250,12 +250,12 @@ def make_tuned(name: str, model: Model, **options: Any) -> Controller:
     return rescale(make_controller(name, model, **options), factors[name])
 
 
-def make_named(name: str, model: Model, known: Mapping[str, Any] | None = None) -> Controller:
+def make_named(name: str, model: Model, known: Mapping[str, float] | None = None) -> Controller:
     """Make a controller by any name (preset, law or tuned law), with default options.
 
     Args:
         name: a key of ``PRESETS`` or ``LAWS``, or that of a tuned law and ``TUNED``.
-        model: of the controller.
+        model: model of the controller.
         known: properties of the loop (:func:`preset`).
 
     Raises:
@@ -314,8 +314,8 @@ FILE_LIKE = re.compile(r"(?P<stem>.+?)(\.py:?|\.\w+:\w*|\.py:.*)")
 def must_be_named(name: Any, others: str = "") -> str:
     """Error text for an unknown controller name: suggestions and the allowed values."""
     every = every_name()
-    if isinstance(name, str) and (found := FILE_LIKE.fullmatch(name)):
-        hint = f"a law of a file is FILE.py:make, its function named behind a colon, as {found['stem']}.py:make; "
+    if isinstance(name, str) and (match := FILE_LIKE.fullmatch(name)):
+        hint = f"a law of a file is FILE.py:make, its function named behind a colon, as {match['stem']}.py:make; "
     else:
         hint = did_you_mean(name, every)
     near = ", ".join(nearest(name, every))

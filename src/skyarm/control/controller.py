@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
+from skyarm.algebra import Quaternion
 from skyarm.algebra.scalars import Scalar, logical_and, where
 from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.files import errors_as
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import is_record
+from skyarm.records.leaves import Dataclass, Tree, is_record
 from skyarm.vehicle.vehicle_records import Vehicle
 
-Law = Callable[..., tuple[Any, Any]]
+Memory = TypeVar("Memory")
+
+Law = Callable[..., tuple[Any, Command]]
 """step(memory, measurement, reference, dt, *, par) -> (memory, command)."""
 
 
@@ -28,12 +31,12 @@ class Controller:
     """Control law as a step function, with its constants and its initial internal state.
 
     Attributes:
-        name: of the law. law: the step function. memory: its first memory.
+        name: name of the law. law: step function. memory: initial internal state.
         par: its constants: a frozen record with at least ``model`` (:class:`skyarm.control.model.Model`) and ``mixer``
-            (:class:`skyarm.dynamics.actuators.Mixer`), so that beliefs can be varied whatever the law.
+            (:class:`skyarm.dynamics.actuators.Mixer`), so that the model can be varied whatever the law.
         margin: distance of an attitude (quaternion) to where the law is not defined, negative beyond; None if it is
             defined everywhere.
-        limit: that place in words.
+        limit: text that describes that place.
         compiled: the law is traceable, so that machine code, C and other engines can be made of it; a law that is
             not is called with floats.
         keeps_tip: the law takes the joints from their references to keep the tip on its own.
@@ -43,7 +46,7 @@ class Controller:
     law: Law
     par: Any
     memory: Any = ()
-    margin: Callable[[Any], Any] | None = None
+    margin: Callable[[Quaternion], Scalar] | None = None
     limit: str = ""
     compiled: bool = True
     keeps_tip: bool = False
@@ -77,11 +80,11 @@ class Controller:
 
 def _whole(par: Any) -> Any:
     """Constants of nested law layers with the outermost model and mixer filled in at every level."""
-    inner: Any = getattr(par, "inner", None)
+    inner = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
-    held = dataclasses.replace(inner, model=par.model, mixer=par.mixer)
-    return dataclasses.replace(par, inner=_whole(held))
+    filled = dataclasses.replace(inner, model=par.model, mixer=par.mixer)
+    return dataclasses.replace(par, inner=_whole(filled))
 
 
 def innermost(record: Any) -> Any:
@@ -94,7 +97,7 @@ def innermost(record: Any) -> Any:
     return record
 
 
-def with_innermost(record: Any, own: Any) -> Any:
+def with_innermost(record: Any, own: Tree) -> Any:
     """Replace the constants (or internal state) of the innermost control law inside the layers of ``record``."""
     inner = getattr(record, "inner", None)
     return dataclasses.replace(record, inner=with_innermost(inner, own)) if is_record(inner) else own
@@ -114,11 +117,11 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     A law that integrates has a field ``applied`` too, in which it writes :func:`all_applied`: here the actuators whose
     command was changed become 0, and the law's integrators stand still for them in the next period.
     """
-    kept = getattr(memory, "sent", None)
-    if isinstance(kept, Command):
-        desired, updated = kept, dataclasses.replace(memory, sent=sent)
-    elif isinstance(kept, tuple) and kept and all(isinstance(each, Command) for each in kept):
-        desired, updated = kept[-1], dataclasses.replace(memory, sent=(*kept[:-1], sent))
+    stored = getattr(memory, "sent", None)
+    if isinstance(stored, Command):
+        desired, updated = stored, dataclasses.replace(memory, sent=sent)
+    elif isinstance(stored, tuple) and stored and all(isinstance(each, Command) for each in stored):
+        desired, updated = stored[-1], dataclasses.replace(memory, sent=(*stored[:-1], sent))
     else:
         return memory
     return (
@@ -126,29 +129,29 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     )
 
 
-def part_of(record: Any, name: str) -> Any:
+def part_of(record: Tree, name: str) -> Any:
     """Constants or internal state of one part of a control law, such as "load"; None if the law has no such part."""
     own = innermost(record)
     return getattr(getattr(own, "parts", own), name, None)
 
 
-def preview_leads(par: Any) -> tuple[Scalar, ...]:
+def preview_leads(par: Dataclass) -> tuple[Scalar, ...]:
     """Times (s) after the held reference sample at which a law, inside any layers, takes samples to come."""
     return getattr(innermost(par), "preview", ())
 
 
-def presses(par: Any) -> bool:
+def presses(par: Dataclass) -> bool:
     """True if a law, inside any layers, controls contact forces that a reference requests."""
     return part_of(par, "interaction") is not None
 
 
-def senses_force(par: Any) -> bool:
+def senses_force(par: Dataclass) -> bool:
     """True if a law, inside any layers, uses a force sensor at the tip."""
     parts = (part_of(par, part) for part in ("interaction", "admittance"))
     return any(getattr(part, "sensing", None) is not None for part in parts)
 
 
-def learns_load(par: Any) -> bool:
+def learns_load(par: Dataclass) -> bool:
     """True if a law, inside any layers, estimates the load at the tip that a reference announces."""
     return hasattr(part_of(par, "load"), "limit")
 
@@ -165,7 +168,7 @@ def all_applied(joints: int) -> tuple[float, ...]:
 
 def _applied_flags(desired: Command, sent: Command) -> tuple[Scalar, ...]:
     """Flags for the rotors together and each joint: 1 where the applied command equals the desired one, else 0."""
-    rotors: Any = True
+    rotors: Scalar = True
     for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):
         rotors = logical_and(rotors, logical_and(a <= b, a >= b))
     joints = (logical_and(a <= b, a >= b) for a, b in zip(desired.efforts, sent.efforts, strict=True))

@@ -28,7 +28,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
 from skyarm.records.files.user_code import own_code, place_of, place_of_error
-from skyarm.records.leaves import is_record, leaves, named_parts, pairs, rebuild
+from skyarm.records.leaves import Tree, is_record, leaves, named_parts, pairs, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
@@ -61,7 +61,7 @@ def wrong(controller: Controller, words: str, place: str = "") -> LawError:
     """One-line error about a user-defined law, with its file and line.
 
     Args:
-        controller: whose law it is.
+        controller: controller of the law.
         words: the fault and the requirement.
         place: file and line; where the law begins if left out.
     """
@@ -106,8 +106,8 @@ def memory_mistake(memory: Any, path: str) -> str | None:
     """Error text for an initial controller state that cannot be compiled; None for a valid state."""
     if isinstance(memory, str):  # within a memory it is a constant, alone it never changes
         return f"has {path} = {shown(memory)}: {MEMORIES}"
-    found = (_kept_mistake(value, at) for at, value in named_parts(memory, path))
-    return next((words for words in found if words), None)
+    mistakes = (_kept_mistake(value, at) for at, value in named_parts(memory, path))
+    return next((words for words in mistakes if words), None)
 
 
 def _kept_mistake(value: Any, path: str) -> str | None:
@@ -140,12 +140,12 @@ def _counts(controller: Controller) -> dict[str, int]:
 
 def _check_step(
     memory: Any,
-    measurement: Any,
-    reference: Any,
+    measurement: Measurement,
+    reference: Reference,
     dt: Scalar,
     *,
     par: Any,
-    law: Law,
+    law: Callable[..., Any],
     name: str,
     compiled: bool,
     counts: Mapping[str, int],
@@ -155,10 +155,10 @@ def _check_step(
     try:
         result = law(memory, measurement, reference, dt, par=par)
     except (TypeError, AttributeError, RecordError) as error:
-        found = mistake_in(error)
-        if found is None:
+        cause = mistake_in(error)
+        if cause is None:
             raise
-        words = f"{found}, {AS_FLOATS}" if found.startswith(TRACED) else found
+        words = f"{cause}, {AS_FLOATS}" if cause.startswith(TRACED) else cause
         raise fault(words, place_of_error(error)) from error
     if not isinstance(result, tuple) or len(result) != 2:
         raise fault(f"returns {kind_of(result)}: {RETURNS}")
@@ -213,7 +213,7 @@ def difference(example: Any, record: Any, path: str) -> str | None:
         tuples = isinstance(example, tuple) or isinstance(record, tuple)
         same = _is_number(record) if _is_number(example) else type(example) is type(record) and example == record
         return None if same and not tuples else f"{path} is {kind_of(record)}, must stay {kind_of(example)}"
-    return next((found for a, b, name in below if (found := difference(a, b, name))), None)
+    return next((change for a, b, name in below if (change := difference(a, b, name))), None)
 
 
 def _is_number(value: Any) -> bool:
@@ -269,9 +269,9 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
     A shipped law is not tried, nor one that is called with floats: such a law may keep what it likes.
 
     Args:
-        controller: as it is to fly.
+        controller: controller with all its layers.
         period: control period, s.
-        seen: its first measurement; in the following periods the vehicle drifts slightly from there.
+        seen: first measurement; in the following periods the vehicle drifts slightly from there.
         wanted: references of the periods.
 
     Raises:
@@ -281,7 +281,7 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
         return
     law, par = checked_law(controller), controller.par
 
-    def step(memory: Any, measured: Measurement, reference: Reference) -> tuple[Any, Any]:
+    def step(memory: Any, measured: Measurement, reference: Reference) -> tuple[Any, Command]:
         return law(memory, measured, reference, period, par=par)
 
     compare_with_floats(
@@ -296,7 +296,7 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
     )
 
 
-def _require_numbers(controller: Controller, instant: Any, command: Sequence[float]) -> None:
+def _require_numbers(controller: Controller, instant: tuple[Tree, ...], command: Sequence[float]) -> None:
     """Reject a first command that is not finite although its inputs are."""
     if not all(map(math.isfinite, leaves(instant))):
         return
@@ -311,14 +311,14 @@ def _drifting(first: Measurement, period: float) -> list[Measurement]:
     return [dataclasses.replace(perturb(first, k), time=float(first.time) + k * period) for k in range(PERIODS)]
 
 
-def perturb(record: Any, k: int) -> Any:
+def perturb(record: Measurement, k: int) -> Measurement:
     """Test measurement with every number slightly changed in period ``k`` > 0, unchanged in period 0."""
     start = [float(leaf) for leaf in leaves(record)]
     if k == 0:
         return rebuild(record, iter(start))
     moved = [x + 1e-3 * (1.0 + 0.01 * abs(x)) * math.sin(0.7 * i + 0.9 * k) for i, x in enumerate(start)]
-    found = rebuild(record, iter(moved))
-    return dataclasses.replace(found, quaternion=found.quaternion.normalized())
+    perturbed = rebuild(record, iter(moved))
+    return dataclasses.replace(perturbed, quaternion=perturbed.quaternion.normalized())
 
 
 def level(blank: Measurement, gravity: float) -> Measurement:

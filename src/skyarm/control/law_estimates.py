@@ -3,58 +3,57 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.controller import innermost, part_of
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import is_record
+from skyarm.records.leaves import Tree, is_record
 
 
-def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
+def found_by_law(memory: Tree) -> Mapping[str, tuple[Scalar, ...]]:
     """Estimates of a control law by log array name: loop lags, tip load, tip force; empty without such estimates.
 
     A law shows a load by a field ``load`` of its memory: a record with a ``mass`` (kg) and a ``place`` (m, axes of the
     tip). Any other field of this name is not logged. The tip's force is logged where its standard error is known.
     """
-    load: Any = part_of(memory, "load")
-    found = {"lag_found": lags_found(memory)}
+    load = part_of(memory, "load")
+    estimates = {"lag_found": lags_found(memory)}
     if is_record(load) and hasattr(load, "mass") and isinstance(getattr(load, "place", None), Vec3):
-        found |= {"load_mass_found": (load.mass,), "load_place_found": tuple(load.place)}
-    push: Any = part_of(memory, "interaction")
+        estimates |= {"load_mass_found": (load.mass,), "load_place_found": tuple(load.place)}
+    push = part_of(memory, "interaction")
     deviation = getattr(getattr(push, "scale", None), "deviation", None)
     if deviation is not None:
-        found |= {"push_found": tuple(push.force), "push_deviation": (deviation,)}
-    return {name: numbers for name, numbers in found.items() if numbers}
+        estimates |= {"push_found": tuple(push.force), "push_deviation": (deviation,)}
+    return {name: numbers for name, numbers in estimates.items() if numbers}
 
 
-def lags_found(memory: Any) -> tuple[Scalar, ...]:
+def lags_found(memory: Tree) -> tuple[Scalar, ...]:
     """Estimated lags (s) of the rotor and joint loops in a control law's state; empty if not estimated.
 
     A law shows them by a field ``lag`` of its memory: a record whose ``found`` is a tuple.
     """
     lag = part_of(memory, "lag")
-    found = getattr(lag, "found", None) if is_record(lag) else None
-    return found if isinstance(found, tuple) else ()
+    lags = getattr(lag, "found", None) if is_record(lag) else None
+    return lags if isinstance(lags, tuple) else ()
 
 
-def numbers_found(memory: Any) -> tuple[Scalar, ...]:
+def numbers_found(memory: Tree) -> tuple[Scalar, ...]:
     """Estimated loop lags and tip load of a control law as one flat tuple."""
     return tuple(number for numbers in found_by_law(memory).values() for number in numbers)
 
 
-def observed_push(memory: Any) -> Vec3 | None:
+def observed_push(memory: Tree) -> Vec3 | None:
     """Tip force (N, world axes) estimated in a control law's state; None if not estimated.
 
     The estimate is a field ``tip_force`` of the memory, or part of contact force control (``interaction``) or of
     admittance control (``admittance``).
     """
     own = innermost(memory)
-    found = getattr(own, "tip_force", None)
-    if isinstance(found, Vec3):
-        return found
-    parts: list[Any] = [part_of(own, part) for part in ("interaction", "admittance")]
+    force = getattr(own, "tip_force", None)
+    if isinstance(force, Vec3):
+        return force
+    parts = [part_of(own, part) for part in ("interaction", "admittance")]
     return next((part.force for part in parts if is_record(part)), None)
 
 
@@ -65,7 +64,7 @@ class PushAlone:
     tip_force: Vec3 | tuple[()]
 
     @classmethod
-    def of(cls, memory: Any) -> PushAlone:
+    def of(cls, memory: Tree) -> PushAlone:
         """Tip force estimate extracted from a control law's internal state."""
-        found = observed_push(memory)
-        return cls(() if found is None else found)
+        force = observed_push(memory)
+        return cls(() if force is None else force)

@@ -20,6 +20,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import defaults as usual
 from skyarm.records.field_rules import rules
 from skyarm.records.files import errors_as, shown
+from skyarm.records.leaves import Tree
 
 RATIO_POSITION, RATIO_VELOCITY = 4.0 / 0.806, 2.2 / 0.806
 
@@ -80,7 +81,7 @@ def law_maker(
     shared: Sequence[str] = (),
     readers: Mapping[str, tuple[Any, Reader]] | None = None,
     constants: Callable[[Model], Mapping[str, Any]] | None = None,
-    memory: Callable[[Any], Any] | None = None,
+    memory: Callable[[Any], Tree] | None = None,
     torque_gains: bool = False,
     rate_error: str = "corrected",
     bounds: Callable[[Any], Mapping[str, Any]] | None = None,
@@ -93,15 +94,15 @@ def law_maker(
     its annotation. None stands for the default.
 
     Args:
-        name: of the law.
-        law: the step function.
+        name: name of the law.
+        law: step function.
         kind: class of its constants.
         shared: options among the fields of :class:`Parameters`.
-        readers: for options that are written otherwise than held, their default and how they are read.
-        constants: those that follow from the model.
-        memory: first memory, from the constants.
+        readers: default and reader of each option that is written otherwise than stored.
+        constants: function from the model to further constants.
+        memory: function from the constants to the initial internal state.
         torque_gains: joint gains act on torque.
-        rate_error: where that is no option.
+        rate_error: form of the body rate error where that is no option.
         bounds: further fields of :class:`Controller` that follow from the constants, such as ``margin``.
         of_controller: further fields of :class:`Controller`.
     """

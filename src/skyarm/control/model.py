@@ -128,8 +128,8 @@ class Options:
 
     Attributes:
         gains, joint_gains: None for those that fit the model.
-        mixer_policy: of :class:`skyarm.dynamics.actuators.Mixer`.
-        terms: of the computed torque.
+        mixer_policy: policy of the :class:`skyarm.dynamics.actuators.Mixer` at rotor limits.
+        terms: enabled terms of the computed torque.
     """
 
     gains: GeometricGains | None = None
@@ -143,7 +143,7 @@ class LayerParameters:
     """Constants of a law inside a layer (safety, tilting rotors, servos and thrust tables).
 
     Attributes:
-        model, mixer: of all that is inside, given to it at each call.
+        model, mixer: model and mixer of everything inside, passed to it at each call.
         inner: constants of the law, without these two.
     """
 

@@ -30,7 +30,7 @@ from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.model import LayerParameters, Model
 from skyarm.dynamics.actuators import Command, allocation_matrix
 from skyarm.dynamics.actuators.tilting import (
-    Force,
+    TiltedForce,
     angles_after,
     as_pairs,
     forces_of_pairs,
@@ -67,7 +67,7 @@ class VectoredParameters(LayerParameters):
     """Constants of a law inside the tilting-rotor layer, whose mixer is for pairs of fixed rotors.
 
     Attributes:
-        lead: of each servo's setpoint.
+        lead: lead factor of each servo's setpoint.
     """
 
     lead: Annotated[tuple[Scalar, ...], Unit("", "times the way to its angle that a servo is told to go")]
@@ -86,7 +86,7 @@ class VectoredMemory:
 
     Attributes:
         inner: memory of the law.
-        goals: angles of the last desired wrench. angles: those that the modelled servos have reached.
+        goals: angles of the last desired wrench. angles: angles that the modelled servos have reached.
         matched: angles of servos that would lag just as the motors do, as the law reckons.
     """
 
@@ -98,9 +98,9 @@ class VectoredMemory:
 
 def law_inside(controller: Controller) -> Controller:
     """Controller inside the tilting-rotor layer, for pairs of fixed rotors."""
-    held: Any = controller.law
-    law, memory = held.keywords["inner"], controller.memory.inner
-    return dataclasses.replace(controller, law=law, par=controller.par.own, memory=memory)
+    layer: Any = controller.law
+    inner, memory = layer.keywords["inner"], controller.memory.inner
+    return dataclasses.replace(controller, law=inner, par=controller.par.own, memory=memory)
 
 
 def turns_rotors(controller: Controller) -> bool:
@@ -180,8 +180,8 @@ def vectored_law(
     own = par.own
     angles = angles_seen(measurement, memory.angles)
     turning = speeds_of_pairs(vehicle, measurement.rotor_speeds, angles)
-    told = dataclasses.replace(measurement, rotor_speeds=turning, tilts=())
-    following, command = inner(memory.inner, told, reference, dt, par=own)
+    inner_measurement = dataclasses.replace(measurement, rotor_speeds=turning, tilts=())
+    following, command = inner(memory.inner, inner_measurement, reference, dt, par=own)
     forces = forces_of_pairs(vehicle, command.rotor_speeds)
     goals = goal_angles(par.model, forces, memory.goals, dt)
     setpoints = tuple(
@@ -205,10 +205,10 @@ def angles_seen(measurement: Measurement, believed: tuple[Scalar, ...]) -> tuple
     if not measurement.tilts:
         return believed
     rows = zip(measurement.tilts, believed, strict=True)
-    return tuple(where(absolute(seen) < math.inf, seen, held) for seen, held in rows)
+    return tuple(where(absolute(seen) < math.inf, seen, modelled) for seen, modelled in rows)
 
 
-def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
+def goal_angles(model: Model, forces: Sequence[TiltedForce], last: Sequence[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
     """Servo angles (rad) of the desired rotor forces, which change slowly where a force is near zero."""
     vehicle = model.vehicle
     total: Scalar = 0.0
@@ -217,40 +217,40 @@ def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Scalar], d
     hover = divide(mul(vehicle.mass, model.gravity), total)
     strongest = where(hover > 0.0, mul(STRONG, hover), math.inf)
     rows = [(r, f) for r, f in zip(vehicle.rotors, forces, strict=True) if r.tilt is not None]
-    found = []
+    angles = []
     for (rotor, force), before in zip(rows, last, strict=True):
         top = minimum(mul(rotor.max_speed, rotor.max_speed), strongest)
         share = minimum(mul(divide(force.push, mul(STILL, top)), mul(TURNING, dt)), 1.0)
-        found.append(add(before, mul(share, sub(force.angle, before))))
-    return tuple(found)
+        angles.append(add(before, mul(share, sub(force.angle, before))))
+    return tuple(angles)
 
 
-def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Scalar]) -> list[Scalar]:
+def squares_at(vehicle: Vehicle, forces: Sequence[TiltedForce], angles: Sequence[Scalar]) -> list[Scalar]:
     """Squared rotor speeds that give the desired torque and thrust at given rotor angles.
 
     Beginning with each wanted force's part along its rotor's axis as it stands, the least change (in squares) gives the
     four rows; as much of it is taken as the rotors' limits leave room for. Torque about z, which thrusts alone may
     hardly give, is damped.
     """
-    wanted = [force.angle for rotor, force in zip(vehicle.rotors, forces, strict=True) if rotor.tilt is not None]
+    desired = [force.angle for rotor, force in zip(vehicle.rotors, forces, strict=True) if rotor.tilt is not None]
     left = iter(angles)
     stand = [next(left) if rotor.tilt is not None else 0 for rotor in vehicle.rotors]
-    kept = [maximum(mul(f.push, cos(sub(f.angle, now))), 0.0) for f, now in zip(forces, stand, strict=True)]
-    goal = _times(allocation_matrix(turn_rotors(vehicle, wanted)), [force.push for force in forces])
+    along = [maximum(mul(f.push, cos(sub(f.angle, now))), 0.0) for f, now in zip(forces, stand, strict=True)]
+    goal = _times(allocation_matrix(turn_rotors(vehicle, desired)), [force.push for force in forces])
     A = allocation_matrix(turn_rotors(vehicle, angles))
-    short = [sub(a, b) for a, b in zip(goal, _times(A, kept), strict=True)]
+    short = [sub(a, b) for a, b in zip(goal, _times(A, along), strict=True)]
     gram = [[inner_product(a, b) for b in A] for a in A]
     at_rest = allocation_matrix(vehicle)[2]
     gram[2][2] = add(gram[2][2], mul(YAW_DAMPING, inner_product(at_rest, at_rest)))
     weights = ldl_solve(gram, short)
-    change = [inner_product([row[i] for row in A], weights) for i in range(len(kept))]
+    change = [inner_product([row[i] for row in A], weights) for i in range(len(along))]
     tops = [mul(rotor.max_speed, rotor.max_speed) for rotor in vehicle.rotors]
     share: Scalar = 1.0
-    for value, by, top in zip(kept, change, tops, strict=True):
+    for value, by, top in zip(along, change, tops, strict=True):
         room = where(by > 0.0, sub(top, value), value)
         size = where(by > 0.0, by, sub(0.0, by))
         share = minimum(share, where(size > room, divide(maximum(room, 0.0), where(size > 0.0, size, 1.0)), 1.0))
-    return [minimum(add(value, mul(share, by)), top) for value, by, top in zip(kept, change, tops, strict=True)]
+    return [minimum(add(value, mul(share, by)), top) for value, by, top in zip(along, change, tops, strict=True)]
 
 
 def _times(A: Sequence[Sequence[Scalar]], column: Sequence[Scalar]) -> list[Scalar]:

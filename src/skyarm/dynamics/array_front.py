@@ -1,6 +1,6 @@
 """NumPy interface of the rigid-body dynamics: arrays in, arrays out, leading axes broadcast.
 
-Generalized velocity is [v_W, w_B, joint rates]: velocity of the base *origin* in world axes, angular velocity in base
+Generalised velocity is [v_W, w_B, joint rates]: velocity of the base *origin* in world axes, angular velocity in base
 axes, joint rates. ``acceleration`` is its plain time derivative; ``force`` is its dual: world force at, and base-axes
 torque about, the base origin, then joint torques. Rigid body only: no rotors, damping or friction.
 """
@@ -8,7 +8,8 @@ torque about, the base origin, then joint torques. Rigid body only: no rotors, d
 from __future__ import annotations
 
 import numbers
-from typing import Any
+from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +32,8 @@ def _read(
     if not isinstance(vehicle, Vehicle):
         refuse("vehicle", vehicle, "must be a Vehicle")
     n = vehicle.n
-    found = {name: components(name, row, 6 + n) for name, row in rows.items()}
-    v = found.get("velocity", (0.0,) * (6 + n))
+    vectors = {name: components(name, row, 6 + n) for name, row in rows.items()}
+    v = vectors.get("velocity", (0.0,) * (6 + n))
     state = State(
         position=Vec3(*components("position", position, 3)),
         quaternion=unit_quaternion(quaternion_wxyz),
@@ -41,7 +42,7 @@ def _read(
         joints=components("joints", joints, n),
         joint_rates=v[6:],
     )
-    return state, found, leading_axes(position, quaternion_wxyz, joints, *rows.values())
+    return state, vectors, leading_axes(position, quaternion_wxyz, joints, *rows.values())
 
 
 def inverse_dynamics(
@@ -54,7 +55,7 @@ def inverse_dynamics(
     *,
     gravity: float = 9.81,
 ) -> Array:
-    """Generalized force (..., 6+n) that gives an acceleration at a state: M a + C v + G.
+    """Generalised force (..., 6+n) that gives an acceleration at a state: M a + C v + G.
 
     Args:
         vehicle: the rigid bodies.
@@ -86,7 +87,7 @@ def forward_dynamics(
     *,
     gravity: float = 9.81,
 ) -> Array:
-    """Acceleration (..., 6+n) under a generalized force (..., 6+n)."""
+    """Acceleration (..., 6+n) under a generalised force (..., 6+n)."""
     at, rows, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity, force=force)
     R, f = at.quaternion.rotation(), rows["force"]
     applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
@@ -98,7 +99,7 @@ def forward_dynamics(
 def mass_matrix(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, gravity: float = 9.81
 ) -> Array:
-    """Mass matrix (..., 6+n, 6+n) of the generalized velocity; it does not depend on ``gravity``."""
+    """Mass matrix (..., 6+n, 6+n) of the generalised velocity; it does not depend on ``gravity``."""
     one_number("gravity", gravity)
     at, _, lead = _read(vehicle, position, quaternion_wxyz, joints)
     return stack_leaves(dynamics.mass_matrix(vehicle, at.quaternion.rotation(), at.joints), lead)
@@ -155,14 +156,14 @@ def momentum(
 ) -> Array:
     """Linear and angular momentum about the centre of mass (..., 6), world axes."""
     state, _, lead = _read(vehicle, position, quaternion_wxyz, joints, velocity=velocity)
-    found = dynamics.momentum(vehicle, state)
-    return stack_leaves([*found.linear, *found.angular], lead)
+    total = dynamics.momentum(vehicle, state)
+    return stack_leaves([*total.linear, *total.angular], lead)
 
 
 ArrayLike = npt.ArrayLike
 
 QUATERNION_TOLERANCE = 1e-6
-"""How far a quaternion's length may be off 1: six printed digits."""
+"""Largest deviation of a quaternion's length from 1: six printed digits."""
 
 
 def components(name: str, value: ArrayLike, size: int) -> tuple[Scalar, ...]:
@@ -179,7 +180,7 @@ def components(name: str, value: ArrayLike, size: int) -> tuple[Scalar, ...]:
     return tuple(array[..., i] for i in range(size))
 
 
-def finite_numbers(name: str, value: Any, allowed: str = "finite numbers") -> Array:
+def finite_numbers(name: str, value: ArrayLike | Scalar, allowed: str = "finite numbers") -> Array:
     """Convert an argument to an array of floats; refuse text, booleans, complex and non-finite numbers.
 
     Raises:
@@ -223,7 +224,10 @@ def unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
     return Quaternion(*wxyz).normalized()
 
 
-def stack_leaves(values: Any, lead: tuple[int, ...]) -> Array:
+Nested: TypeAlias = "Scalar | Sequence[Nested]"
+
+
+def stack_leaves(values: Nested, lead: tuple[int, ...]) -> Array:
     """Stack nested lists of scalars into one array with the leading axes first."""
     if isinstance(values, (list, tuple)):
         parts = [stack_leaves(value, lead) for value in values]

@@ -40,8 +40,8 @@ def forward_dynamics(
     if vehicle.followers:
         return _by_mass_matrix(vehicle, joints, rate, joint_rates, applied, joint_torques)
     n, links = vehicle.n, vehicle.links
-    held = members(vehicle, joints)
-    places, rigid = [member.place for member in held], [member.inertia for member in held]
+    bodies = members(vehicle, joints)
+    places, rigid = [body.place for body in bodies], [body.inertia for body in bodies]
     moving = motions(vehicle, places, rate, joint_rates)
     inertias = [body.as_articulated() for body in rigid]
     biases = [body.velocity_force(motion.rate) for body, motion in zip(rigid, moving, strict=True)]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import mul, same, sqrt
 from skyarm.vehicle import BodyDrag
@@ -22,6 +20,6 @@ def body_drag(par: BodyDrag, velocity_B: Vec3) -> Vec3:
     """
     if all(same(area, 0) for area in par.area):
         return par.area  # no drag in the description: structure
-    speed: Any = sqrt(velocity_B.dot(velocity_B) + _STILL)
+    speed = sqrt(velocity_B.dot(velocity_B) + _STILL)
     factor = mul(mul(-0.5, par.air_density), speed)
     return par.area.hadamard(velocity_B) * factor

@@ -6,7 +6,6 @@ Source: Walker, Orin 1982; Featherstone 2008, sections 6.2 and 9.4.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm.algebra import Mat3, SpatialInertia
 from skyarm.algebra.scalars import Scalar, add
@@ -17,7 +16,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]) -> list[list[Scalar]]:
-    """Mass matrix of the generalized velocity [v_W, w_B, joint rates], (6+n) x (6+n), rows as lists.
+    """Mass matrix of the generalised velocity [v_W, w_B, joint rates], (6+n) x (6+n), rows as lists.
 
     Args:
         vehicle: the rigid bodies.
@@ -26,8 +25,8 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]) -> list[
     """
     if vehicle.followers:
         return _of_leaders(vehicle, mass_matrix(vehicle.with_free_followers, R_WB, every_joint(vehicle, joints)))
-    held = members(vehicle, joints)
-    places, composite = [member.place for member in held], [member.inertia for member in held]
+    bodies = members(vehicle, joints)
+    places, composite = [body.place for body in bodies], [body.inertia for body in bodies]
     whole = spatial_inertia(vehicle.base)
     for i in reversed(range(vehicle.n)):
         carried = composite[i].into_parent(places[i].R, places[i].p)
@@ -49,7 +48,7 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]) -> list[
     return M
 
 
-def _of_leaders(vehicle: Vehicle, M: list[list[Any]]) -> list[list[Scalar]]:
+def _of_leaders(vehicle: Vehicle, M: list[list[Scalar]]) -> list[list[Scalar]]:
     """Mass matrix G^T M G of the independent joints, from the mass matrix M of all joints."""
     rows = [[*row[:6], *onto_leaders(vehicle, row[6:])] for row in M]
     columns = [list(column) for column in zip(*rows, strict=True)]

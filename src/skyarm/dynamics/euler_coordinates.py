@@ -1,6 +1,6 @@
 """Rigid-body dynamics in Euler coordinates q = [x y z | phi theta psi | joints], ZYX angles, over any scalar.
 
-The tree's dynamics by the map T(q) from q's time derivative to the generalized velocity [v_W, w_B, joint rates]:
+The tree's dynamics by the map T(q) from q's time derivative to the generalised velocity [v_W, w_B, joint rates]:
 M = T^T M_tree T, and Coriolis matrix by Christoffel's symbols of M. T is the identity but for Q, w_B = Q [phi', theta',
 psi'], whose determinant is cos theta: at a pitch of 90 degrees M, C and G exist, M is singular, and Q has no inverse.
 
@@ -10,7 +10,6 @@ Source: Barakou, Tzafestas, Valavanis 2026, (3)-(4), (51)-(79); Diebel 2006, sec
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Motion, Vec3, axis_rotation, inner_product
 from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, neg, sin, sub
@@ -19,7 +18,7 @@ from skyarm.dynamics.composite_body import mass_matrix as tree_mass_matrix
 from skyarm.dynamics.newton_euler import inverse_dynamics
 from skyarm.vehicle.vehicle_records import Vehicle
 
-Matrix = list[list[Any]]
+Matrix = list[list[Scalar]]
 """Rows as lists."""
 
 
@@ -82,13 +81,13 @@ def coriolis_matrix(vehicle: Vehicle, q: Sequence[Scalar], qd: Sequence[Scalar])
     return [[mul(0.5, add(rate[i][j], sub(swept[j][i], swept[i][j]))) for j in n] for i in n]
 
 
-def gravity_vector(vehicle: Vehicle, q: Sequence[Scalar], gravity: Scalar) -> list[Any]:
+def gravity_vector(vehicle: Vehicle, q: Sequence[Scalar], gravity: Scalar) -> list[Scalar]:
     """Gravity vector G(q), the gradient of the potential energy: the force that holds the vehicle at rest."""
     R, still = attitude(q), (0,) * vehicle.n
     force, torques = inverse_dynamics(vehicle, q[6:], ZERO3, still, Motion(ZERO3, R.apply_T(E_Z * gravity)), still)
     return _onto_euler_rates(rate_matrix(q[3], q[4]), (*R.apply(force.force), *force.torque, *torques))
 
 
-def _onto_euler_rates(Q: Mat3, dual: Sequence[Any]) -> list[Any]:
-    """Product T^T f of a vector dual to the generalized velocity."""
+def _onto_euler_rates(Q: Mat3, dual: Sequence[Scalar]) -> list[Scalar]:
+    """Product T^T f of a vector dual to the generalised velocity."""
     return [*dual[:3], *Q.apply_T(Vec3(*dual[3:6])), *dual[6:]]

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, axis_rotation
-from skyarm.algebra.scalars import Scalar, add, mul, same
+from skyarm.algebra.scalars import Scalar, add, data, divide, logical_and, mul, same, sqrt, where
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import BASE, Joint
@@ -102,12 +102,12 @@ def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Scalar], *
 
 def chain(vehicle: Vehicle, index: int) -> list[int]:
     """Indices of the joints from the base to a link."""
-    found: list[int] = []
+    indices: list[int] = []
     while index != BASE:
         own = index < vehicle.n
-        found.insert(0, index if own else vehicle.followers[index - vehicle.n].leader)
+        indices.insert(0, index if own else vehicle.followers[index - vehicle.n].leader)
         index = vehicle.moving[index].parent
-    return found
+    return indices
 
 
 def every_joint(vehicle: Vehicle, joints: Sequence[Scalar]) -> tuple[Scalar, ...]:
@@ -122,18 +122,18 @@ def every_rate(vehicle: Vehicle, rates: Sequence[Scalar]) -> tuple[Scalar, ...]:
 
 def onto_leaders(vehicle: Vehicle, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Generalised forces of the independent joints, from the torques or forces of all joints."""
-    found = list(efforts[: vehicle.n])
+    forces = list(efforts[: vehicle.n])
     for each, effort in zip(vehicle.followers, efforts[vehicle.n :], strict=True):
-        found[each.leader] = add(found[each.leader], mul(each.ratio, effort))
-    return tuple(found)
+        forces[each.leader] = add(forces[each.leader], mul(each.ratio, effort))
+    return tuple(forces)
 
 
 def columns_of_leaders(vehicle: Vehicle, columns: Sequence[Motion]) -> list[Motion]:
     """Jacobian columns of the independent joints, from those of all joints."""
-    found = list(columns[: vehicle.n])
+    independent = list(columns[: vehicle.n])
     for each, column in zip(vehicle.followers, columns[vehicle.n :], strict=True):
-        found[each.leader] = found[each.leader] + column * each.ratio
-    return found
+        independent[each.leader] = independent[each.leader] + column * each.ratio
+    return independent
 
 
 def untie_followers(vehicle: Vehicle, state: State) -> tuple[Vehicle, State]:
@@ -142,3 +142,25 @@ def untie_followers(vehicle: Vehicle, state: State) -> tuple[Vehicle, State]:
         return vehicle, state
     joints, rates = every_joint(vehicle, state.joints), every_rate(vehicle, state.joint_rates)
     return vehicle.with_free_followers, dataclasses.replace(state, joints=joints, joint_rates=rates)
+
+
+NEAREST = 1e-3
+"""m from an axis within which no direction out of it is known."""
+
+
+def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -> Vec3:
+    """Unit vector from a hinge axis to the tip while a handle is gripped, else the surface normal.
+
+    Args:
+        tip: m, world axes.
+        pivot: m, on the axis.
+        axis: its unit vector.
+        grips: condition.
+        normal: also where the tip is within ``NEAREST`` of the axis.
+    """
+    arm = tip - pivot
+    out = arm - axis * axis.dot(arm)
+    size = out.dot(out)
+    turns = logical_and(grips, size * axis.dot(axis) > NEAREST * NEAREST)
+    unit = out * divide(1.0, sqrt(size + 1e-12))
+    return Vec3(*(where(turns, data(a), data(b)) for a, b in zip(unit, normal, strict=True)))

@@ -29,7 +29,7 @@ class LinkInAxes:
 
     Attributes:
         place: pose of the working axes at the link's origin, in the parent's working axes.
-        inertia: of the body, about the link's origin.
+        inertia: spatial inertia of the body, about the link's origin.
     """
 
     place: Pose
@@ -47,7 +47,7 @@ def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
     follows = [link.parent != BASE and parallel(links[link.parent].joint, link.joint) for link in links]
     leads = {link.parent for link, follower in zip(links, follows, strict=True) if follower}
     inner = {link.parent for link in links}
-    found: list[LinkInAxes] = []
+    in_axes: list[LinkInAxes] = []
     angles: list[Scalar] = []
     turns: list[Mat3] = []  # from a link's own axes to its working axes
     for i, (link, q) in enumerate(zip(links, joints, strict=True)):
@@ -63,7 +63,7 @@ def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
             turn = axis_rotation(joint.axis, angle)
         else:
             R = R @ axis_rotation(joint.axis, angle)
-        found.append(LinkInAxes(Pose(R, before.apply(point)), spatial_inertia(link.body).rotate(turn)))
+        in_axes.append(LinkInAxes(Pose(R, before.apply(point)), spatial_inertia(link.body).rotate(turn)))
         angles.append(angle)
         turns.append(turn)
-    return found
+    return in_axes

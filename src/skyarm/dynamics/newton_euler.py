@@ -6,7 +6,6 @@ Source: Luh, Walker, Paul 1980; Featherstone 2008, section 5.3, with classical a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm.algebra import Force, Motion, Vec3, centripetal
 from skyarm.algebra.scalars import Scalar, add, mul
@@ -40,11 +39,11 @@ def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: S
 
 def motions(vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: Sequence[Scalar]) -> list[JointMotion]:
     """Angular velocities of all links, and the accelerations from products of velocities."""
-    found: list[JointMotion] = []
+    moving: list[JointMotion] = []
     for link, place, joint_rate in zip(vehicle.links, places, joint_rates, strict=True):
-        parent_rate = rate if link.parent == BASE else found[link.parent].rate
-        found.append(joint_motion(link.joint, place, parent_rate, joint_rate))
-    return found
+        parent_rate = rate if link.parent == BASE else moving[link.parent].rate
+        moving.append(joint_motion(link.joint, place, parent_rate, joint_rate))
+    return moving
 
 
 def inverse_dynamics(
@@ -54,7 +53,7 @@ def inverse_dynamics(
     joint_rates: Sequence[Scalar],
     base: Motion,
     joint_accelerations: Sequence[Scalar],
-) -> tuple[Force, tuple[Any, ...]]:
+) -> tuple[Force, tuple[Scalar, ...]]:
     """Base force and joint torques that a motion requires (inverse dynamics): M a + C v + G.
 
     Args:
@@ -72,19 +71,19 @@ def inverse_dynamics(
         whole = every_joint(vehicle, joints), rate, every_rate(vehicle, joint_rates), base
         force, efforts = inverse_dynamics(vehicle.with_free_followers, *whole, every_rate(vehicle, joint_accelerations))
         return force, onto_leaders(vehicle, efforts)
-    held = members(vehicle, joints)
-    places = [member.place for member in held]
+    bodies = members(vehicle, joints)
+    places = [body.place for body in bodies]
     moving = motions(vehicle, places, rate, joint_rates)
     inertia = spatial_inertia(vehicle.base)
     total = inertia.apply(base) + inertia.velocity_force(rate)
     accelerations: list[Motion] = []
     forces: list[Force] = []
-    for link, member, motion, qdd in zip(vehicle.links, held, moving, joint_accelerations, strict=True):
+    for link, body, motion, qdd in zip(vehicle.links, bodies, moving, joint_accelerations, strict=True):
         parent = base if link.parent == BASE else accelerations[link.parent]
-        a = parent.into_child(member.place.R, member.place.p) + motion.products + link.joint.motion_subspace * qdd
+        a = parent.into_child(body.place.R, body.place.p) + motion.products + link.joint.motion_subspace * qdd
         accelerations.append(a)
-        forces.append(member.inertia.apply(a) + member.inertia.velocity_force(motion.rate))
-    torques: list[Any] = [0] * vehicle.n
+        forces.append(body.inertia.apply(a) + body.inertia.velocity_force(motion.rate))
+    torques: list[Scalar] = [0] * vehicle.n
     for i in reversed(range(vehicle.n)):
         link = vehicle.links[i]
         own = mul(link.joint.armature, joint_accelerations[i])

@@ -17,7 +17,7 @@ class PointMotion:
     """Positions and velocities of points on the bodies of a vehicle, computed on demand.
 
     Args:
-        vehicle: whose bodies they are. state: of the vehicle; it may be traced.
+        vehicle: bodies of the points. state: state of the vehicle; it may be traced.
         air: velocity of the air (m/s) at a place (m), world axes; calm if left out.
         gravity: m/s^2, for what falls beside the vehicle; none if left out.
         step: s, of a method that takes forces once in the middle of its step; None of others.
@@ -83,8 +83,8 @@ class PointMotion:
 
     def frame(self, name: str | None = None) -> tuple[Vec3, int]:
         """Position of a named frame on its body, m, and the body's index; the tip by default."""
-        found = self.vehicle.frame(name)
-        return found.position, found.link
+        frame = self.vehicle.frame(name)
+        return frame.position, frame.link
 
     def generalized_force(
         self, force_W: Vec3, torque_W: Vec3, point: Vec3, body: int

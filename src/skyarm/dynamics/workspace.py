@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from skyarm.records.arrays import Array
 from skyarm.vehicle.linkage import BASE, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
-Quantities = Callable[[Array], list[Any]]
+Quantities = Callable[[Array], list[Array]]
 
 SAMPLES, ROUNDS, AROUND = 4096, 60, 256
 """Random starts, shrinking rounds of the search, and tries of each; the two-joint arm's maximum is found to 1e-9."""
@@ -54,7 +53,7 @@ def _largest(vehicle: Vehicle, quantities: Quantities, count: int) -> list[float
 
     Args:
         vehicle: its joints.
-        quantities: from joint values (lanes, n) to ``count`` quantities, each (lanes,) or one number for all.
+        quantities: ``count`` quantities as a function of joint values (lanes, n), each (lanes,) or one number for all.
         count: number of quantities.
     """
     rng, spread, (low, high) = np.random.default_rng(0), 0.1, _limits(vehicle)
@@ -66,8 +65,7 @@ def _largest(vehicle: Vehicle, quantities: Quantities, count: int) -> list[float
         # every quantity searches around its own best, with the same steps, in lanes of its own
         steps = spread * (high - low) * rng.normal(size=(AROUND, vehicle.n))
         near = np.clip(best[:, None] + np.vstack([np.zeros((1, vehicle.n)), steps]), low, high)
-        found = quantities(near.reshape(count * width, vehicle.n))
-        for i, each in enumerate(found):
+        for i, each in enumerate(quantities(near.reshape(count * width, vehicle.n))):
             own = np.broadcast_to(each, count * width)[i * width : (i + 1) * width]
             at = int(np.argmax(own))
             best[i], most[i] = near[i, at], own[at]

@@ -18,15 +18,17 @@ from skyarm.envs.observed_quantities import Scalars, above_zero
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
+from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 
-Decision = tuple[Any, Command]
+Decision = tuple[Tree, Command]
 """(next memory of the scenario's law, command)"""
 
-Decide = Callable[[Any, Measurement, Reference], Decision]
+Decide = Callable[[Tree, Measurement, Reference], Decision]
 """The scenario's law: (memory, measurement, reference) -> (memory, command)."""
 
 
@@ -34,11 +36,11 @@ class Turn(NamedTuple):
     """Control law, measurement and reference with which an action is converted to a vehicle command.
 
     Attributes:
-        memory: of the law, ``()`` where it is not used. measurement: of the period. reference: of the law for it.
-        law: of the scenario. par: its constants, with the model. told: True for joints commanded by setpoints.
+        memory: law's memory, ``()`` where it is not used. measurement, reference: law's inputs of the period.
+        law: scenario's law. par: its constants, with the model. told: True for joints commanded by setpoints.
     """
 
-    memory: Any
+    memory: Tree
     measurement: Measurement
     reference: Reference
     law: Decide
@@ -48,8 +50,8 @@ class Turn(NamedTuple):
     @property
     def model(self) -> Model:
         """Nominal vehicle model of the scenario's control law."""
-        found: Model = self.par.model
-        return found
+        model: Model = self.par.model
+        return model
 
 
 USUAL_EFFORT = 0.5
@@ -91,13 +93,13 @@ class Actions:
         """Joint efforts, or setpoints of joint drives, commanded by the last components of an action."""
         return tuple(middle + a * half for a, (middle, half) in self.spans(action, now))
 
-    def spans(self, action: Scalars, now: Turn) -> list[tuple[Any, tuple[Scalar, Scalar]]]:
+    def spans(self, action: Scalars, now: Turn) -> list[tuple[Scalar, tuple[Scalar, Scalar]]]:
         """List of each joint's action component, setpoint at zero action, and change at full action."""
         links = now.model.vehicle.links
         spans = [self._span(link.joint, each) for link, each in zip(links, now.told, strict=True)]
         return list(zip(action[len(action) - len(links) :], spans, strict=True))
 
-    def _span(self, joint: Any, told: bool) -> tuple[Scalar, Scalar]:
+    def _span(self, joint: Joint, told: bool) -> tuple[Scalar, Scalar]:
         if self.joints is not None:
             return 0.0, self.joints
         if told:
@@ -130,8 +132,8 @@ class RatesAndThrust(Actions):
     """Action space of body rates and thrust for a built-in rate controller, then joint setpoints.
 
     Attributes:
-        rate: rad/s at full action. thrust: share of the weight that a full action adds or takes.
-        bandwidth: of the rate controller, 1/s.
+        rate: body rate at full action, rad/s. thrust: share of the weight that a full action adds or takes.
+        bandwidth: bandwidth of the rate controller, 1/s.
     """
 
     rate: Annotated[float, above_zero("rad/s", "at full action")] = 4.0
@@ -160,7 +162,7 @@ class References(Actions):
     """Action space of offsets added to the control law's reference: base position, then joint positions.
 
     Attributes:
-        position: m at full action, world axes. angle: rad or m of a joint at full action.
+        position: offset at full action, m, world axes. angle: offset of a joint at full action, rad or m.
     """
 
     position: Annotated[float, above_zero("m", "at full action")] = 0.5
@@ -212,7 +214,7 @@ ACTIONS: dict[str, type[Actions]] = {
     "references": References,
     "residual": Residual,
 }
-"""Kinds of actions by the name that stands for one with its usual numbers."""
+"""Kinds of actions by name; a name gives one with its default numbers."""
 
 
 def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:
@@ -229,17 +231,17 @@ def within_limits(now: Turn, speeds: Scalars, efforts: Scalars) -> Command:
     vehicle = now.model.vehicle
     turned = tuple(clip(w, 0.0, rotor.max_speed) for w, rotor in zip(speeds, vehicle.rotors, strict=True))
     rows = zip(efforts, vehicle.links, now.told, strict=True)
-    held = tuple(
+    limited = tuple(
         u if setpoint or _free(link.joint.effort_limit) else clip(u, -link.joint.effort_limit, link.joint.effort_limit)
         for u, link, setpoint in rows
     )
-    return Command(rotor_speeds=turned, efforts=held)
+    return Command(rotor_speeds=turned, efforts=limited)
 
 
-def _as_kept(memory: Any, sent: Command) -> Command:
+def _as_kept(memory: Tree, sent: Command) -> Command:
     """Vehicle command in the form in which a control law stores its last command."""
-    kept = getattr(memory, "sent", None)
-    newest = kept[-1] if isinstance(kept, tuple) and kept else kept
+    stored = getattr(memory, "sent", None)
+    newest = stored[-1] if isinstance(stored, tuple) and stored else stored
     return sent if getattr(newest, "tilts", ()) else dataclasses.replace(sent, tilts=())
 
 

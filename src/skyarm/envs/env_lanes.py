@@ -13,7 +13,7 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.dynamics import State
 from skyarm.envs.env_program import EnvProgram
-from skyarm.envs.env_task import Task
+from skyarm.envs.env_task import LearningTask
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import shown
 from skyarm.records.leaves import rebuild
@@ -33,10 +33,10 @@ class EpisodeStarts:
     Precomputed, because a lane must restart between two steps of some microseconds each.
 
     Args:
-        program: of the environment. lanes: how many. dtype: of the numbers.
+        program: program of the environment. lanes: number of lanes. dtype: type of the numbers.
 
     Attributes:
-        varies: whether one episode begins otherwise than another.
+        varies: True if episodes begin differently.
     """
 
     def __init__(self, program: EnvProgram, lanes: int, dtype: Any) -> None:
@@ -82,15 +82,14 @@ class EpisodeStarts:
         # numbers are what 32 bits hold of them, where that is what the code flies
         with np.errstate(over="ignore"):
             columns = [np.asarray(column, self._dtype).astype(float) for column in columns]
-        inputs: list[Any] = [*columns]
-        each: Any = keys[:, None]
+        inputs: list[Array] = [*columns]
         for channel, count in program.uniforms:
-            inputs += [*uniforms(each, episodes, channel, 0, count).T]
+            inputs += [*uniforms(keys[:, None], episodes, channel, 0, count).T]
         several: Any = keys[:, None, None]
         for draws in start_draws(program.task.scenario, several, episodes):
             inputs += [*draws.T]
-        found = evaluate(self._start, inputs, len(episodes))
-        return np.concatenate([np.array(columns).reshape(len(columns), len(episodes)), found])
+        starts = evaluate(self._start, inputs, len(episodes))
+        return np.concatenate([np.array(columns).reshape(len(columns), len(episodes)), starts])
 
     @property
     def state(self) -> slice:
@@ -107,7 +106,7 @@ class EnvLanes:
     """Parallel episodes of a learning task, each in a SIMD lane with its own random seed.
 
     Args:
-        task: of the episodes. lanes: their number. threads: largest number of threads.
+        task: learning task of the episodes. lanes: their number. threads: largest number of threads.
 
     Attributes:
         observation: (numbers, lanes) view that each step and each beginning writes anew. reward: (lanes,) view.
@@ -117,7 +116,7 @@ class EnvLanes:
         actions: (numbers, lanes) view on the actions of the next step. episodes: (lanes,) number of each lane's.
     """
 
-    def __init__(self, task: Task, lanes: int, *, threads: int = 1) -> None:
+    def __init__(self, task: LearningTask, lanes: int, *, threads: int = 1) -> None:
         self.task, self.lanes = task, lanes
         self.program = EnvProgram(task)
         single = task.precision == "single"
@@ -175,13 +174,13 @@ class EnvLanes:
         Raises:
             ScenarioError: another shape, no numbers, or numbers that are not finite; nothing is taken then.
         """
-        held = self.actions
-        shape = held.shape[::-1]
-        found = checked_array("actions", actions, [shape], f"of real numbers, of shape {shape}")
-        if not np.isfinite(found).all():
-            lane = int(np.flatnonzero(~np.isfinite(found).all(axis=1))[0])
-            raise ScenarioError(f"actions[{lane}] = {shown(found[lane].tolist())}: must be finite")
-        np.clip(found.T, -1.0, 1.0, out=held)  # a larger one than 32 bits hold counts as the bound, too
+        buffer = self.actions
+        shape = buffer.shape[::-1]
+        checked = checked_array("actions", actions, [shape], f"of real numbers, of shape {shape}")
+        if not np.isfinite(checked).all():
+            lane = int(np.flatnonzero(~np.isfinite(checked).all(axis=1))[0])
+            raise ScenarioError(f"actions[{lane}] = {shown(checked[lane].tolist())}: must be finite")
+        np.clip(checked.T, -1.0, 1.0, out=buffer)  # a larger one than 32 bits hold counts as the bound, too
 
     def step(self) -> bool:
         """Simulate one control period of all parallel episodes; return True if an episode has ended."""

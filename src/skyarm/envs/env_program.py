@@ -17,8 +17,8 @@ from skyarm.algebra.scalars import Scalar, absolute, clip, logical_and, where
 from skyarm.compile.tracing.program import Loop, Program, trace, trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.tilting import with_rest
-from skyarm.envs.action_kinds import Turn
-from skyarm.envs.env_task import Task
+from skyarm.envs.action_kinds import Decision, Turn
+from skyarm.envs.env_task import LearningTask
 from skyarm.envs.observed_quantities import Result, Scalars, Sight
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, leaves, rebuild
@@ -26,6 +26,7 @@ from skyarm.reference import Reference
 from skyarm.scenario.endings import Divergence
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import draw_plan, draws_needed
 from skyarm.simulate.first_state import first_loop_state
@@ -36,7 +37,7 @@ from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
 from skyarm.simulate.stages import Readings, Stages
 
 LARGEST = 1e6
-"""Largest number of an observation and a reward: what has diverged is told as this, what is no number as 0."""
+"""Largest magnitude of an observation and a reward: larger ones are clipped to it, NaN becomes 0."""
 
 
 @immutable
@@ -46,7 +47,7 @@ class EnvState:
     Attributes:
         loop: state of the closed loop; sensors, estimator and components are those of the next period.
         seen: numbers of the next period's measurement that the observation or the law uses.
-        action: the last one.
+        action: last action.
     """
 
     loop: LoopState
@@ -55,7 +56,7 @@ class EnvState:
 
 
 @immutable
-class Outcome:
+class StepOutcome:
     """Result of an environment step: observation, reward, truncation and termination.
 
     Attributes:
@@ -74,15 +75,15 @@ class EnvProgram:
     """Compiled step function of a learning task, and the initial state of its episodes.
 
     Args:
-        task: what is flown. loops: keep repetitions as loops, for machine code; JAX wants them written out.
+        task: learning task. loops: keep repetitions as loops, for machine code; JAX wants them written out.
 
     Attributes:
         base: numbers of the randomised paths in the scenario as it is. draws: example of a period's uniform numbers.
-        size: numbers of an action.
-        first: state of an episode, as an example. loop: the step, traced; it logs an :class:`Outcome`.
+        size: length of an action.
+        first: state of an episode, as an example. loop: the step, traced; it logs a :class:`StepOutcome`.
     """
 
-    def __init__(self, task: Task, *, loops: bool = True) -> None:
+    def __init__(self, task: LearningTask, *, loops: bool = True) -> None:
         self.task, scenario, self._loops = task, task.scenario, loops
         self.paths = task.randomised.paths
         self.base = tuple(number_at(scenario, path) for path in self.paths)
@@ -108,19 +109,19 @@ class EnvProgram:
         return trace_loop(self.step, self.first, values, (), self.uniforms, loops=self._loops, own_seeds=True)
 
     def start(
-        self, numbers: Sequence[Scalar], draws: Sequence[Scalar], started: Sequence[Sequence[Scalar]] | None = None
+        self, numbers: Sequence[Scalar], draws: Scalars, started: Sequence[Sequence[Scalar]] | None = None
     ) -> tuple[EnvState, Scalars]:
         """Initial state and observation of an episode.
 
         Args:
-            numbers: of the randomised paths.
+            numbers: values of the randomised paths.
             draws: uniform numbers of the first period.
             started: uniform numbers that start each component; the scenario's own if left out.
         """
-        now, measurement, told = self._begin(numbers, draws, started)
+        now, measurement, reference = self._begin(numbers, draws, started)
         action = (0.0,) * self.size
         state = EnvState(loop=now, seen=self._select_numbers(measurement), action=action)
-        return state, self._observe(self._stages(numbers), measurement, told, action)
+        return state, self._observe(self._stages(numbers), measurement, reference, action)
 
     def trace_start(self) -> Program:
         """Trace the beginning of an episode, all of whose numbers are inputs."""
@@ -128,8 +129,8 @@ class EnvProgram:
         return trace(self.start, self.base, self.draws, started)
 
     def _begin(
-        self, numbers: Sequence[Scalar], draws: Sequence[Scalar], started: Any
-    ) -> tuple[LoopState, Any, Reference]:
+        self, numbers: Sequence[Scalar], draws: Scalars, started: Sequence[Sequence[Scalar]] | None
+    ) -> tuple[LoopState, Measurement, Reference]:
         """Initial closed-loop state, first measurement and first reference of an episode."""
         stages = self._stages(numbers)
         first = first_loop_state(stages.scenario, started)
@@ -138,7 +139,9 @@ class EnvProgram:
         row = held_row(stages.scenario, first.ticks)
         return (*self._measure_next(stages, first, row, draws), stages.law_reference(row))
 
-    def step(self, now: EnvState, values: Any, _fed: Any, draws: Sequence[Scalar]) -> tuple[EnvState, Outcome]:
+    def step(
+        self, now: EnvState, values: tuple[Scalars, Scalars], _row: tuple[()], draws: Scalars
+    ) -> tuple[EnvState, StepOutcome]:
         """Simulate one control period with an action, and compute observation and reward."""
         numbers, given = values
         stages = self._stages(numbers)
@@ -154,7 +157,7 @@ class EnvProgram:
         sent = flown.alive
         # a command that is not finite ends the episode where it is, as in a single run
         state = blend(sent > 0.5, flown.agent.state, own.state)
-        # endings are told beside the loop, and a period that ends an episode counts
+        # endings are a separate output of the step, and a period that ends an episode counts
         agent = dataclasses.replace(flown.agent, state=state)
         flown = dataclasses.replace(flown, agent=agent, alive=1.0, ticks=loop.ticks + 1.0)
         coming = held_row(stages.scenario, flown.ticks)
@@ -177,7 +180,7 @@ class EnvProgram:
             value = _finite(term.value(result) * term.weight)
             reward = reward + (where(sound, value, 0.0) if term.of_state else value)
         over = flown.ticks > self.task.scenario.steps - 0.5
-        outcome = Outcome(
+        outcome = StepOutcome(
             observation=self._observe(stages, measurement, stages.law_reference(coming), action),
             reward=_finite(reward),
             truncated=where(logical_and(over, ending < 0.5), 1.0, 0.0),
@@ -194,43 +197,47 @@ class EnvProgram:
         last = float(self.task.scenario.steps - 1)
         return held_row(scenario, where(ticks > last, last, ticks)).reference.position
 
-    def _decide(self, stages: Stages, now: EnvState, row: Row[Reference], action: Scalars) -> Any:
+    def _decide(self, stages: Stages, now: EnvState, row: Row[Reference], action: Scalars) -> Decision:
         """Convert an action to a vehicle command; return the control law's next internal state and the command."""
         values = iter(leaves(self._measurement))
-        known = dict(zip(self._kept, now.seen, strict=True))
-        measurement = rebuild(self._measurement, iter([known.get(i, old) for i, old in enumerate(values)]))
+        seen = dict(zip(self._kept, now.seen, strict=True))
+        measurement = rebuild(self._measurement, iter([seen.get(i, old) for i, old in enumerate(values)]))
         par = stages.scenario.controller.par
-        told = stages.law_reference(row)
-        turn = Turn(now.loop.agent.memory, measurement, told, stages.decide, par, self.task.told)
+        reference = stages.law_reference(row)
+        turn = Turn(now.loop.agent.memory, measurement, reference, stages.decide, par, self.task.told)
         memory, command = self.task.actions.command(action, turn)
         return memory, with_rest(stages.scenario.plant.vehicle, command)
 
-    def _measure_next(self, stages: Stages, now: LoopState, row: Row[Reference], draws: Any) -> tuple[LoopState, Any]:
+    def _measure_next(
+        self, stages: Stages, now: LoopState, row: Row[Reference], draws: Scalars
+    ) -> tuple[LoopState, Measurement]:
         """Advance wind, contacts and sensors to the next control period, and measure there."""
-        found = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)
-        agent = dataclasses.replace(now.agent, sensors=found.read.sensors, estimate=found.read.estimate)
-        return dataclasses.replace(now, agent=agent, components=found.components), found.read.measurement
+        measured = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)
+        agent = dataclasses.replace(now.agent, sensors=measured.read.sensors, estimate=measured.read.estimate)
+        return dataclasses.replace(now, agent=agent, components=measured.components), measured.read.measurement
 
-    def _select_numbers(self, measurement: Any) -> Scalars:
+    def _select_numbers(self, measurement: Measurement) -> Scalars:
         numbers = leaves(measurement)
         return tuple(numbers[i] for i in self._kept)
 
-    def _observe(self, stages: Stages, measurement: Any, told: Reference, action: Scalars) -> Scalars:
+    def _observe(self, stages: Stages, measurement: Measurement, reference: Reference, action: Scalars) -> Scalars:
         model = stages.scenario.controller.par.model
-        return observation_of(self.task, Sight(measurement=measurement, reference=told, action=action, model=model))
+        return observation_of(
+            self.task, Sight(measurement=measurement, reference=reference, action=action, model=model)
+        )
 
     def _ending(self, scenario: Scenario, state: State, goal: Vec3, sent: Scalar) -> Scalar:
         """Number of the first termination condition that is met, counted from 1; 0 if none is met."""
         endings = endings_of(scenario)
-        found = where(sent > 0.5, 0.0, float(len(endings) + 1))
+        number = where(sent > 0.5, 0.0, float(len(endings) + 1))
         for index in range(len(endings), 0, -1):
             fine = endings[index - 1].fine(scenario, state, goal, 0)
             if fine is not True:
-                found = where(fine, found, float(index))
-        return found
+                number = where(fine, number, float(index))
+        return number
 
 
-def observation_of(task: Task, sight: Sight) -> Scalars:
+def observation_of(task: LearningTask, sight: Sight) -> Scalars:
     """Observation vector of a learning task, with every number finite."""
     return tuple(_finite(number) for each in task.observation for number in each.numbers(sight))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,17 +21,19 @@ from skyarm.simulate.lane_numbers import require_rigid_body
 from skyarm.simulate.user_code import require_shapes
 
 Info = dict[str, Any]
-"""What a reset or a step tells beside the numbers, as Gymnasium has it."""
+"""Information of a reset or a step next to its numbers, as in Gymnasium."""
+
+Kind = TypeVar("Kind", Actions, Observed, RewardTerm)
 
 PRECISIONS = ("single", "double", "bit_exact")
 
 
 @immutable
-class Task:
+class LearningTask:
     """Definition of a learning environment: scenario, actions, observation, reward and randomised parameters.
 
     Attributes:
-        scenario: to simulate; its law is evaluated only if the actions build on it.
+        scenario: scenario to simulate; its law is evaluated only if the actions build on it.
         actions: kind of actions. observation, reward: their parts.
         randomised: numbers that are drawn anew for every episode.
         precision: "single", "double", or "bit_exact" (double without fused multiply-add).
@@ -60,7 +62,7 @@ def make_task(
     controller: str | None = None,
     duration: float | None = None,
     precision: str = "single",
-) -> Task:
+) -> LearningTask:
     """Make a learning task from its arguments, after a check of every argument.
 
     Args:
@@ -69,9 +71,9 @@ def make_task(
         observation: records, or names of :data:`skyarm.envs.observed_quantities.OBSERVED`.
         reward: records, or names of :data:`skyarm.envs.reward_terms.REWARDS`.
         randomise: path -> distribution, as ``[vary]`` of a study: ``{"plant.payload.mass": {"uniform": [0.0, 0.1]}}``.
-        controller: in place of the scenario file's.
-        duration: likewise, s.
-        precision: of all numbers.
+        controller: law in place of the scenario file's.
+        duration: duration in place of the scenario file's, s.
+        precision: precision of all numbers, one of ``PRECISIONS``.
 
     Raises:
         ScenarioError: one line with field, value and what is allowed.
@@ -90,7 +92,7 @@ def make_task(
         flown = flown.with_controller(dataclasses.replace(flown.controller, margin=None))
     require_shapes(flown)
     rewarded = _several("reward", reward, REWARDS, RewardTerm, "term")
-    return Task(
+    return LearningTask(
         scenario=flown,
         actions=kind,
         observation=seen,
@@ -100,7 +102,7 @@ def make_task(
     )
 
 
-def _scenario(given: Any, controller: str | None, duration: float | None) -> Scenario:
+def _scenario(given: Scenario | PathLike, controller: str | None, duration: float | None) -> Scenario:
     """Load the scenario of a learning task and check that it can be simulated in batches."""
     if isinstance(given, Scenario):
         if controller is not None:
@@ -117,23 +119,25 @@ def _scenario(given: Any, controller: str | None, duration: float | None) -> Sce
     return flown
 
 
-def _record_of(field: str, given: Any, known: Mapping[str, Any], kind: type) -> Any:
+def _record_of(field: str, given: Kind | str, registered: Mapping[str, type[Kind]], kind: type[Kind]) -> Kind:
     """Return an action, observation or reward record unchanged, or make one from its registered name."""
     if isinstance(given, kind):
         return given
-    if isinstance(given, str) and given in known:
-        return known[given]()
-    raise ScenarioError(f"{field} = {shown(given)}: {must_be_one_of(known, given)}, or a record {kind.__name__}")
+    if isinstance(given, str) and given in registered:
+        return registered[given]()
+    raise ScenarioError(f"{field} = {shown(given)}: {must_be_one_of(registered, given)}, or a record {kind.__name__}")
 
 
-def _several(field: str, given: Any, known: Mapping[str, Any], kind: type, what: str) -> tuple[Any, ...]:
+def _several(
+    field: str, given: Iterable[Kind | str], registered: Mapping[str, type[Kind]], kind: type[Kind], what: str
+) -> tuple[Kind, ...]:
     """Make a tuple of observation or reward records, at least one, from records and registered names."""
     if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
         raise ScenarioError(f"{field} = {shown(given)}: must be a list of names or records {kind.__name__}")
-    found = tuple(_record_of(f"{field}[{i}]", each, known, kind) for i, each in enumerate(given))
-    if not found:
+    records = tuple(_record_of(f"{field}[{i}]", each, registered, kind) for i, each in enumerate(given))
+    if not records:
         raise ScenarioError(f"{field} = {shown(given)}: must have at least one {what}")
-    return found
+    return records
 
 
 def require_open(call: str, *, closed: bool) -> None:
@@ -147,7 +151,7 @@ def require_open(call: str, *, closed: bool) -> None:
 
 
 KEYS = 2**32
-"""How many keys the noise has; a larger seed counts as its rest."""
+"""Number of keys of the noise; a larger seed is reduced modulo this number."""
 
 
 def seed_of(seed: Any, field: str = "seed") -> int:

@@ -7,18 +7,16 @@ Both fly the program of :class:`skyarm.envs.env_program.EnvProgram`, and draw th
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
 from skyarm.compile.machine_code import missing_extra
 from skyarm.dynamics import State
 from skyarm.envs.env_program import EnvProgram
-from skyarm.envs.env_task import Info, Task
-from skyarm.envs.observed_quantities import Scalars
+from skyarm.envs.env_task import Info, LearningTask
 from skyarm.envs.randomised_numbers import with_fixed
 from skyarm.records.files import shown
 from skyarm.records.leaves import rebuild
@@ -26,20 +24,24 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import STARTS, draw_plan
 from skyarm.studies.sweep.design import FIRST_CHANNEL
-from skyarm.studies.sweep.distributions import LogUniform, Normal, Uniform, Values
+from skyarm.studies.sweep.distributions import Distribution, LogUniform, Normal, Uniform, Values
 
 try:
     import jax
     import jax.numpy as jnp
-    from jax import lax
+    from jax import Array, lax
     from jax.scipy.special import ndtri
+    from jax.typing import ArrayLike
 except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
     raise missing_extra("jax") from error
 
-from skyarm.compile.jax.jax_operations import evaluate, uniforms
+from skyarm.compile.jax.jax_operations import Float, evaluate, uniforms
 
-StepResult = tuple[Any, "JaxState", Any, Any, Info]
+StepResult = tuple[Array, "JaxState", Array, Array, Info]
 """Observation, state, reward, done, info."""
+
+Params = Mapping[str, ArrayLike]
+"""Number of each path that a caller may set."""
 
 
 @jax.tree_util.register_dataclass
@@ -48,15 +50,15 @@ class JaxState:
     """State of a JAX environment, as a pytree of JAX arrays.
 
     Attributes:
-        carry: leaves of :class:`skyarm.envs.env_program.EnvState`. numbers: drawn for the episode, a path each.
-        seed: high and low word of the key it was reset with. episode: its number, from 0 on. period: of the next step.
+        carry: leaves of :class:`skyarm.envs.env_program.EnvState`. numbers: values drawn for the episode, one a path.
+        seed: high and low word of the reset's key. episode: its number, from 0 on. period: number of the next step.
     """
 
-    carry: tuple[Any, ...]
-    numbers: tuple[Any, ...]
-    seed: Any
-    episode: Any
-    period: Any
+    carry: tuple[Array, ...]
+    numbers: tuple[Array, ...]
+    seed: Array
+    episode: Array
+    period: Array
 
 
 class JaxEnvironment:
@@ -66,20 +68,20 @@ class JaxEnvironment:
     not used: noise and what the next episode begins with follow from the key of the reset.
 
     Args:
-        task: of the environment. numbers: parameter paths that are in the params, none of them randomised.
+        task: learning task. numbers: parameter paths that are in the params, none of them randomised.
 
     Attributes:
-        task: as given. paths: of the params. default_params: a number for each path.
-        observation_size, action_size: how many numbers each has. statuses: words of ``info["ending"]``.
-        dtype: of all numbers.
+        task: given task. paths: parameter paths of the params. default_params: a number for each path.
+        observation_size, action_size: their lengths. statuses: words of ``info["ending"]``.
+        dtype: type of all numbers.
     """
 
-    def __init__(self, task: Task, *, numbers: Iterable[str] = ()) -> None:
+    def __init__(self, task: LearningTask, *, numbers: Iterable[str] = ()) -> None:
         if task.precision == "bit_exact":
             raise ScenarioError(
                 "precision = 'bit_exact': must be 'single' or 'double' in JAX, which contracts a * b + c"
             )
-        self.dtype: Any = np.float32 if task.precision == "single" else np.float64
+        self.dtype: Float = np.float32 if task.precision == "single" else np.float64
         config: Any = jax.config
         if self.dtype == np.float64 and not config.read("jax_enable_x64"):
             raise ScenarioError("precision = 'double': must come after jax.config.update(\"jax_enable_x64\", True)")
@@ -97,26 +99,26 @@ class JaxEnvironment:
         # traced once, however often the functions are used in others
         self._stepped, self._began = jax.jit(self._one_step), jax.jit(self._first)
 
-    def reset(self, key: Any, params: Any) -> tuple[Any, JaxState]:
+    def reset(self, key: Array, params: Params) -> tuple[Array, JaxState]:
         """Start episode 0 for a random key.
 
         Args:
-            key: of ``jax.random``.
-            params: as :attr:`default_params`.
+            key: key of ``jax.random``.
+            params: values of the paths, shaped as :attr:`default_params`.
 
         Returns:
             observation (observation_size,), state.
         """
         return self._began(_words(key), jnp.uint32(0), self._numbers(params))  # type: ignore[no-any-return]
 
-    def step(self, key: Any, state: JaxState, action: Any, params: Any) -> StepResult:
+    def step(self, key: Array, state: JaxState, action: ArrayLike, params: Params) -> StepResult:
         """Simulate one control period, and start the next episode if this one has ended.
 
         Args:
             key: not used.
-            state: as the last call gave it.
+            state: state of the last call.
             action: (action_size,) in [-1, 1].
-            params: as of the reset.
+            params: params of the reset.
 
         Returns:
             observation (that of the next episode where this one is over), state, reward, done, info: ``terminated``,
@@ -127,7 +129,7 @@ class JaxEnvironment:
         following = jax.tree.map(lambda new, old: lax.select(done, new, old), begun, after)
         return lax.select(done, fresh, observed), following, reward, done, {**info, "final_obs": observed}
 
-    def step_env(self, key: Any, state: JaxState, action: Any, params: Any) -> StepResult:
+    def step_env(self, key: Array, state: JaxState, action: ArrayLike, params: Params) -> StepResult:
         """Simulate one control period without starting a new episode at the end."""
         del key
         given = jnp.asarray(action, self.dtype)
@@ -145,7 +147,7 @@ class JaxEnvironment:
         """True vehicle state of a JAX environment, for analysis."""
         return rebuild(self._program.first, iter(state.carry)).loop.agent.state
 
-    def _numbers(self, params: Any) -> Scalars:
+    def _numbers(self, params: Params) -> tuple[Array, ...]:
         """Check the adjustable parameters of a JAX environment and return them as a tuple.
 
         Raises:
@@ -159,17 +161,19 @@ class JaxEnvironment:
                 raise ScenarioError(f'params["{path}"] = {shown(value)}: must be one number')
         return tuple(jnp.asarray(params[path], self.dtype) for path in self.paths)
 
-    def _one_step(self, state: JaxState, numbers: tuple[Any, ...], action: Any) -> tuple[Any, ...]:
+    def _one_step(
+        self, state: JaxState, numbers: tuple[Array, ...], action: Array
+    ) -> tuple[tuple[Array, ...], Array, Array, Array, Array]:
         loop = self._program.loop
         draws = uniforms(state.seed[::-1], state.episode, state.period, loop.uniforms, self.dtype)
-        found = evaluate(loop.program, (*state.carry, *state.numbers, *numbers, *action, *draws), self.dtype)
-        *observed, reward, truncated, ending = found[loop.carry :]
-        return tuple(found[: loop.carry]), jnp.stack(observed), reward, truncated, ending
+        outputs = evaluate(loop.program, (*state.carry, *state.numbers, *numbers, *action, *draws), self.dtype)
+        *observed, reward, truncated, ending = outputs[loop.carry :]
+        return tuple(outputs[: loop.carry]), jnp.stack(observed), reward, truncated, ending
 
-    def _first(self, words: Any, episode: Any, numbers: tuple[Any, ...]) -> tuple[Any, JaxState]:
+    def _first(self, words: Array, episode: Array, numbers: tuple[Array, ...]) -> tuple[Array, JaxState]:
         """Observation and state at the start of an episode."""
 
-        def draw(period: int, channels: Any) -> list[Any]:
+        def draw(period: int, channels: Sequence[tuple[int, int]]) -> list[Array]:
             return uniforms(words[::-1], episode, jnp.uint32(period), channels, self.dtype)
 
         distributions = self.task.randomised.vary.values()
@@ -178,23 +182,23 @@ class JaxEnvironment:
         inputs = [*drawn, *numbers, *draw(0, self._program.uniforms)]
         for pair in self._counts:
             inputs += [*draw(STARTS[0], [pair]), *draw(STARTS[1], [pair])]
-        found = evaluate(self._start.lowered, inputs, self.dtype)
-        carry = tuple(found[: self._program.loop.carry])
-        return jnp.stack(found[len(carry) :]), JaxState(carry, drawn, words, episode, jnp.uint32(1))
+        outputs = evaluate(self._start.lowered, inputs, self.dtype)
+        carry = tuple(outputs[: self._program.loop.carry])
+        return jnp.stack(outputs[len(carry) :]), JaxState(carry, drawn, words, episode, jnp.uint32(1))
 
 
-def _normal(given: Normal, unit: Any) -> Scalar:
+def _normal(given: Normal, unit: Array) -> Array:
     # the largest number below 1: a unit of single precision may be rounded up
     below = jnp.nextafter(jnp.ones_like(unit), jnp.zeros_like(unit))
     return given.mean + given.std * ndtri(jnp.minimum(unit, below))
 
 
-def _value(given: Values, unit: Any) -> Scalar:
+def _value(given: Values, unit: Array) -> Array:
     index = jnp.minimum((unit * len(given.values)).astype(np.int32), len(given.values) - 1)
     return jnp.asarray(given.values, unit.dtype)[index]
 
 
-QUANTILES: dict[type, Callable[[Any, Any], Any]] = {
+QUANTILES: dict[type, Callable[[Any, Array], Array]] = {
     Uniform: lambda given, unit: given.low + (given.high - given.low) * unit,
     LogUniform: lambda given, unit: given.low * jnp.exp(np.log(given.high / given.low) * unit),
     Normal: _normal,
@@ -203,12 +207,12 @@ QUANTILES: dict[type, Callable[[Any, Any], Any]] = {
 """Quantile functions of the distributions of sweeps, on JAX scalars."""
 
 
-def quantile(distribution: Any, unit: Any) -> Scalar:
+def quantile(distribution: Distribution, unit: Array) -> Array:
     """Value of a probability distribution at a cumulative probability between 0 and 1, in JAX."""
     return jnp.asarray(QUANTILES[type(distribution)](distribution, unit), unit.dtype)
 
 
-def _words(key: Any) -> Any:
+def _words(key: Array) -> Array:
     """High and low 32-bit word of a JAX random key."""
     if isinstance(key, jax.Array) and jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
         key = jax.random.key_data(key)

@@ -35,7 +35,7 @@ class NamedTask:
     """Default arguments of a shipped learning environment.
 
     Attributes:
-        file: of its scenario. actions: kind of actions. reward, observation: their parts.
+        file: file of its scenario. actions: kind of actions. reward, observation: their parts.
         randomise: path -> distribution of what is drawn for every episode.
     """
 
@@ -131,8 +131,8 @@ def task_arguments(task: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of a shipped learning environment, with defaults for those not given."""
     mine = named_task(task)
     own = {name: getattr(mine, name) for name in ("actions", "observation", "reward", "randomise")}
-    found = {**own, **given}
-    return found if "scenario" in given else {"scenario": task_scenario(task), **found}
+    arguments = {**own, **given}
+    return arguments if "scenario" in given else {"scenario": task_scenario(task), **arguments}
 
 
 def make_single(*, task: str, **given: Any) -> Environment:

@@ -38,8 +38,8 @@ class Sight:
     """Data from which observations are computed: measurement, reference, last action and nominal model.
 
     Attributes:
-        measurement: of this period. reference: of the law for this period.
-        action: the one before, each number in [-1, 1]; zeros in an episode's first period.
+        measurement, reference: law's inputs of this period.
+        action: last action, each number in [-1, 1]; zeros in an episode's first period.
         model: nominal model of the scenario's controller.
     """
 
@@ -54,9 +54,9 @@ class Result:
     """Data from which rewards are computed: true state, reference, actions and command of a control period.
 
     Attributes:
-        state: of the plant. reference: held at that time. vehicle: the true one.
-        action, action_before: of this period and of the one before, each number in [-1, 1].
-        command: of the vehicle, converted from this period's action.
+        state: plant state. reference: reference held at that time. vehicle: true vehicle.
+        action, action_before: actions of this period and of the one before, each number in [-1, 1].
+        command: vehicle command, converted from this period's action.
         ended: 1 if the period has ended the episode before its time, else 0.
     """
 
@@ -144,7 +144,7 @@ class JointErrors(Observed):
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The scaled error of each joint for the observation vector."""
         pairs = zip(sight.reference.joints, sight.measurement.joints, strict=True)
-        return [(wanted - now) / self.scale for wanted, now in pairs]
+        return [(desired - now) / self.scale for desired, now in pairs]
 
 
 @immutable
@@ -201,7 +201,7 @@ OBSERVED: dict[str, type[Observed]] = {
     "tip_error": TipError,
     "last_action": LastAction,
 }
-"""Observed quantities by the name that stands for one with its usual scale."""
+"""Observed quantities by name; a name gives one with its default scale."""
 
 USUAL = (
     *("position_error", "velocity_error", "attitude", "body_rate"),

@@ -8,25 +8,27 @@ from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from skyarm.algebra.scalars import clip
+from skyarm.algebra.scalars import Scalar, clip
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.laws.learned.law import Layer, Network
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer
 from skyarm.envs.action_kinds import Decision, Turn
 from skyarm.envs.env_program import observation_of
-from skyarm.envs.env_task import Task
+from skyarm.envs.env_task import LearningTask
 from skyarm.envs.observed_quantities import Scalars, Sight
+from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import is_record
+from skyarm.records.leaves import Tree, is_record
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
-Policy = Callable[[tuple[Any, ...]], Sequence[Any]]
-"""From the numbers of an observation to those of an action."""
+Policy = Callable[[Scalars], Sequence[Scalar]]
+"""Function from the numbers of an observation to those of an action."""
 
 
 @immutable
@@ -34,7 +36,7 @@ class PolicyParameters:
     """Parameters of a control law that evaluates a learned policy.
 
     Attributes:
-        model: nominal model. mixer: of its rotors.
+        model: nominal model. mixer: mixer of its rotors.
         policy: the policy, if it is a record of numbers; else ``()``.
         inner: constants of the law that the actions build on, without model and mixer; ``()`` where they build on none.
     """
@@ -50,10 +52,10 @@ class PolicyMemory:
     """Internal state of a control law that evaluates a learned policy.
 
     Attributes:
-        inner: memory of the law that the actions build on. action: the last one.
+        inner: memory of the law that the actions build on. action: last action.
     """
 
-    inner: Any
+    inner: Tree
     action: Annotated[Scalars, Unit("", "the last one, each number in [-1, 1]")]
 
 
@@ -64,9 +66,9 @@ def as_law(policy: Any, environment: Any, *, name: str = "policy", traceable: bo
         policy: a function, over any scalar, from the numbers of an observation to those of an action; or the layers of
             a network, ``[(weights (outputs, inputs), offsets (outputs)), ...]`` with tanh between them
             (:func:`network`).
-        environment: in which it was learned, single or vector: its observation, actions and scenario's law are the
+        environment: training environment, single or vector: its observation, actions and scenario's law are the
             policy's.
-        name: of the law.
+        name: name of the law.
         traceable: the policy uses ``+ - * /`` and the functions of :mod:`skyarm.algebra.scalars` only; False calls it
         with
             floats, as a law that is not compiled.
@@ -107,10 +109,10 @@ def policy_law(
     memory: PolicyMemory,
     measurement: Measurement,
     reference: Reference,
-    dt: Any,
+    dt: float,
     *,
     par: PolicyParameters,
-    observation: Task,
+    observation: LearningTask,
     asked: Law,
     function: Policy | None,
 ) -> tuple[PolicyMemory, Command]:
@@ -126,28 +128,31 @@ def policy_law(
     action = tuple(clip(a, -1.0, 1.0) for a in given)
     own = dataclasses.replace(par.inner, model=par.model, mixer=par.mixer) if is_record(par.inner) else par
 
-    def law(held: Any, seen: Measurement, wanted: Reference) -> Decision:
-        return asked(held, seen, wanted, dt, par=own)
+    def law(inner: Tree, measured: Measurement, target: Reference) -> Decision:
+        return asked(inner, measured, target, dt, par=own)
 
     turn = Turn(memory.inner, measurement, reference, law, own, observation.told)
     following, command = observation.actions.command(action, turn)
     return PolicyMemory(inner=following, action=action), command
 
 
-def _no_law(memory: Any, *_: Any, **__: Any) -> Decision:
+def _no_law(memory: Tree, *_: Any, **__: Any) -> Decision:
     """Placeholder control law for action kinds that need no underlying law; commands nothing."""
     return memory, Command()
 
 
 def network(
-    layers: Sequence[Any], *, means: Sequence[float] | None = None, deviations: Sequence[float] | None = None
+    layers: Sequence[tuple[ArrayLike, ArrayLike]],
+    *,
+    means: Sequence[float] | None = None,
+    deviations: Sequence[float] | None = None,
 ) -> Network:
     """Neural network of tanh layers; the last layer is linear and clipped to [-1, 1].
 
     Args:
         layers: (weights (outputs, inputs), offsets (outputs)) of each; arrays, or what NumPy takes for one.
-        means: of the observation's numbers, which training took from them; 0 if left out.
-        deviations: by which it divided them; 1 if left out.
+        means: means that training subtracted from the observation's numbers; 0 if left out.
+        deviations: deviations by which it divided them; 1 if left out.
 
     Raises:
         ControllerError: layers that do not follow one another, or numbers that are none.
@@ -182,24 +187,24 @@ def network(
     )
 
 
-def _row(field: str, given: Any, count: int, usual: float) -> Any:
+def _row(field: str, given: Sequence[float] | None, count: int, usual: float) -> Array:
     """Check that a list has ``count`` finite numbers, or fill it with a default number."""
     try:
-        found = np.full(count, usual) if given is None else np.asarray(given, dtype=float)
+        row = np.full(count, usual) if given is None else np.asarray(given, dtype=float)
     except (TypeError, ValueError):
-        found = np.full(0, usual)
-    if found.shape != (count,) or not np.isfinite(found).all():
+        row = np.full(0, usual)
+    if row.shape != (count,) or not np.isfinite(row).all():
         raise ControllerError(f"policy: {field} = {shown(given)}: must be {count} finite numbers")
-    return found
+    return row
 
 
-def task_of(environment: Any) -> Task:
+def task_of(environment: Any) -> LearningTask:
     """Learning task of an environment, also of one inside Gymnasium wrappers.
 
     Raises:
         ControllerError: it is none of this library's.
     """
-    found = getattr(getattr(getattr(environment, "unwrapped", None), "lanes", None), "task", environment)
-    if not isinstance(found, Task):
+    task = getattr(getattr(getattr(environment, "unwrapped", None), "lanes", None), "task", environment)
+    if not isinstance(task, LearningTask):
         raise ControllerError(f"environment = {shown(environment)}: must be an environment of skyarm.envs")
-    return found
+    return task

@@ -47,12 +47,11 @@ class Randomised:
 
         They are those of a sweep with this seed, whose ``[vary]`` has the same paths in the same order.
         """
-        keys: Any = seeds[:, None]
-        found = []
+        values = []
         for index, distribution in enumerate(self.vary.values()):
-            unit = uniforms(keys, episodes, FIRST_CHANNEL + index, 0, 1)[:, 0]
-            found.append(distribution.quantile(unit))
-        return found
+            unit = uniforms(seeds[:, None], episodes, FIRST_CHANNEL + index, 0, 1)[:, 0]
+            values.append(distribution.quantile(unit))
+        return values
 
 
 def read_randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Randomised:
@@ -72,13 +71,13 @@ def read_randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Rand
     return _check(scenario, vary)
 
 
-def with_fixed(found: Randomised, scenario: Scenario, paths: Iterable[str]) -> Randomised:
+def with_fixed(randomised: Randomised, scenario: Scenario, paths: Iterable[str]) -> Randomised:
     """Randomised parameters plus further parameters that are constant and can be changed later.
 
     Raises:
         ScenarioError: no such path, or one that is drawn already.
     """
-    vary = dict(found.vary)
+    vary = dict(randomised.vary)
     if isinstance(paths, (str, Mapping)) or not isinstance(paths, Iterable):
         raise ScenarioError(f"numbers = {shown(paths)}: must be a list of paths")
     for path in paths:

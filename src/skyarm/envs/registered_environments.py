@@ -58,9 +58,9 @@ def make_jax(
     them: this sets them in ``XLA_FLAGS`` of the process, and warns in one line if JAX has started without them.
 
     Args:
-        name: as :func:`gymnasium.make` takes it: ``"skyarm/TrackTip-v0"``, or ``"skyarm/Scenario-v0"`` with a scenario.
+        name: name for :func:`gymnasium.make`: ``"skyarm/TrackTip-v0"``, or ``"skyarm/Scenario-v0"`` with a scenario.
         numbers: further paths that stand in ``params``, to be set or differentiated by.
-        task: as of the environment of that name: ``scenario``, ``actions``, ``observation``, ``reward``,
+        task: arguments of the environment of that name: ``scenario``, ``actions``, ``observation``, ``reward``,
             ``randomise``, ``controller``, ``duration``, ``precision``.
 
     Raises:
@@ -73,10 +73,10 @@ def make_jax(
     from skyarm.envs.named_tasks import task_arguments
     from skyarm.scenario.scenario_record import ScenarioError
 
-    known = {ANY_SCENARIO: None, **{f"skyarm/{each}-v0": each for each in TASK_NAMES}}
-    if not isinstance(name, str) or name not in known:
-        raise ScenarioError(f"name = {shown(name)}: {must_be_one_of(known, name)}")
-    given = {"scenario": "case3", **task} if known[name] is None else task_arguments(str(known[name]), task)
+    tasks = {ANY_SCENARIO: None, **{f"skyarm/{each}-v0": each for each in TASK_NAMES}}
+    if not isinstance(name, str) or name not in tasks:
+        raise ScenarioError(f"name = {shown(name)}: {must_be_one_of(tasks, name)}")
+    given = {"scenario": "case3", **task} if tasks[name] is None else task_arguments(str(tasks[name]), task)
     if not configure_extra_options():
         warnings.warn(STARTED, stacklevel=2)
     env = JaxEnvironment(make_task(**given), numbers=numbers)

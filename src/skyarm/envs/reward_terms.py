@@ -171,7 +171,7 @@ REWARDS: dict[str, type[RewardTerm]] = {
     "alive": Alive,
     "lost": Lost,
 }
-"""Reward terms by the name that stands for one with its usual numbers."""
+"""Reward terms by name; a name gives one with its default numbers."""
 
 USUAL_REWARD: tuple[RewardTerm, ...] = (
     TipNear(),

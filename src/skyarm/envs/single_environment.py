@@ -23,7 +23,7 @@ from skyarm.simulate.loop_state import LoopState
 RENDER_MODES = ("rgb_array",)
 
 PICTURES = "skyarm.view.film.episode_pictures"
-"""Where pictures are drawn: a room above this one, imported when pictures are requested and by name only."""
+"""Module that draws pictures: in a room above this one, imported by name when pictures are requested."""
 
 
 class Environment(gymnasium.Env[Array, Array]):
@@ -32,7 +32,7 @@ class Environment(gymnasium.Env[Array, Array]):
     Args:
         scenario: record, name or path of a file.
         render_mode: None; "rgb_array": :meth:`render` gives a picture.
-        render_options: of a picture: width, height, camera, ghost, fine, as a film has them.
+        render_options: options of a picture: width, height, camera, ghost, fine, as a film has them.
         task: further arguments of :func:`skyarm.envs.env_task.make_task`.
 
     Attributes:
@@ -94,10 +94,10 @@ class Environment(gymnasium.Env[Array, Array]):
         if not self._begun or lanes.ended[0] or lanes.truncated[0]:
             raise ScenarioError("step: must come after reset(), and before the end of the episode")
         size = lanes.actions.shape[:1]
-        found = checked_array("action", action, [size], f"of real numbers, of shape {size}")
-        if not np.isfinite(found).all():
-            raise ScenarioError(f"action = {shown(found.tolist())}: must be finite")
-        lanes.act(found[None])
+        checked = checked_array("action", action, [size], f"of real numbers, of shape {size}")
+        if not np.isfinite(checked).all():
+            raise ScenarioError(f"action = {shown(checked.tolist())}: must be finite")
+        lanes.act(checked[None])
         lanes.step()
         ended = bool(lanes.ended[0])
         info = self._ending() if ended else {}
@@ -112,8 +112,8 @@ class Environment(gymnasium.Env[Array, Array]):
             return {"status": status, "cause": "the command was not finite"}
         scenario = lanes.lane_scenario(0)
         ticks, ratio = int(lanes.loop.ticks[0]), scenario.rates.control // scenario.rates.reference
-        held = min(ticks, scenario.steps - 1) // ratio * ratio / scenario.rates.control
-        goal = [float(c) for c in scenario.reference.at(held).position]
+        instant = min(ticks, scenario.steps - 1) // ratio * ratio / scenario.rates.control
+        goal = [float(c) for c in scenario.reference.at(instant).position]
         x = [float(leaf[0]) for leaf in leaves(lanes.state)]
         ended = find_ending(scenario, ticks / scenario.rates.control, x, goal)
         return {"status": status, "cause": ended.cause if ended else status}
@@ -149,7 +149,7 @@ class Environment(gymnasium.Env[Array, Array]):
             self._pictures.close()
 
 
-def _pictures_of(mode: Any, options: Any) -> Any:
+def _pictures_of(mode: str | None, options: Mapping[str, Any] | None) -> Any:
     """Renderer of an environment's images; None without a render mode.
 
     Raises:

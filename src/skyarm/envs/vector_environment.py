@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from skyarm.envs.env_lanes import EnvLanes
 from skyarm.envs.env_program import LARGEST
-from skyarm.envs.env_task import KEYS, Info, Task, make_task, require_open, seed_of, seeds_of
+from skyarm.envs.env_task import KEYS, Info, LearningTask, make_task, require_open, seed_of, seeds_of
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -29,7 +29,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         scenario: record, name or path of a file.
         autoreset_mode: ``"NextStep"`` or ``"SameStep"``, or :class:`gymnasium.vector.AutoresetMode`.
         copy: give observations that stay; else views on one buffer, which every call writes anew.
-        threads: most that work.
+        threads: largest number of threads.
         task: further arguments of :func:`skyarm.envs.env_task.make_task`.
 
     Attributes:
@@ -50,7 +50,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         count = require_count("num_envs", num_envs)
         if not isinstance(copy, (bool, np.bool_)):
             raise ScenarioError(f"copy = {shown(copy)}: must be True or False")
-        made: Task = make_task(scenario, **task)
+        made: LearningTask = make_task(scenario, **task)
         self.lanes = EnvLanes(made, count, threads=require_count("threads", threads))
         self.num_envs, self._copy = count, bool(copy)
         rate = made.scenario.rates.control
@@ -177,9 +177,9 @@ def spaces(lanes: EnvLanes) -> tuple[Box, Box]:
     return observed, Box(-1.0, 1.0, (size,), lanes.dtype)
 
 
-def _mode(given: Any) -> AutoresetMode:
-    known = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)}
+def _mode(given: AutoresetMode | str) -> AutoresetMode:
+    modes = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)}
     name = getattr(given, "value", given)
-    if name not in known:
-        raise ScenarioError(f"autoreset_mode = {shown(name)}: {must_be_one_of(known, name)}")
-    return known[name]
+    if name not in modes:
+        raise ScenarioError(f"autoreset_mode = {shown(name)}: {must_be_one_of(modes, name)}")
+    return modes[name]

@@ -16,7 +16,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike, must_be_one_of, one_line, shown, unreadable
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError, find, names
-from skyarm.records.registry.class_signatures import flight_format_mistake
+from skyarm.records.registry.class_signatures import flight_format_mistake, refuse_mistake
 from skyarm.records.units import Unit
 
 
@@ -222,8 +222,7 @@ def format_name(path: PathLike) -> str:
 
 def _checked(name: str, found: object) -> FlightFormat:
     """Return a registered format, or raise an error if it is none."""
-    mistake = flight_format_mistake(found)
-    if mistake is not None or not isinstance(found, FlightFormat):
-        place, words = mistake or ("", f"is {shown(found)}: must be FlightFormat(read, suffixes, begins)")
-        raise RegistryError(f"{place}: flight_format {name!r}: {words}".removeprefix(": "))
+    refuse_mistake(flight_format_mistake(found), "flight_format", name)
+    if not isinstance(found, FlightFormat):
+        raise RegistryError(f"flight_format {name!r}: is {shown(found)}: must be FlightFormat(read, suffixes, begins)")
     return found

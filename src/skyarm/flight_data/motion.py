@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from skyarm.algebra.frames import unit_rows
 from skyarm.flight_data.flight_data import FlightData
-from skyarm.flight_data.series import attitude_at, continuous, unit_rows, values_at
+from skyarm.flight_data.series import attitude_at, continuous, values_at
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Quaternion
+from skyarm.algebra.frames import unit_rows
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.records.arrays import Array
@@ -44,11 +45,6 @@ def middle(rows: Array) -> Array:
     return 0.5 * (rows[1:] + rows[:-1])
 
 
-def unit_rows(rows: Array) -> Array:
-    """Rows (N, k) over their lengths."""
-    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
-
-
 def continuous(quaternions: Array) -> Array:
     """Quaternions (N, 4) with signs in which neighbours are close: halfway between q and -q there is no rotation."""
     turns = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
@@ -62,7 +58,7 @@ def attitude_at(attitude: Channel, time: Array) -> Array:
 
 def rotations_between(first: Array, second: Array) -> Array:
     """Rotation vectors (K, 3), base axes, from attitudes (K, 4), w x y z, to others, the shorter way."""
-    w, *axis = Quaternion(*(first * [1.0, -1.0, -1.0, -1.0]).T) * Quaternion(*second.T)
+    w, *axis = Quaternion(*first.T).conjugate() * Quaternion(*second.T)
     rows = np.stack(axis, axis=1) * np.where(w < 0.0, -1.0, 1.0)[:, None]
     size = np.linalg.norm(rows, axis=1)
     angle = 2.0 * np.arctan2(size, np.abs(w))

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from skyarm.algebra.frames import to_our_axes
 from skyarm.links import mavlink
 from skyarm.links.mavlink_messages import DEFINITIONS
 from skyarm.records.immutable import immutable
@@ -194,8 +195,8 @@ class MavlinkVehicle:
             self.mode, self.armed = message["custom_mode"], bool(message["base_mode"] & ARMED)
             self.status = message["system_status"]
         elif name == "LOCAL_POSITION_NED":
-            place = (message["x"], -message["y"], -message["z"])
-            self.place = place if all(map(math.isfinite, place)) else self.place
+            x, y, z = to_our_axes(message["x"], message["y"], message["z"])
+            self.place = (x, y, z) if all(map(math.isfinite, (x, y, z))) else self.place
         elif name == "STATUSTEXT" and message["severity"] <= NOTICE:
             self.said = message["text"]
         elif name == "PARAM_VALUE" and message["param_id"] in self._requested:

@@ -13,12 +13,17 @@ import numpy as np
 from skyarm.algebra import Quaternion
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.dynamics.state import State
+from skyarm.log.flown_scenario import flown_scenario
+from skyarm.log.log_columns import columns
+from skyarm.log.log_tables import log_frame, log_table
+from skyarm.log.periods import ContactPeriod, GraspPeriod, contact_periods, grasp_periods
 from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, sources_of
 from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import LONGEST, immutable
 from skyarm.records.leaves import parts
 from skyarm.records.notebook import notebook_html
+from skyarm.records.registry import find
 from skyarm.records.units import Unit, units
 
 PICTURES = "skyarm.view.figures.flight_plot"
@@ -26,6 +31,9 @@ PICTURES = "skyarm.view.figures.flight_plot"
 
 SHORTFALL = "skyarm.log.metrics.shortfall"
 """Module of the shortfall, imported likewise."""
+
+FORMATS = "log_format"
+"""Registered file formats, which read and write whole logs and so know this class."""
 
 HELD = "reference as published and held"
 
@@ -160,17 +168,13 @@ class Log:
         return tuple(found)
 
     @property
-    def contact_periods(self) -> tuple[Any, ...]:
+    def contact_periods(self) -> tuple[ContactPeriod, ...]:
         """Periods from each touch to the loss of contact, ordered by start."""
-        from skyarm.log.periods import contact_periods
-
         return contact_periods(self)
 
     @property
-    def grasp_periods(self) -> tuple[Any, ...]:
+    def grasp_periods(self) -> tuple[GraspPeriod, ...]:
         """Periods from each grasp to its release, ordered by start."""
-        from skyarm.log.periods import grasp_periods
-
         return grasp_periods(self)
 
     @property
@@ -214,8 +218,6 @@ class Log:
         Raises:
             ValueError: as :attr:`scenario`, a path that is no word, or a value that it cannot have.
         """
-        from skyarm.log.flown_scenario import flown_scenario
-
         return flown_scenario(self.info, replaced)
 
     @property
@@ -242,15 +244,12 @@ class Log:
 
     def save_npz(self, path: PathLike) -> Path:
         """Write the log as a compressed npz file."""
-        from skyarm.log.formats import write_npz
-
-        return write_npz(self, path)
+        written: Path = find(FORMATS, "npz").write(self, path)
+        return written
 
     @property
     def units(self) -> Mapping[str, Unit]:
         """Unit, frame and meaning of every array and of every column of a wind, force or contact model, by name."""
-        from skyarm.log.log_columns import columns
-
         held, of_parts = self.arrays(), f"{COMPONENTS}."
         found = {each.name: Unit(each.unit, each.meaning) for each in columns(self) if each.array.startswith(of_parts)}
         for source, of in sources_of(self.info).items():
@@ -263,9 +262,8 @@ class Log:
 
     def save_csv(self, path: PathLike) -> Path:
         """Write a CSV file: a column for each number, such as ``velocity_x [m/s]``, a row per control instant."""
-        from skyarm.log.formats import write_csv
-
-        return write_csv(self, path)
+        written: Path = find(FORMATS, "csv").write(self, path)
+        return written
 
     def to_pandas(self) -> Any:
         """Return a pandas DataFrame: the columns of the CSV file over ``time``, units in ``attrs["units"]``.
@@ -273,8 +271,6 @@ class Log:
         Raises:
             ValueError: pandas is missing; one line that says how to install it.
         """
-        from skyarm.log.log_tables import log_frame
-
         return log_frame(self)
 
     def to_arrow(self) -> Any:
@@ -283,8 +279,6 @@ class Log:
         Raises:
             ValueError: pyarrow is missing; one line that says how to install it.
         """
-        from skyarm.log.log_tables import log_table
-
         return log_table(self)
 
     def _repr_html_(self) -> str:
@@ -298,9 +292,8 @@ class Log:
             OSError: the file cannot be read.
             ValueError: it is not such a log.
         """
-        from skyarm.log.formats import read_npz
-
-        return read_npz(path)
+        log: Log = find(FORMATS, "npz").read(path)
+        return log
 
 
 IF_ANY = tuple(each.name for each in fields(Log) if each.default_factory is not MISSING and each.name != "received")

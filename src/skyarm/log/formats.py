@@ -18,11 +18,11 @@ from skyarm.log.log_columns import columns
 from skyarm.records.files import PathLike, must_be_one_of, shown, unreadable, write_atomically
 from skyarm.records.files.own_inputs import stamp_of
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
-from skyarm.records.files.user_code import own_code, require_result
+from skyarm.records.files.user_code import require_result
 from skyarm.records.files.writing import taken_back
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import RegistryError, find, names
-from skyarm.records.registry.class_signatures import format_mistake
+from skyarm.records.registry.class_signatures import format_mistake, refuse_mistake
 
 
 @immutable(kw_only=False)
@@ -139,9 +139,7 @@ def _format(suffix: str, at: str, allowed: Sequence[str]) -> LogFormat:
     if suffix not in allowed:
         raise RegistryError(f"{at}: suffix {shown(suffix)}: {must_be_one_of(allowed, suffix)}")
     found: LogFormat = find("log_format", suffix)
-    mistake = None if isinstance(found, LogFormat) and own_code(found.write) is None else format_mistake(found)
-    if mistake is not None:
-        raise RegistryError(f"{mistake[0]}: log_format {suffix!r}: {mistake[1]}")
+    refuse_mistake(format_mistake(found), "log_format", suffix)
     return found
 
 

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Protocol
 
-from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restore_written, restored_at, written_at
 from skyarm.log.sensor_data import COMPONENTS, sources_of
 from skyarm.records.arrays import Array
@@ -57,6 +56,28 @@ class Arrays(Protocol):
     def __getitem__(self, array: str) -> Array: ...
 
 
+class FlightArrays(Arrays, Protocol):
+    """Protocol of a log, :class:`skyarm.Log`: its arrays and its description."""
+
+    @property
+    def time(self) -> Array:
+        """Times of the instants (N,), s."""
+
+    @property
+    def path_time(self) -> Array:
+        """Time of the reference (N,), s; empty where it is the flight's."""
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """Description of the flight."""
+
+    def arrays(self) -> dict[str, Array]:
+        """All arrays by name."""
+
+    def component(self, name: str) -> Array:
+        """Array of a component of the flight; (N, 0) if it has none."""
+
+
 @immutable(kw_only=False)
 class Column:
     """Column of a log: one number over time, with name, unit and meaning.
@@ -94,9 +115,9 @@ class Names:
     loops: tuple[str, ...] = ("rotors", "joints")
 
 
-def names_of(log: Log) -> Names:
+def names_of(log: FlightArrays) -> Names:
     """Read the names of joints and rotors from a log; numbers if the log does not name them."""
-    joints, rotors = log.joints.shape[1], log.rotor_speeds.shape[1]
+    joints, rotors = log["joints"].shape[1], log["rotor_speeds"].shape[1]
     found = [link.joint for link in _records(log.info, Link, "links")]
     turning, takes = _records(log.info, Rotor, "rotors"), setpoints_of(log.info)
     if len(found) != joints or len(turning) != rotors:
@@ -116,11 +137,11 @@ def _records(info: Mapping[str, Any], kind: type[Any], part: str) -> list[Any]:
     return [each for each in found if isinstance(each, kind)] if isinstance(found, tuple) else []
 
 
-def columns(log: Log) -> tuple[Column, ...]:
+def columns(log: FlightArrays) -> tuple[Column, ...]:
     """List the columns of a log, in the order of its arrays."""
     names, found = names_of(log), list[Column]()
-    for array, unit in units(Log).items():
-        width = getattr(log, array).shape[1:]
+    for array, unit in units(type(log)).items():
+        width = log[array].shape[1:]
         kinds = names.kinds if COLUMNS.get(array, ("", ""))[1] == "joints" else ()
         for index, name in enumerate(_endings(array, width[0] if width else None, names)):
             told = names.setpoints[index] if array == "efforts" else None
@@ -131,13 +152,14 @@ def columns(log: Log) -> tuple[Column, ...]:
     return tuple(replace(each, name=name) for name, each in zip(unique, found, strict=True))
 
 
-def _sensor_columns(log: Log, names: Names) -> Iterator[Column]:
+def _sensor_columns(log: FlightArrays, names: Names) -> Iterator[Column]:
     """Yield the columns of sensor readings, estimate and environment models of a log."""
+    held = log.arrays()
     for source, described in sources_of(log.info).items():
         begin = "" if source == COMPONENTS else f"{word(source.rpartition('.')[2])}_"
         for name, each in described.fields.items():
             array, group = f"{source}.{name}", COLUMNS.get(name, ("", ""))[1]
-            if array not in log.received:
+            if array not in held:
                 continue
             if each.axes is None:
                 yield Column(f"{begin}{word(name)}", each.unit, each.meaning, array, None)
@@ -184,14 +206,14 @@ def unit_of_kind(unit: Unit, kind: str) -> str:
     return options[kind == "prismatic"] if kind and len(options) == 2 else unit.unit
 
 
-def component_labels(log: Log, array: str) -> list[str]:
+def component_labels(log: FlightArrays, array: str) -> list[str]:
     """Column labels of an array that a wind, force or contact model logged."""
     source = sources_of(log.info).get(COMPONENTS)
     found = None if source is None else source.fields.get(array)
     return [] if found is None else found.axes or []
 
 
-def layout(log: Log) -> dict[str, dict[str, Any]]:
+def layout(log: FlightArrays) -> dict[str, dict[str, Any]]:
     """Names and units of each array's columns as plain data, for files that store arrays."""
     found: dict[str, dict[str, Any]] = {}
     for each in columns(log):

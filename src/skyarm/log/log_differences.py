@@ -10,6 +10,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.records.text_tables import aligned_lines
 
 
 @immutable
@@ -96,3 +97,36 @@ def _difference(
         largest=float(size[most]),
         at=float(times[most]),
     )
+
+
+MOST_COLUMNS = 12
+"""Quantities that a terminal shows; ``--json`` has all."""
+
+
+def difference_lines(found: LogDifferences, labels: tuple[str, str], tolerance: float) -> list[str]:
+    """Text of the first difference between two logs, and of the largest difference in each quantity."""
+    both, first, second = found.instants
+    within = f" within {tolerance:g}" if tolerance else ""
+    lines = []
+    if first != second:
+        lines.append(f"control periods: {first} in {labels[0]}, {second} in {labels[1]}, {both} in both")
+    if found.unmatched:
+        lines.append(f"columns of one log alone: {', '.join(found.unmatched)}")
+    if not found.columns:
+        return [*lines, f"every number is the same{within} in {both} control periods"]
+    one, *_ = found.columns
+    numbers = f"{one.first!r} and {one.second!r} {one.unit}".rstrip()
+    lines.append(f"first difference{f' above {tolerance:g}' if tolerance else ''}: at {one.time:g} s, {one.name} = "
+                 f"{numbers}, {abs(one.first - one.second):.3g} apart")  # fmt: skip
+    rows = [("quantity", "unit", "from, s", "largest", "at, s")]
+    rows += [
+        (each.name, each.unit, f"{each.time:g}", f"{each.largest:.3g}", f"{each.at:g}")
+        for each in found.columns[:MOST_COLUMNS]
+    ]
+    lines += [line.rstrip() for line in aligned_lines(rows)]
+    return lines + more_lines(len(found.columns) - MOST_COLUMNS, "quantities")
+
+
+def more_lines(count: int, what: str) -> list[str]:
+    """Line on the number of differences that are not listed; none without any."""
+    return [f"and {count} {what} more, which --json lists"] if count > 0 else []

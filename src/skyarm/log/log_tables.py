@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from skyarm.log.flight_log import Log
-from skyarm.log.log_columns import columns
+from skyarm.log.log_columns import FlightArrays, columns
 from skyarm.records.files import needs_extra
 
 
-def log_frame(log: Log) -> Any:
+def log_frame(log: FlightArrays) -> Any:
     """Return a log as a pandas DataFrame with the index ``time``; ``attrs["units"]`` and ``["meanings"]`` by column.
 
     Raises:
@@ -26,7 +25,7 @@ def log_frame(log: Log) -> Any:
     return frame
 
 
-def log_table(log: Log) -> Any:
+def log_table(log: FlightArrays) -> Any:
     """Return a log as a pyarrow Table; the metadata of each field are ``unit`` and ``meaning``.
 
     Raises:

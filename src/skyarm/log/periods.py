@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from skyarm.log.flown_scenario import written_at
-from skyarm.log.log_columns import component_labels
+from skyarm.log.log_columns import FlightArrays, component_labels
 from skyarm.records.immutable import immutable
-from skyarm.reference.task_records import Guard
-
-if TYPE_CHECKING:
-    from skyarm.log.flight_log import Log
 
 SAME = 1e-6
 """s of the reference within which it rests at one place."""
@@ -56,7 +51,7 @@ class GraspPeriod:
     peak: float
 
 
-def contact_periods(log: Log) -> tuple[ContactPeriod, ...]:
+def contact_periods(log: FlightArrays) -> tuple[ContactPeriod, ...]:
     """List all periods of contact in a log, ordered by start."""
     found: list[ContactPeriod] = []
     for (surface, point), force in zip(contact_pairs(log), log.component("contact_force").T, strict=False):
@@ -68,20 +63,20 @@ def contact_periods(log: Log) -> tuple[ContactPeriod, ...]:
     return tuple(sorted(found, key=lambda each: each.start))
 
 
-def contact_pairs(log: Log) -> tuple[tuple[str, str], ...]:
+def contact_pairs(log: FlightArrays) -> tuple[tuple[str, str], ...]:
     """Names of surface and contact point for each column of the logged contact force."""
     pairs = (label.partition("/") for label in component_labels(log, "contact_force"))
     return tuple((surface, point) for surface, _, point in pairs)
 
 
-def points_at_tip(log: Log) -> frozenset[str]:
+def points_at_tip(log: FlightArrays) -> frozenset[str]:
     """Names of the contact points at the vehicle's tip."""
     points = written_at(log.info, "world.points") or ()
     tip = written_at(log.info, "plant.vehicle.end_effector")
     return frozenset(str(each.get("name")) for each in points if tip and each.get("frame") == tip)
 
 
-def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:
+def grasp_periods(log: FlightArrays) -> tuple[GraspPeriod, ...]:
     """List all grasps in a log, ordered by start."""
     found = list[GraspPeriod]()
     bodies = [label.partition("/")[0] for label in component_labels(log, "object_position")[::3]]
@@ -105,12 +100,7 @@ def grasp_periods(log: Log) -> tuple[GraspPeriod, ...]:
     return tuple(sorted(found, key=lambda each: each.start))
 
 
-def waits_of(guards: Iterable[Guard]) -> list[dict[str, Any]]:
-    """Convert phase end conditions to plain data for a log: phase number, time and timeout, s."""
-    return [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
-
-
-def timed_out(log: Log) -> frozenset[int]:
+def timed_out(log: FlightArrays) -> frozenset[int]:
     """Numbers of a task's phases whose end condition was not met before the timeout.
 
     A guard that is met in the very last period of its timeout counts among them.
@@ -129,5 +119,5 @@ def runs_of(true: Any) -> list[tuple[int, int]]:
     return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
 
 
-def _time(log: Log, instant: int) -> float | None:
+def _time(log: FlightArrays, instant: int) -> float | None:
     return float(log.time[instant]) if instant < log.time.size else None

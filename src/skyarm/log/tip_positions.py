@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.algebra.frames import unit_rows
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.records.arrays import Array
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -15,8 +16,7 @@ def tip(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> 
     """World position of the tip (N, 3), m, or of the base if the vehicle has no tip."""
     if not vehicle.end_effector:
         return position
-    unit = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
-    return frame_pose_world(vehicle, position, unit, joints)[0]
+    return frame_pose_world(vehicle, position, unit_rows(quaternion), joints)[0]
 
 
 def level_tip(vehicle: Vehicle, position: Array, yaw: Any, joints: Array) -> Array:

@@ -30,7 +30,7 @@ from skyarm.plant.largest_step import (
 )
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, after_impact, far_step
 from skyarm.plant.surroundings import Surroundings
-from skyarm.vehicle.check import require_plant
+from skyarm.vehicle.vehicle_records import require_plant
 
 
 def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:

@@ -34,8 +34,7 @@ from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.plant.mujoco_stages import StagedRungeKutta
 from skyarm.plant.surroundings import Surroundings, after_euler_step, before_euler_step, places_in, slopes_of
 from skyarm.records.leaves import leaves
-from skyarm.vehicle.check import require_plant
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle, require_plant
 
 LARGEST_FRICTION_STEP = {"rk4": HELD_FRICTION_STEP, "rk4_staged": FRICTION_STEP}
 """Integrator -> largest product of friction's decay rate and a step."""

@@ -23,8 +23,7 @@ from skyarm.dynamics.state import State
 from skyarm.dynamics.workspace import nearest_to_zero
 from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor, unused_name
 from skyarm.records.immutable import immutable
-from skyarm.vehicle.check import require_plant
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle, require_plant
 
 HEADER = "Written by skyarm export as MJCF; control of a rotor is its thrust in N, of a joint its effort in N m or N."
 

@@ -11,14 +11,14 @@ import math
 import types
 import typing
 from collections.abc import Callable, Mapping
-from functools import cache, partial
+from functools import partial
 from typing import Any, TypeGuard, TypeVar
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, Rule, concrete, refuse
-from skyarm.records.immutable import declarations
+from skyarm.records.immutable import declarations, memoize
 from skyarm.records.leaves import field_names
 from skyarm.records.units import Unit, declared_fields
 
@@ -87,23 +87,17 @@ def require_fields(record: object, where: str, skipped: tuple[type, ...] = ()) -
             require_fields(value, at, skipped)
 
 
-@cache
-def _rules(kind: type) -> Mapping[str, Rule]:
+@memoize
+def rules(kind: type) -> Mapping[str, Rule]:
+    """Rule of each field of a dataclass whose annotation states what it holds."""
     found = {name: _rule(wanted, unit) for name, (wanted, unit) in declared_fields(kind).items()}
     return {name: rule for name, rule in found.items() if rule is not None}
 
 
-rules: Callable[[type], Mapping[str, Rule]] = _rules
-"""The rule of each field of a dataclass whose annotation says what it holds."""
-
-
-@cache
-def _usual(kind: type) -> Mapping[str, object]:
+@memoize
+def defaults(kind: type) -> Mapping[str, object]:
+    """Default of each field of a dataclass; ``dataclasses.MISSING`` without one, or where a function makes it."""
     return {field.name: field.default for field in declarations(kind)}
-
-
-defaults: Callable[[type], Mapping[str, object]] = _usual
-"""The default of each field of a dataclass; ``dataclasses.MISSING`` without one, or where a function makes it."""
 
 
 def _rule(wanted: object, unit: Unit) -> Rule | None:
@@ -161,21 +155,16 @@ def _number(field: str, value: object, unit: Unit) -> Scalar:
     return held
 
 
-def _scalar(field: str, value: object, unit: Unit) -> Scalar:
-    """Convert a scalar and check its bounds; integers become constants of compiled code."""
-    if type(value) is int and abs(value) < WHOLE:
-        _within(field, value, unit)
-        return value
-    return _number(field, value, unit)
-
-
 def accept_scalar(field: str, value: object, unit: Unit) -> Scalar:
-    """Convert a scalar to its stored type, and check the bounds of its unit.
+    """Convert a scalar to its stored type and check the bounds of its unit; integers become constants of compiled code.
 
     Raises:
         RecordError: one line with field, value and what is allowed.
     """
-    return _scalar(field, value, unit)
+    if type(value) is int and abs(value) < WHOLE:
+        _within(field, value, unit)
+        return value
+    return _number(field, value, unit)
 
 
 def _whole(field: str, value: object, unit: Unit) -> int:
@@ -202,7 +191,7 @@ def _numbers(field: str, value: object, unit: Unit, kind: type[Several], letters
     """Convert a list of plain numbers, or an instance of the class, to a vector or quaternion class."""
     if isinstance(value, kind):
         given = [getattr(value, letter) for letter in letters]
-        held = [_scalar(f"{field}.{letter}", each, unit) for letter, each in zip(letters, given, strict=True)]
+        held = [accept_scalar(f"{field}.{letter}", each, unit) for letter, each in zip(letters, given, strict=True)]
         return value if all(a is b for a, b in zip(held, given, strict=True)) else kind(*held)
     entries = [_number(field, each, unit) for each in coerce.items(field, value, (len(letters),), allowed)]
     return kind(*(0 if unit.folds and concrete(each) and each == 0.0 else each for each in entries))
@@ -211,7 +200,7 @@ def _numbers(field: str, value: object, unit: Unit, kind: type[Several], letters
 _NUMBERS: Mapping[object, Callable[[str, object, Unit], object]] = {
     float: _number,
     int: _whole,
-    Scalar: _scalar,
+    Scalar: accept_scalar,
     Vec3: partial(_numbers, kind=Vec3, letters="xyz", allowed="must be three numbers"),
     Quaternion: partial(_numbers, kind=Quaternion, letters="wxyz", allowed="must be four numbers (w x y z)"),
     Mat3: lambda field, value, _unit: coerce.matrix(field, value),

@@ -9,7 +9,16 @@ from collections.abc import Iterable, Mapping
 from enum import Enum
 from pathlib import Path
 
-from skyarm.records.files.user_code import file_of, identity_of_file, is_own, is_own_file, number_duplicates, source_of
+from skyarm.records.files.user_code import (
+    closed_over,
+    codes_of,
+    file_of,
+    identity_of_file,
+    is_own,
+    is_own_file,
+    number_duplicates,
+    source_of,
+)
 from skyarm.records.plain import digest, fields_of, plain
 from skyarm.records.registry.plugins import loaded_plugins, plugin_of
 from skyarm.records.registry.registrations import registrations
@@ -113,9 +122,7 @@ def _of_class(kind: type) -> set[Pair]:
         plugin = plugin_of(kind.__module__)
         file = file_of(module)
         return {(Path(file).name, identity_of_file(file))} if plugin is None else set(plugin.identities())
-    held = (getattr(each, "fget", None) or getattr(each, "__func__", each) for each in vars(kind).values())
-    codes = (getattr(each, "__code__", None) for each in held)
-    return {pair for code in codes if isinstance(code, types.CodeType) for pair in _of_code(code, kind.__module__)}
+    return {pair for code in codes_of(vars(kind).values()) for pair in _of_code(code, kind.__module__)}
 
 
 def _parts(value: object) -> list[object]:
@@ -130,17 +137,8 @@ def _parts(value: object) -> list[object]:
         return []
     if isinstance(value, (types.FunctionType, types.MethodType)) or hasattr(value, "__wrapped__"):
         named = (getattr(value, name, None) for name in ("__func__", "__self__", "__wrapped__"))
-        defaults, cells = (getattr(value, name, None) or () for name in ("__defaults__", "__closure__"))
-        return [*named, *defaults, *map(_content, cells)]
+        return [*named, *(getattr(value, "__defaults__", None) or ()), *closed_over(value)]
     held = [] if isinstance(value, Enum) else [each for _, each in fields_of(value)]
     plant = getattr(value, "kind", None)
     named_plant = registrations("plant").get(plant) if isinstance(plant, str) else None
     return [type(value), *held, *([] if named_plant is None else [named_plant.target])]
-
-
-def _content(cell: types.CellType) -> object:
-    """Value of a variable captured by a function (closure cell); None if it is not assigned yet."""
-    try:
-        return cell.cell_contents
-    except ValueError:
-        return None

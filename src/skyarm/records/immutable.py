@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import Field, dataclass, field, fields, is_dataclass
 from functools import cache
-from typing import TypeVar, dataclass_transform, overload
+from typing import TypeVar, cast, dataclass_transform, overload
 
 T = TypeVar("T")
 
+F = TypeVar("F", bound=Callable[..., object])
 
-def _declarations(kind: type) -> tuple[Field[object], ...]:
+
+def memoize(function: F) -> F:
+    """Cache the results of a function and keep its type: ``functools.cache`` takes only some classes for hashable."""
+    return cast("F", cache(function))
+
+
+@memoize
+def declarations(kind: type) -> tuple[Field[object], ...]:
+    """Fields of a dataclass with their defaults and metadata; none of any other type."""
     return fields(kind) if is_dataclass(kind) else ()
-
-
-declarations: Callable[[type], tuple[Field[object], ...]] = cache(_declarations)
-"""Fields of a dataclass with their defaults and metadata; none of any other type."""
 
 
 LONGEST = 300

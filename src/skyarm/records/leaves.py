@@ -10,10 +10,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
-from functools import cache
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeGuard, TypeVar
 
 from skyarm.algebra.scalars import Scalar, where
+from skyarm.records.immutable import memoize
 
 Record = TypeVar("Record")
 
@@ -60,12 +60,10 @@ def _visit_only(record: object, visit: Callable[[object], None]) -> None:
         visit(record)
 
 
-def _field_names(kind: type) -> tuple[str, ...] | None:
+@memoize
+def field_names(kind: type) -> tuple[str, ...] | None:
+    """Fields of a dataclass; None for any other type. Laws that are called with floats ask at every step."""
     return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
-
-
-field_names: Callable[[type], tuple[str, ...] | None] = cache(_field_names)
-"""Fields of a dataclass; None for any other type. Laws that are called with floats ask at every step."""
 
 
 def is_record(value: object) -> bool:

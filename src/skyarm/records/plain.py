@@ -6,12 +6,12 @@ import functools
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from enum import Enum
 from types import ModuleType
 from typing import Any, Protocol, TypeAlias
 
-from skyarm.records.immutable import declarations
+from skyarm.records.immutable import declarations, memoize
 from skyarm.records.leaves import field_names
 
 NOT_FINITE = ("inf", "-inf", "nan")
@@ -106,12 +106,10 @@ def fields_of(value: object) -> list[tuple[str, object]]:
     return [*getattr(value, "__dict__", {}).items(), *((name, getattr(value, name, None)) for name in slots)]
 
 
-def _written_if_any(kind: type) -> tuple[str, ...]:
+@memoize
+def written_if_any(kind: type) -> tuple[str, ...]:
+    """Fields of a dataclass that are written only where they are not empty."""
     return tuple(field.name for field in declarations(kind) if "written_if_any" in field.metadata)
-
-
-written_if_any: Callable[[type], tuple[str, ...]] = functools.cache(_written_if_any)
-"""Fields of a dataclass that are written only where they are not empty."""
 
 
 def _bound(function: object) -> list[object]:

@@ -12,12 +12,11 @@ import sys
 import types
 import typing
 from collections.abc import Callable, Mapping
-from functools import cache
 from typing import Annotated
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, memoize
 from skyarm.records.leaves import field_names
 
 FARTHEST = 1e7
@@ -76,22 +75,16 @@ NUMBER = Unit(infinite=True)
 """Of a field without one."""
 
 
-@cache
-def _units(kind: type) -> Mapping[str, Unit]:
+@memoize
+def units(kind: type) -> Mapping[str, Unit]:
+    """Unit of each field of a dataclass that states one."""
     return {name: unit for name, (_, unit) in declared_fields(kind).items() if unit is not NUMBER}
 
 
-units: Callable[[type], Mapping[str, Unit]] = _units
-"""The unit of each field of a dataclass that states one."""
-
-
-@cache
-def _scalars(kind: type) -> Mapping[str, Unit]:
+@memoize
+def scalars(kind: type) -> Mapping[str, Unit]:
+    """Unit of each field of a dataclass that holds one scalar."""
     return {name: unit for name, (wanted, unit) in declared_fields(kind).items() if wanted is Scalar}
-
-
-scalars: Callable[[type], Mapping[str, Unit]] = _scalars
-"""The unit of each field of a dataclass that holds one scalar."""
 
 
 def declared_fields(kind: type) -> dict[str, tuple[object, Unit]]:

@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any, Literal, NamedTuple
 
 from skyarm.records.field_rules import defaults
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, memoize
 from skyarm.records.leaves import Place, field_names
 from skyarm.records.units import Unit, declared_fields
 
@@ -116,12 +116,10 @@ def lifted_fields(kind: type) -> dict[str, str]:
     return {name: word.unless for name, word in _words_in(kind) if word.unless}
 
 
-def _called_otherwise(of: type | Callable[..., object]) -> dict[str, str]:
+@memoize
+def words_of_fields(of: type | Callable[..., object]) -> dict[str, str]:
+    """Fields of a dataclass, or parameters of a function, that a file calls otherwise, each with its word there."""
     return {name: word.at for name, word in _words_in(of) if word.at and word.at.isidentifier()}
-
-
-words_of_fields: Callable[[type | Callable[..., object]], dict[str, str]] = cache(_called_otherwise)
-"""Fields of a dataclass, or parameters of a function, that a file calls otherwise, each with its word there."""
 
 
 def _words_in(of: type | Callable[..., object]) -> list[tuple[str, Word]]:

@@ -15,12 +15,13 @@ import math
 from collections.abc import Callable, Mapping
 
 from skyarm.algebra import Vec3, axis_rotation
+from skyarm.dynamics.kinematics import NEAREST
 from skyarm.records.files import Fields, shown
 from skyarm.reference.signals import Turning
 from skyarm.reference.splines import Polynomials, minimum_snap
 from skyarm.reference.task import Arc, Place, Task, duration_of, require_field, seconds, unit_vector
 from skyarm.reference.task_records import TaskEvent
-from skyarm.reference.tip_motion import FASTEST, NEAREST, STRONGEST, UPRIGHT
+from skyarm.reference.tip_motion import FASTEST, STRONGEST, UPRIGHT
 from skyarm.reference.waypoints import MOST_POINTS, number_within, place_of, points_of, positive, require_way
 
 ABOUT = ("center", "axis", "force")

@@ -19,16 +19,25 @@ from skyarm.algebra.scalars import Scalar, add, cos, floor, logical_and, mul, sa
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import Fields, number, shown
+from skyarm.records.files.user_code import require_result
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, parts
 from skyarm.records.path_names import Names, below, path_names
-from skyarm.records.read_table import entry_of
+from skyarm.records.read_table import entry_of, record_from
+from skyarm.records.registry import find, names
 from skyarm.records.units import Unit
 
 Derivatives = tuple[Any, ...]
 """Value and derivatives one to four."""
 
 Record = TypeVar("Record")
+
+PACKAGE = f"{__name__.partition('.')[0]}."
+"""Beginning of the modules whose signals ship."""
+
+SIGNAL = "must be a finite number, a list of signals of time or a table with a kind of signal"
+"""What stands for a signal."""
 
 
 class Signal(ABC):
@@ -62,8 +71,6 @@ class Signal(ABC):
     @classmethod
     def from_table(cls, entry: object, where: str) -> Signal:
         """Time signal from a number, list or table of a scenario file."""
-        from skyarm.reference.signal_tables import signal_from
-
         return signal_from(entry, where)
 
 
@@ -334,3 +341,27 @@ class Turning(Signal):
         a = Taylor.of_derivatives(self.angle.derivatives(t))
         place = (a * self.growth + self.radius) * (cos(a) * self.u + sin(a) * self.w) - self.radius * self.u
         return tuple(place.derivative(k) for k in range(5))
+
+
+def signal_from(entry: Any, where: str) -> Signal:
+    """Time signal from a number, list or table of a scenario file."""
+    if isinstance(entry, list):
+        return Sum(tuple(signal_from(item, f"{where}[{index}]") for index, item in enumerate(entry)))
+    if isinstance(entry, (str, bool)):
+        raise ValueError(f"{where} = {shown(entry)}: {SIGNAL}")
+    if not isinstance(entry, dict):
+        return Constant(number(entry, where))
+    fields = Fields(entry, where)
+    make = find("signal", fields.choice("kind", names("signal")))
+    signal: Signal = record_from(make, fields) if isinstance(make, type) else make(fields)
+    fields.done()
+    return signal if make.__module__.startswith(PACKAGE) else _checked(make, signal)
+
+
+def _checked(make: object, signal: Signal) -> Signal:
+    """Signal of a user's kind, whose values are needed before a flight checks its parts; others raise an error."""
+    require_result(make, signal, isinstance(signal, Signal), "a skyarm.reference.Signal")
+    found = signal.derivatives(0.0)
+    fine = isinstance(found, tuple) and len(found) == len(Constant(0.0).derivatives(0.0))
+    require_result(signal.derivatives, found, fine, "a tuple of five: value and derivatives one to four")
+    return signal

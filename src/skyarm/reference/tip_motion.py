@@ -22,9 +22,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.algebra.scalars import Scalar, cos, data, divide, logical_and, logical_or, sin, sqrt, where
+from skyarm.algebra.scalars import Scalar, cos, divide, logical_or, sin, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.dynamics.kinematics import chain, joint_placement
+from skyarm.dynamics.kinematics import chain, joint_placement, out_of_axis
 from skyarm.records.arrays import Array
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
@@ -147,9 +147,6 @@ FASTEST = 10.0
 STRONGEST = 1e4
 """N, that a tip may be asked to press with at most: far beyond what multirotors have."""
 
-NEAREST = 1e-3
-"""m from an axis within which no direction out of it is known."""
-
 UPRIGHT = (0.0, 0.0, 1.0)
 """The axis of a door."""
 
@@ -210,24 +207,6 @@ def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:
         n = out_of_axis(tip, Vec3(*push[6:9]), Vec3(*push[9:]), push[5] > 0.5, n)
     counted: Vec3 = away - n * where(held, n.dot(away), 0.0)
     return counted
-
-
-def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -> Vec3:
-    """Unit vector from a hinge axis to the tip while a handle is gripped, else the surface normal.
-
-    Args:
-        tip: m, world axes.
-        pivot: m, on the axis.
-        axis: its unit vector.
-        grips: condition.
-        normal: also where the tip is within ``NEAREST`` of the axis.
-    """
-    arm = tip - pivot
-    out = arm - axis * axis.dot(arm)
-    size = out.dot(out)
-    turns = logical_and(grips, size * axis.dot(axis) > NEAREST * NEAREST)
-    unit = out * divide(1.0, sqrt(size + 1e-12))
-    return Vec3(*(where(turns, data(a), data(b)) for a, b in zip(unit, normal, strict=True)))
 
 
 def _unit(v: tuple[Scalar, Scalar, Scalar]) -> tuple[Scalar, Scalar, Scalar]:

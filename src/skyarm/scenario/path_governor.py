@@ -20,7 +20,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators import make_mixer
-from skyarm.dynamics.actuators.motion_demand import Demand, Motion, attitude, demand_of_motion, motion_of
+from skyarm.dynamics.actuators.motion_demand import ActuatorDemand, MotionSamples, attitude, demand_of_motion, motion_of
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.records.arrays import Array
 from skyarm.records.field_rules import accept_fields
@@ -136,7 +136,7 @@ def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
     trajectory, limits = scenario.reference, Limits(scenario.controller.par.model, options)
     ceilings = Ceilings(duration=float(scenario.duration), stops=_corners(trajectory, scenario))
 
-    def motion(s: Derivatives, time: Array) -> Motion:
+    def motion(s: Derivatives, time: Array) -> MotionSamples:
         return motion_of(by_flight_time(trajectory.at(s[0]), s), time)
 
     judge = Judge(motion=motion, shares=limits.shares, at_rest=limits.at_rest)
@@ -225,7 +225,7 @@ class Limits:
             "angular acceleration",
         ]
 
-    def shares(self, motion: Motion) -> Array:
+    def shares(self, motion: MotionSamples) -> Array:
         """Demands of a motion as fractions of the vehicle's limits, (limits, K): above 1 is infeasible."""
         settled = self._window_means(motion.time)
         demand = demand_of_motion(self._vehicle, self._gravity, motion, settled)
@@ -237,7 +237,7 @@ class Limits:
             found = np.maximum(found, self._shares(demand))
         return found
 
-    def _shift(self, motion: Motion, settled: Callable[[Array], Array]) -> Array:
+    def _shift(self, motion: MotionSamples, settled: Callable[[Array], Array]) -> Array:
         """Extra acceleration of a base that tilts while its tip stays where a level base has it, (3, K), m/s^2."""
         force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
         held = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
@@ -248,10 +248,10 @@ class Limits:
         velocity = np.gradient(off, motion.time, axis=1, edge_order=2)
         return np.asarray(settled(np.gradient(velocity, motion.time, axis=1, edge_order=2)))
 
-    def at_rest(self, motion: Motion) -> Array:
+    def at_rest(self, motion: MotionSamples) -> Array:
         """Static demands of each posture of a motion as fractions of the limits, (limits, K): a lower bound."""
         nothing = np.zeros_like
-        still = Motion(
+        still = MotionSamples(
             time=motion.time, acceleration=nothing(motion.acceleration), yaw=motion.yaw, joints=motion.joints,
             rates=nothing(motion.rates), accelerations=nothing(motion.accelerations),
         )  # fmt: skip
@@ -259,7 +259,7 @@ class Limits:
         demand = demand_of_motion(self._vehicle, self._gravity, still, _upright)
         return self._shares(demand)
 
-    def _shares(self, demand: Demand) -> Array:
+    def _shares(self, demand: ActuatorDemand) -> Array:
         most = 1.0 - float(self._options.reserve)
         up = demand.squared / (most * self._highest)
         # the least that a rotor is left with: the reserve's share of what it turns with in hover

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from skyarm.dynamics.actuators.motion_demand import Motion
+from skyarm.dynamics.actuators.motion_demand import MotionSamples
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.reference.path_time import PathTime
@@ -165,9 +165,9 @@ class Judge:
         shares: demands of a motion as fractions of the limits. at_rest: static demands of its postures, a lower bound.
     """
 
-    motion: Callable[[Derivatives, Array], Motion]
-    shares: Callable[[Motion], Array]
-    at_rest: Callable[[Motion], Array]
+    motion: Callable[[Derivatives, Array], MotionSamples]
+    shares: Callable[[MotionSamples], Array]
+    at_rest: Callable[[MotionSamples], Array]
 
     def over(self, s: Derivatives, time: Array) -> Array:
         """Ratio of demand to allowed demand, (limits, K); the static demand of a posture is always allowed."""

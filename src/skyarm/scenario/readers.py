@@ -190,22 +190,29 @@ def with_files(table: object, where: str, folder: Path) -> object:
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    if isinstance(table, list):
-        return [with_files(each, f"{where}[{i}]", folder) for i, each in enumerate(table)]
-    if not isinstance(table, dict):
-        return table
-    found = {name: with_files(each, f"{where}.{name}", folder) for name, each in table.items()}
-    paths = _paths_in(table)
-    if "file" in paths:
-        found["file"] = str(folder / paths["file"])
-    if "mesh" in paths:
+
+    def absolute(word: str, path: str, at: str) -> str:
+        if word == "file":
+            return str(folder / path)
         from skyarm.records.files.stl_mesh import read_corners
 
-        path = folder / paths["mesh"]
-        with errors_as(ValueError, f"{where}.mesh = {shown(paths['mesh'])}: "):
-            read_corners(path)
-        found["mesh"] = str(path.absolute())  # a log is drawn from any folder
-    return found
+        with errors_as(ValueError, f"{at}.mesh = {shown(path)}: "):
+            read_corners(folder / path)
+        return str((folder / path).absolute())  # a log is drawn from any folder
+
+    return _with_paths(table, where, absolute)
+
+
+def _with_paths(table: object, where: str, other: Callable[[str, str, str], str]) -> object:
+    """Tables of [reference] or [world] with paths of files replaced by a function of word, path and place."""
+    if isinstance(table, list):
+        return [_with_paths(each, f"{where}[{i}]", other) for i, each in enumerate(table)]
+    if not isinstance(table, Mapping):
+        return table
+    found = {name: _with_paths(each, f"{where}.{name}", other) for name, each in table.items()}
+    words = ("file", "mesh") if table.get("kind") == "samples" else ("mesh",)
+    paths = {word: path for word in words if isinstance(path := table.get(word), str) and path}
+    return found | {word: other(word, path, where) for word, path in paths.items()}
 
 
 NAMED_FILES = ("plant", "vehicle"), ("model", "vehicle"), ("controller", "tuned")
@@ -224,24 +231,8 @@ def with_other_paths(tables: Mapping[str, Any], other: Callable[[str], str]) -> 
         table = tables.get(name)
         if isinstance(table, Mapping) and isinstance(entry := table.get(word), str) and entry not in list_vehicles():
             found[name] = {**table, word: other(entry)}
-    return found | {name: _other_paths(found[name], other) for name in ("reference", "world") if name in found}
-
-
-def _other_paths(table: object, other: Callable[[str], str]) -> object:
-    """Tables of [reference] or [world] with the paths of :func:`with_files` replaced."""
-    if isinstance(table, list):
-        return [_other_paths(each, other) for each in table]
-    if not isinstance(table, Mapping):
-        return table
-    return {name: _other_paths(each, other) for name, each in table.items()} | {
-        name: other(path) for name, path in _paths_in(table).items()
-    }
-
-
-def _paths_in(table: Mapping[str, object]) -> dict[str, str]:
-    """Words of a table of [reference] or [world] that are paths: a file of samples, a mesh."""
-    words = ("file", "mesh") if table.get("kind") == "samples" else ("mesh",)
-    return {word: path for word in words if isinstance(path := table.get(word), str) and path}
+    files = (name for name in ("reference", "world") if name in found)
+    return found | {name: _with_paths(found[name], name, lambda _, path, __: other(path)) for name in files}
 
 
 def changes(entry: object, path: str, reading: Reading) -> tuple[Change, ...]:

@@ -30,8 +30,7 @@ from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.paths import is_below
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor import Sensor
-from skyarm.vehicle.check import require_plant
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle, require_plant
 from skyarm.world import Component
 
 LONGEST_FLIGHT = 10_000_000

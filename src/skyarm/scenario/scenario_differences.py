@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, get_origin
 
+from skyarm.log.log_differences import more_lines
+from skyarm.records.files import shown
 from skyarm.records.words import EACH, Slot, slots
+from skyarm.scenario.paths import matches
 from skyarm.scenario.scenario_record import Scenario
 
 ABSENT = "(none)"
@@ -47,7 +50,7 @@ def _leaves(data: object, words: Words) -> Iterator[tuple[Words, Any]]:
 def _has_choice(words: Words) -> bool:
     """True for a field path, such as environment.wind, where values of several classes are allowed."""
     return any(
-        slot.word.kind and _matches(words, (*slot.place, EACH) if _is_list(slot) else slot.place)
+        slot.word.kind and matches(words, (*slot.place, EACH) if _is_list(slot) else slot.place)
         for slot in slots(Scenario)
     )
 
@@ -57,15 +60,25 @@ def _is_list(slot: Slot) -> bool:
     return EACH not in slot.place and get_origin(slot.type) is tuple
 
 
-def _matches(words: Words, place: Words) -> bool:
-    return len(words) == len(place) and all(b in (a, EACH) for a, b in zip(words, place, strict=True))
-
-
 def _path(words: Words) -> str:
     """Parameter path of a value in a scenario's plain data; the field names joined by dots if no path exists."""
     for slot in sorted(slots(Scenario), key=lambda slot: -len(slot.place)):
         head, tail = words[: len(slot.place)], words[len(slot.place) :]
-        if _matches(head, slot.place):
+        if matches(head, slot.place):
             number = next((a for a, b in zip(head, slot.place, strict=True) if b == EACH), "")
             return ".".join((slot.path.replace(EACH, number), *tail))
     return ".".join(words)
+
+
+MOST_FIELDS = 20
+"""Fields that a terminal shows; ``--json`` has all."""
+
+
+def changed_field_lines(found: dict[str, tuple[object, object]], laws: list[str]) -> list[str]:
+    """Text of the scenario fields in which two logs differ."""
+    lines = ["the scenarios differ in"] if found else []
+    if any(path.startswith("controller.law.") for path in found):
+        lines.append("  controller: " + " and ".join(map(shown, laws)))
+        found = {path: pair for path, pair in found.items() if not path.startswith("controller.")}
+    lines += [f"  {path}: {shown(ours)} and {shown(theirs)}" for path, (ours, theirs) in found.items()][:MOST_FIELDS]
+    return lines + more_lines(len(found) - MOST_FIELDS, "fields")

@@ -641,6 +641,11 @@ class Scenario:
         return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.plant.vehicle.links) if given else ()
 
 
+def with_words(scenario: Scenario, **words: Any) -> Scenario:
+    """Scenario with other fields, or with other words of its groups such as ``wind``, which type checkers refuse."""
+    return dataclasses.replace(scenario, **words)
+
+
 def check_name(name: str) -> None:
     """Check that a scenario's name is valid as a file name on all systems."""
     if not is_result_name(name):

@@ -20,7 +20,7 @@ from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import blend, leaves, rebuild
+from skyarm.records.leaves import Tree, blend, leaves, rebuild
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit, declared_fields
 from skyarm.reference.signal_tables import SignalList
@@ -37,7 +37,7 @@ class Channel:
     normal number of deviation ``turn_on``, drawn for each episode, and walks.
 
     Attributes:
-        sigma: deviation of the white noise of a reading. density: of white noise; adds density^2 / dt to its variance.
+        sigma: deviation of the white noise of a reading. density: noise density; adds density^2 / dt to its variance.
         bias: fixed, one number for each component; none for no bias.
         turn_on: deviation of the bias with which an episode begins. walk: density of the bias's random walk.
         offset: bias as signals of time, one for each component, on top of the others; None for none.
@@ -74,20 +74,20 @@ class Channel:
             RecordError: one line with field, value and what is allowed.
         """
         offset = () if self.offset is None else self.offset.signals
-        for name, held, what in (("bias", self.bias, "numbers"), ("offset", offset, "signals")):
-            if held and len(held) != count:
+        for name, given, what in (("bias", self.bias, "numbers"), ("offset", offset, "signals")):
+            if given and len(given) != count:
                 allowed = f"must be {count}, or none" if count else "must be left out: the vehicle has none of them"
-                raise RecordError(f"{where_is}.{name} = {len(held)} {what}: {allowed}")
+                raise RecordError(f"{where_is}.{name} = {len(given)} {what}: {allowed}")
 
     def start(self, count: int) -> tuple[float, ...]:
         """Initial random bias of each component, zero; () for an error model without random bias."""
         return (0.0,) * count if self.drifts else ()
 
-    def drift(self, before: Sequence[Any], draws: Sequence[Any], first: Any, dt: Any) -> tuple[Any, ...]:
+    def drift(self, before: Sequence[Scalar], draws: Sequence[Scalar], first: Scalar, dt: float) -> tuple[Scalar, ...]:
         """Random bias of each component at a reading: random at the first reading, then a random walk.
 
         Args:
-            before: of the reading before.
+            before: random bias of the reading before.
             draws: standard normal numbers, the first of which are used.
             first: condition, true at the first reading of an episode.
             dt: s between readings.
@@ -104,12 +104,12 @@ class Channel:
         draws: Sequence[Scalar],
         dt: float,
         t: Scalar = 0.0,
-    ) -> tuple[Any, ...]:
+    ) -> tuple[Scalar, ...]:
         """Reading of a quantity with all errors of the error model.
 
         Args:
             truth: components.
-            drift: of this reading, or nothing.
+            drift: random bias of this reading, or nothing.
             draws: standard normal numbers of :meth:`normals`.
             dt: s between readings.
             t: s, of the reading.
@@ -117,15 +117,15 @@ class Channel:
         moved = () if self.offset is None else self.offset.at(t)
         noise = draws[len(drift) :]
         deviation = self.deviation(dt)
-        found = []
+        readings = []
         for i, value in enumerate(truth):
             off = self.bias[i] if self.bias else 0
             off = add(off, moved[i]) if moved else off
             off = add(off, drift[i]) if drift else off
             off = add(off, mul(deviation, noise[i])) if self.noisy else off
             scaled = value if absent(self.scale) else value * add(1.0, self.scale)
-            found.append(self.quantize(add(scaled, off)))
-        return tuple(found)
+            readings.append(self.quantize(add(scaled, off)))
+        return tuple(readings)
 
     def deviation(self, dt: float) -> Scalar:
         """Standard deviation of a reading's white noise; an int 0 without noise."""
@@ -149,7 +149,7 @@ class Dropouts:
     At random the link is a Markov chain of two states: a share of the readings is lost, in runs of a mean duration.
 
     Attributes:
-        share: of the readings that is lost at random. duration: mean length of a run of them, s; 0, or a length below
+        share: share of the readings that is lost at random. duration: mean length of a run of them, s; 0, or less than
             that of independent losses, for losses that are independent of each other.
         intervals: first and last instant of each interval in which no reading is taken, s.
     """
@@ -174,7 +174,7 @@ class Dropouts:
         """True if readings are lost at all."""
         return self.random or bool(self.intervals)
 
-    def lost(self, before: Any, draw: Scalar, dt: float) -> Any:
+    def lost(self, before: Scalar, draw: Scalar, dt: float) -> Scalar:
         """State of the link at a reading: 1.0 while readings are lost at random, else 0.0 (two-state Markov chain).
 
         Args:
@@ -187,16 +187,16 @@ class Dropouts:
         begins = ends * divide(self.share, 1.0 - self.share)
         return where(draw < where(before > 0.5, 1.0 - ends, begins), 1.0, 0.0)
 
-    def silent(self, lost: Scalar, t: Scalar) -> Any:
+    def silent(self, lost: Scalar, t: Scalar) -> Scalar:
         """True if no reading arrives at time ``t`` (s): lost at random or within a given interval."""
-        found = lost > 0.5
+        missing: Scalar = lost > 0.5
         for begin, end in self.intervals:
             # half a microsecond: an interval's ends are instants of the loop but for rounding
-            found = logical_or(found, logical_and(t > begin - 5e-7, t < end - 5e-7))
-        return found
+            missing = logical_or(missing, logical_and(t > begin - 5e-7, t < end - 5e-7))
+        return missing
 
 
-Quantities = tuple[tuple[str, Channel, tuple[Any, ...]], ...]
+Quantities = tuple[tuple[str, Channel, tuple[Scalar, ...]], ...]
 """Name, errors and true components of each channel."""
 
 
@@ -207,13 +207,13 @@ class ChannelMemory:
     Attributes:
         read: 1 after the first reading. drifts: bias of each channel that drifts, else nothing.
         lost: 1 while the link loses readings at random. last: the last reading that came; nothing without dropouts.
-        own: of the kind of sensor.
+        own: state of the kind of sensor.
     """
 
     read: Scalar
     drifts: tuple[tuple[Scalar, ...], ...]
     lost: Scalar
-    last: Any
+    last: Tree
     own: Any = ()
 
 
@@ -254,13 +254,13 @@ class ChannelSensor(Sensor):
     """Record of a reading: the instant, then a field for each channel."""
 
     def reading(
-        self, t: Scalar, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Scalar, dt: float
-    ) -> Any:
+        self, t: Scalar, values: Sequence[tuple[Scalar, ...]], state: State, own: Any, first: Scalar, dt: float
+    ) -> tuple[Tree, Tree]:
         """Make the reading from the values of all measured quantities; return the sensor type's state too."""
         fields = zip(_makers(self.record).items(), values, strict=True)
         return own, self.record(time=t, **{name: make(value) for (name, make), value in fields})
 
-    def first_own(self, vehicle: Vehicle) -> Any:
+    def first_own(self, vehicle: Vehicle) -> Tree:
         """Initial state that is specific to the sensor type; () for none."""
         return ()
 
@@ -280,7 +280,8 @@ class ChannelSensor(Sensor):
     def start(self, vehicle: Vehicle) -> ChannelMemory:
         """Initial internal state of the sensor, before the first reading."""
         state, quantities = example_state(*vehicle.sizes), self.examples(vehicle)
-        own, last = self.first_own(vehicle), ()
+        own = self.first_own(vehicle)
+        last: Tree = ()
         if self.dropouts.any:
             _, example = self.reading(0.0, [truth for _, _, truth in quantities], state, own, False, 1.0)
             last = rebuild(example, iter([0.0] * len(leaves(example))))
@@ -289,13 +290,13 @@ class ChannelSensor(Sensor):
 
     def measure(
         self, memory: ChannelMemory, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
-    ) -> tuple[ChannelMemory, Any]:
+    ) -> tuple[ChannelMemory, Tree]:
         """Take one reading of the true state; return the sensor's next internal state and the reading."""
         return self.read(memory, t, self.quantities(state, specific_force), state, draws, dt)
 
     def read(
         self, memory: ChannelMemory, t: Scalar, quantities: Quantities, state: Any, draws: Sequence[Scalar], dt: float
-    ) -> tuple[ChannelMemory, Any]:
+    ) -> tuple[ChannelMemory, Tree]:
         """Take one reading of given quantities; return the sensor's next internal state and the reading."""
         first = memory.read < 0.5
         if len(draws) != self._uniforms(quantities):
@@ -327,7 +328,7 @@ class ChannelSensor(Sensor):
 
 
 @cache
-def _makers(record: type) -> Mapping[str, Callable[[tuple[Any, ...]], Any]]:
+def _makers(record: type) -> Mapping[str, Callable[[tuple[Scalar, ...]], Vec3 | Scalar]]:
     """Functions that convert a quantity's components to the value of each field of a reading, except the time."""
-    types = {name: wanted for name, (wanted, _) in declared_fields(record).items() if name != "time"}
+    types = {name: kind for name, (kind, _) in declared_fields(record).items() if name != "time"}
     return {name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0]) for name, each in types.items()}

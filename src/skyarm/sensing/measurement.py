@@ -15,7 +15,7 @@ from skyarm.records.coerce import absent
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, parts
+from skyarm.records.leaves import Tree, leaves, parts
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit
@@ -93,8 +93,8 @@ class SensorNoise(Sensor):
     @classmethod
     def from_table(cls, entry: object, where: str) -> SensorNoise:
         """Noise from a table of a file, whose zeros fold away as numbers that are left out do."""
-        found = record_from(cls, Fields(entry, where))
-        return cls(**{name: sigma or 0 for name, sigma in parts(found).items()})
+        noise = record_from(cls, Fields(entry, where))
+        return cls(**{name: sigma or 0 for name, sigma in parts(noise).items()})
 
     def uniforms(self, vehicle: Vehicle) -> int:
         """Count of uniform random numbers per reading, even; 0 for a perfect sensor."""
@@ -103,7 +103,7 @@ class SensorNoise(Sensor):
 
     def measure(
         self, memory: Any, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
-    ) -> tuple[Any, Measurement]:
+    ) -> tuple[Tree, Measurement]:
         """Reading of the state and specific force with white noise."""
         count = noise_count(len(state.joints), len(state.rotor_speeds))
         noise = normals(draws)[:count] if draws else [0] * count
@@ -124,7 +124,7 @@ def measure(par: SensorNoise, time: Scalar, state: State, specific_force: Vec3, 
         par: deviations.
         time: s, when it is taken.
         state: the truth.
-        specific_force: of the base origin, base axes, m/s^2.
+        specific_force: specific force of the base origin, base axes, m/s^2.
         noise: :func:`noise_count` standard normal numbers; structural zeros for perfect sensors.
 
     Raises:

@@ -70,14 +70,14 @@ class Sensor:
 
     def measure(
         self, memory: Any, t: Scalar, state: State, specific_force: Vec3, draws: Sequence[Scalar], dt: float
-    ) -> tuple[Any, Any]:
+    ) -> tuple[Tree, Tree]:
         """Take one reading of the true state; return the sensor's next internal state and the reading.
 
         Args:
-            memory: after the last reading.
+            memory: internal state after the last reading.
             t: s.
             state: the truth.
-            specific_force: of the base origin, base axes, m/s^2.
+            specific_force: specific force of the base origin, base axes, m/s^2.
             draws: ``uniforms(vehicle)`` numbers.
             dt: s between readings.
 
@@ -86,7 +86,7 @@ class Sensor:
         """
         raise NotImplementedError(f"{type(self).__name__} must define measure()")
 
-    def feel(self, memory: Any, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
+    def feel(self, memory: Any, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Tree, Tree]:
         """Take one reading of a force sensor; ``push`` is the true wrench at its frame."""
         raise NotImplementedError(f"{type(self).__name__} must define feel()")
 

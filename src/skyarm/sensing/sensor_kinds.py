@@ -22,7 +22,7 @@ from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import Tree, leaves
 from skyarm.records.units import Unit
 from skyarm.sensing.channel import Channel, ChannelMemory, ChannelSensor, Quantities, SampleRate
 from skyarm.sensing.sensor import NO_PUSH, Push
@@ -133,8 +133,8 @@ class Pose(ChannelSensor):
         return self.channels(position=state.position, attitude=(0.0, 0.0, 0.0))
 
     def reading(
-        self, t: Scalar, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Scalar, dt: float
-    ) -> Any:
+        self, t: Scalar, values: Sequence[tuple[Scalar, ...]], state: State, own: Any, first: Scalar, dt: float
+    ) -> tuple[Tree, PoseReading]:
         """Make the pose reading: position, and the true attitude rotated by the attitude error."""
         position, turn = values
         attitude = state.quaternion * Quaternion.of_rotation_vector(Vec3(*turn))
@@ -177,8 +177,8 @@ class Encoders(ChannelSensor):
     """Encoders of all joints: positions (rad or m), and rates by finite difference or measured.
 
     Attributes:
-        bits: of an absolute encoder; its step is span / 2^bits, in place of the joints' resolution. 0 for none.
-        span: rad or m, that the bits divide.
+        bits: bits of an absolute encoder; its step is span / 2^bits, in place of the joints' resolution. 0 for none.
+        span: range that the bits divide, rad or m.
         joints: errors of the positions. rates: "difference" or "measured". rate: errors of measured rates.
     """
 
@@ -206,19 +206,19 @@ class Encoders(ChannelSensor):
             return self.channels(joints=state.joints)
         return self.channels(joints=state.joints, rate=state.joint_rates)
 
-    def first_own(self, vehicle: Vehicle) -> Any:
+    def first_own(self, vehicle: Vehicle) -> Tree:
         """Initial joint positions for the finite difference; () if rates are measured."""
         return (0.0,) * vehicle.n if self.rates == "difference" else ()
 
     def reading(
         self,
         t: Scalar,
-        values: Sequence[tuple[Any, ...]],
+        values: Sequence[tuple[Scalar, ...]],
         state: State,
         own: tuple[Scalar, ...],
         first: Scalar,
         dt: float,
-    ) -> Any:
+    ) -> tuple[Tree, EncoderReading]:
         """Make the encoder reading: quantised positions, and rates by finite difference or measured."""
         joints = tuple(self._quantize(q) for q in values[0])
         if self.rates == "measured":
@@ -238,7 +238,7 @@ class FramedSensor(ChannelSensor):
     """Base of sensors of the external wrench at a vehicle frame, with a first-order low-pass filter.
 
     Attributes:
-        frame: of the vehicle; empty for its tip. bandwidth: rad/s of the low pass; 0 for none.
+        frame: frame of the vehicle; empty for its tip. bandwidth: rad/s, of the low pass; 0 for none.
     """
 
     frame: str = ""
@@ -263,11 +263,13 @@ class FramedSensor(ChannelSensor):
         """Name, error model and components of each quantity without an external wrench."""
         return self.reading_of(NO_PUSH)
 
-    def first_own(self, vehicle: Vehicle) -> tuple[Push, Any]:
+    def first_own(self, vehicle: Vehicle) -> tuple[Push, Tree]:
         """Initial output of the low-pass filter, and the sensor type's further state."""
         return NO_PUSH, ()
 
-    def feel(self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float) -> tuple[Any, Any]:
+    def feel(
+        self, memory: ChannelMemory, t: Scalar, push: Push, draws: Sequence[Scalar], dt: float
+    ) -> tuple[ChannelMemory, Tree]:
         """Take one reading of the low-pass filtered wrench; return the next internal state and the reading."""
         before, more = memory.own
         if not (concrete(self.bandwidth) and self.bandwidth == 0):
@@ -298,7 +300,7 @@ class TactileSwitch(FramedSensor):
     """Tactile switch with hysteresis: closes above one force, opens below another.
 
     Attributes:
-        on, off: N, of the force's size. force: errors of it.
+        on, off: thresholds of the force's size, N. force: errors of it.
     """
 
     senses: ClassVar[str] = "switch"
@@ -316,11 +318,19 @@ class TactileSwitch(FramedSensor):
         """Magnitude of the contact force: name, error model and true value, N."""
         return self.channels(force=(sqrt(push.force.dot(push.force)),))
 
-    def first_own(self, vehicle: Vehicle) -> tuple[Push, Any]:
+    def first_own(self, vehicle: Vehicle) -> tuple[Push, Tree]:
         """Initial output of the low-pass filter, and 0.0 for the open switch."""
         return NO_PUSH, 0.0
 
-    def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: Any, own: Any, first: Any, dt: float) -> Any:
+    def reading(
+        self,
+        t: Scalar,
+        values: Sequence[tuple[Scalar, ...]],
+        state: State | tuple[()],
+        own: tuple[Push, Scalar],
+        first: Scalar,
+        dt: float,
+    ) -> tuple[Tree, SwitchReading]:
         """Make the reading of the switch, 1 closed or 0 open, with hysteresis."""
         push, before = own
         force = values[0][0]

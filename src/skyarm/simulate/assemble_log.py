@@ -10,7 +10,6 @@ import numpy as np
 from skyarm.control.law_estimates import found_by_law
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.metrics.windows import Windows
-from skyarm.log.periods import waits_of
 from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, Field, Source, fields_of
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.records.arrays import Array
@@ -240,6 +239,8 @@ def _references(
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     """Metadata of a flight log as a dictionary: scenario, rates, status, versions, digest."""
     rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
+    guards = scenario.reference.guards
+    waits = [{"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)} for each in guards]
     return {
         "schema": 1,
         "scenario": scenario.name,
@@ -263,7 +264,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "plugins": identities(),
         "code": files,
         **({"phases": [phase.name for phase in scenario.reference.phases]} if scenario.reference.phases else {}),
-        **({"waits": waits_of(scenario.reference.guards)} if scenario.reference.guards else {}),
+        **({"waits": waits} if waits else {}),
         "scenario_record": whole,
         "digest": log_digest(whole, files),
     }

@@ -10,7 +10,6 @@ import numpy as np
 from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.dynamics import State
-from skyarm.log.batch_log import BatchLog, batch_log
 from skyarm.log.metrics.metric_catalogue import metric_names, required_totals
 from skyarm.log.metrics.metric_catalogue import values as metric_values
 from skyarm.log.metrics.windows import Windows
@@ -21,6 +20,7 @@ from skyarm.scenario.in_flight import require_changes, stretches
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, noise_key
 from skyarm.simulate.batch_leg import Leg, LegOptions
+from skyarm.simulate.batch_log import BatchLog, batch_log
 from skyarm.simulate.lane_numbers import (
     LaneRules,
     lane_columns,

@@ -15,8 +15,8 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.lower import live
 from skyarm.compile.tracing.tracer import Node
-from skyarm.log.batch_log import Logged
-from skyarm.log.metrics.accumulate import Goal, Instant, Limits, Total, advance_totals, first_totals
+from skyarm.log.metrics.accumulate import Total, advance_totals, first_totals
+from skyarm.log.metrics.metric import Goal, Instant, Limits
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.leaves import leaves, rebuild
@@ -25,6 +25,7 @@ from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.assemble_log import by_array
+from skyarm.simulate.batch_log import Logged
 from skyarm.simulate.first_state import component_places
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs, table_of
 from skyarm.simulate.lane_loop import LaneLoop, held_reference, lane_statuses

@@ -11,7 +11,6 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.control.law_estimates import numbers_found
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.plant.loads import wind_at
 from skyarm.plant.surroundings import Memories, Surroundings
 from skyarm.records.leaves import Tree, blend
 from skyarm.reference import Reference
@@ -64,7 +63,7 @@ def measure(
     own, time = now.agent, row.time
     components, around = stages.surround(now.components, own.drives, own.state, time, uniforms, row.path_time)
     acting = stages.acting(own.queue)
-    wind, pushes = wind_at(around, stages.scenario.plant, own.state), stages.pushes(around, own.state)
+    wind, pushes = stages.wind(around, own.state), stages.pushes(around, own.state)
     force = plant.specific_force(own.state, acting, around)
     read = stages.sense(own.sensors, own.estimate, now.ticks, own.state, force, acting, time, uniforms, pushes)
     return Measured(components, around, acting, wind, stages.with_grasp(read, components))

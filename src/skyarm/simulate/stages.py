@@ -19,7 +19,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.loads import rigid_loads
+from skyarm.plant.loads import rigid_loads, wind_at
 from skyarm.plant.surroundings import Memories, Surroundings
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, blend, is_leaf, leaves, parts, rebuild
@@ -44,7 +44,7 @@ from skyarm.simulate.loop_state import LoopState, Row, SensorState
 from skyarm.simulate.reference_clock import Waits, due
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
-from skyarm.world import Component, effectiveness_at
+from skyarm.world import Component, WindSample, effectiveness_at
 
 
 @immutable
@@ -119,6 +119,10 @@ class Stages:
                 t = waiting if component.coupled or loads else time
                 going[i] = component.act(going[i], t, self.period, motion)
         return tuple(going), self.surroundings(tuple(going), drives, time)
+
+    def wind(self, around: Surroundings, state: State) -> WindSample:
+        """Wind force on the base, air velocity, and logged numbers of the environment models."""
+        return wind_at(around, self.scenario.plant, state)
 
     def pushes(self, around: Surroundings, state: State) -> tuple[Push, ...]:
         """External wrench at each force sensor, in the order of the sensors; () without force sensors."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, cos, sin
 from skyarm.dynamics import State, frame_pose
-from skyarm.log.metrics.accumulate import Goal
+from skyarm.log.metrics.metric import Goal
 from skyarm.reference import Reference
 from skyarm.vehicle.vehicle_records import Vehicle
 

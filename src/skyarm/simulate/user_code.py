@@ -111,6 +111,12 @@ class Part:
                 free = ", or a tuple or a frozen dataclass of numbers" if example is None else ""
                 raise self.refusal(f"gives {at} as {kind_of(plain)}: must be a number{free}", method=method)
 
+    def pair(self, result: Any, what: str, kind: type = object) -> tuple[Any, Any]:
+        """Memory and result of a step; refuse anything but a pair of these."""
+        if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], kind):
+            raise self.refusal(f"returns {kind_of(result)}: must return (memory, {what})")
+        return result
+
     def call(self, method: str, *given: Any) -> Any:
         """Result of a method, which is kept; an argument that the method writes to raises an error."""
         law, own = method == "law", self.record
@@ -316,25 +322,46 @@ def _check_component(scenario: Scenario, part: Part) -> Fingerprint:
     return part.trace(step, memory, scenario, draw_plan(scenario).components[index][1])
 
 
-def _check_signal(scenario: Scenario, part: Part) -> Fingerprint:
-    """Check a user-defined signal at one time: value and four derivatives."""
+def _check_value(
+    scenario: Scenario,
+    part: Part,
+    label: str,
+    example: Any,
+    also: type = int,
+    given: Callable[[Scalar, State], tuple[Any, ...]] = lambda time, _: (time,),
+) -> Fingerprint:
+    """Check a user-defined method without memory: one call, whose result must be numbers like an example's.
 
-    def step(call: Any, memory: Any, time: Scalar, _state: State, _draws: Any) -> Any:
-        example = Constant(0.0).derivatives(0.0)
-        part.require_numbers("derivatives", "derivatives", call("derivatives", time), example)
+    Args:
+        scenario: it is part of.
+        part: the model.
+        label: of the result in messages; "" for one that is not looked at.
+        example: of a right result.
+        also: class that its numbers may have, too.
+        given: arguments of the call, from time and state; the time if left out.
+    """
+
+    def step(call: Any, memory: Any, time: Scalar, state: State, _draws: Any) -> Any:
+        result = call(part.method, *given(time, state))
+        if label:
+            part.require_numbers(part.method, label, result, example, also)
         return memory
 
     return part.trace(step, (), scenario)
 
 
-def _check_fault(scenario: Scenario, part: Part) -> Fingerprint:
-    """Check the share of a user-defined fault at one time."""
+def _check_ending(scenario: Scenario, part: Part) -> Fingerprint:
+    status = getattr(part.record, "status", None)
+    if not isinstance(status, str):
+        raise part.refusal(f"has status = {shown(status)}: must be a text")
+    return _check_value(scenario, part, "fine", 0.0, bool, lambda _, state: (scenario, state, state.position, 0.0))
 
-    def step(call: Any, memory: Any, time: Scalar, _state: State, _draws: Any) -> Any:
-        part.require_numbers("share", "a share", call("share", time), 0.0)
-        return memory
 
-    return part.trace(step, (), scenario)
+_check_signal = partial(_check_value, label="derivatives", example=Constant(0.0).derivatives(0.0))
+
+_check_fault = partial(_check_value, label="a share", example=0.0)
+
+_check_motion = partial(_check_value, label="", example=None)
 
 
 def _check_drive(scenario: Scenario, part: Part) -> Fingerprint:
@@ -360,10 +387,9 @@ def _check_sensor(scenario: Scenario, part: Part) -> Fingerprint:
     def step(call: Any, memory: Any, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Any:
         seen = (state, WEIGHT) if sensor.feels is None else (NO_PUSH,)
         result = call("measure" if sensor.feels is None else "feel", memory, time, *seen, draws, every)
-        if not isinstance(result, tuple) or len(result) != 2:
-            raise part.refusal(f"returns {kind_of(result)}: must return (memory, reading)")
-        part.require_numbers("measure", "a reading", result[1], also=bool)
-        return result[0]
+        following, reading = part.pair(result, "reading")
+        part.require_numbers("measure", "a reading", reading, also=bool)
+        return following
 
     return part.trace(step, sensor.start(vehicle), scenario, sensor.uniforms(vehicle))
 
@@ -375,36 +401,15 @@ def _check_estimator(scenario: Scenario, part: Part) -> Fingerprint:
         readings = readings_at(scenario, state, time)
         command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
         result = call("step", memory, readings, command, period)
-        if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], Measurement):
-            raise part.refusal(f"returns {kind_of(result)}: must return (memory, Measurement)")
+        following, measured = part.pair(result, "Measurement", Measurement)
         for name in ("joints", "joint_rates"):
-            given = getattr(result[1], name)
+            given = getattr(measured, name)
             if len(given) != vehicle.n:
                 raise part.refusal(f"gives {name} as {kind_of(given)}: must be a tuple of {vehicle.n}")
-        part.require_numbers("step", "a measurement", result[1], readings[FULL_STATE])
-        return result[0]
+        part.require_numbers("step", "a measurement", measured, readings[FULL_STATE])
+        return following
 
     return part.trace(step, estimator.start(scenario.controller.par.model.vehicle), scenario)
-
-
-def _check_ending(scenario: Scenario, part: Part) -> Fingerprint:
-    status = getattr(part.record, "status", None)
-    if not isinstance(status, str):
-        raise part.refusal(f"has status = {shown(status)}: must be a text")
-
-    def step(call: Any, memory: Any, _time: Scalar, state: State, _draws: Any) -> Any:
-        part.require_numbers("fine", "fine", call("fine", scenario, state, state.position, 0.0), 0.0, bool)
-        return memory
-
-    return part.trace(step, (), scenario)
-
-
-def _check_motion(scenario: Scenario, part: Part) -> Fingerprint:
-    def step(call: Any, memory: Any, time: Scalar, _state: State, _draws: Any) -> Any:
-        call("at", time)
-        return memory
-
-    return part.trace(step, (), scenario)
 
 
 def _check_law(scenario: Scenario, part: Part) -> Fingerprint:

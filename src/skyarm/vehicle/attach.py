@@ -7,7 +7,7 @@ from dataclasses import field, replace
 from typing import Any, TypeVar
 
 from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
-from skyarm.algebra.scalars import add, mul
+from skyarm.algebra.scalars import Scalar, add, mul
 from skyarm.records.coerce import absent, concrete
 from skyarm.records.files import printable
 from skyarm.records.immutable import immutable
@@ -26,9 +26,9 @@ class Mount:
 
     Attributes:
         to: "base", the name of the airframe's root, of a link or of a frame.
-        rotation, position: of the root link in the axes of that one, m.
+        rotation, position: pose of the root link in the axes of that one, m.
         prefix: put before every name of the arm.
-        field: of the vehicle file, for messages.
+        field: field of the vehicle file, for messages.
     """
 
     to: str
@@ -51,8 +51,8 @@ def place_in(bodies: RigidBodies, name: str, field: str) -> Frame:
     for frame in bodies.frames:
         if frame.name == name:
             return frame
-    known = ["base", *names, *(frame.name for frame in bodies.frames)]
-    refuse(field, name, f"must be one of {', '.join(known)}")
+    allowed = ["base", *names, *(frame.name for frame in bodies.frames)]
+    refuse(field, name, f"must be one of {', '.join(allowed)}")
 
 
 def posed_in(frame: Frame, R: Mat3, p: Vec3, name: str = "") -> Frame:
@@ -65,9 +65,9 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
     """Attach an arm to an airframe; the arm's root link becomes part of the carrying body, and a frame.
 
     Args:
-        airframe: with the arms that came before.
+        airframe: airframe with the arms that came before.
         arm: its root has neither a joint nor, in the result, a body of its own.
-        mount: where.
+        mount: place and pose of the arm.
 
     Raises:
         VehicleError: no such link, or a name that stands in both.
@@ -137,11 +137,11 @@ def _require_new_names(airframe: RigidBodies, arm: RigidBodies, root: list[str],
     """Raise an error if links, frames or joints of an arm have names that the airframe uses."""
     taken = {"base", airframe.root, *(link.name for link in airframe.links), *(f.name for f in airframe.frames)}
     joints = {link.joint.name for link in airframe.links}
-    found = [("link", link.name) for link in arm.links if link.name in taken]
-    found += [("frame", name) for name in (*root, *(f.name for f in arm.frames)) if name in taken - {"base"}]
-    found += [("joint", link.joint.name) for link in arm.links if link.joint.name in joints]
-    if found:
-        kind, name = found[0]
+    doubles = [("link", link.name) for link in arm.links if link.name in taken]
+    doubles += [("frame", name) for name in (*root, *(f.name for f in arm.frames)) if name in taken - {"base"}]
+    doubles += [("joint", link.joint.name) for link in arm.links if link.joint.name in joints]
+    if doubles:
+        kind, name = doubles[0]
         refuse(
             f"{mount.field}.prefix",
             mount.prefix,
@@ -185,9 +185,9 @@ def couple(
     in files whose limits forget a sign, the leader keeps its own (:func:`limits_that_contradict`).
 
     Args:
-        links: in an order in which parents precede children.
+        links: links, parents before children.
         frames: fixed to them.
-        mimics: name of a joint -> what it follows.
+        mimics: name of a joint -> relation to its leader.
 
     Raises:
         VehicleError: a joint that is not there, a ring, or a link with a joint of its own on a follower.
@@ -210,14 +210,14 @@ def couple(
         followers.append(
             Follower(link=link, leader=leader, ratio=mimic.ratio, offset=description.zero_is_structure(mimic.offset))
         )
-    kept = []
+    independent = []
     for i in free:
         if place[links[i].parent] >= len(free):
             name = links[links[i].parent].name
             refuse(f"joint[{links[i].joint.name}].parent", name, "must not follow another joint; lock it instead")
-        kept.append(replace(links[i], parent=place[links[i].parent], joint=joints[links[i].joint.name]))
+        independent.append(replace(links[i], parent=place[links[i].parent], joint=joints[links[i].joint.name]))
     moved = tuple(replace(frame, link=place[frame.link]) for frame in frames)
-    return tuple(kept), tuple(followers), moved
+    return tuple(independent), tuple(followers), moved
 
 
 def follow(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
@@ -239,13 +239,13 @@ def follow(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
 
 def resolve(name: str, mimics: Mapping[str, Mimic], links: Sequence[Link]) -> Mimic:
     """Leader of a mimic joint, at the end of the chain of mimics; raises an error if it is no moving joint."""
-    known, found = [link.joint.name for link in links], follow(name, mimics)
-    if found.joint not in known:
-        last = next(each for each in mimics if mimics[each].joint == found.joint)
-        refuse(f"joint[{last}].mimic.joint", found.joint, f"must be one of {', '.join(known)}")
-    if found.ratio == 0.0:
-        refuse(f"joint[{name}].mimic.ratio", found.ratio, "must not be 0; a joint that never moves is fixed")
-    return found
+    joints, leader = [link.joint.name for link in links], follow(name, mimics)
+    if leader.joint not in joints:
+        last = next(each for each in mimics if mimics[each].joint == leader.joint)
+        refuse(f"joint[{last}].mimic.joint", leader.joint, f"must be one of {', '.join(joints)}")
+    if leader.ratio == 0.0:
+        refuse(f"joint[{name}].mimic.ratio", leader.ratio, "must not be 0; a joint that never moves is fixed")
+    return leader
 
 
 def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:
@@ -258,7 +258,7 @@ def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:
     return replace(leader, **values) if values else leader
 
 
-def _range_of_leader(leader: Joint, follower: Joint, ratio: object, offset: object) -> tuple[Any, Any] | None:
+def _range_of_leader(leader: Joint, follower: Joint, ratio: Scalar, offset: Scalar) -> tuple[Scalar, Scalar] | None:
     """Range of a leader joint that satisfies the limits of leader and follower; None if the range is empty."""
     if not concrete(leader.lower, leader.upper, follower.lower, follower.upper, ratio, offset):
         return leader.lower, leader.upper
@@ -268,10 +268,10 @@ def _range_of_leader(leader: Joint, follower: Joint, ratio: object, offset: obje
 
 
 def _narrow_range(leader: Joint, follower: Joint, mimic: Mimic) -> Joint:
-    found = _range_of_leader(leader, follower, mimic.ratio, mimic.offset)
-    if found is None or found == (leader.lower, leader.upper):
+    limits = _range_of_leader(leader, follower, mimic.ratio, mimic.offset)
+    if limits is None or limits == (leader.lower, leader.upper):
         return leader
-    return replace(leader, lower=found[0], upper=found[1])
+    return replace(leader, lower=limits[0], upper=limits[1])
 
 
 def limits_that_contradict(links: Sequence[Link], followers: Sequence[Follower]) -> tuple[str, ...]:
@@ -288,12 +288,12 @@ class RigidBodies:
     """Bodies, joints and frames of a vehicle without rotors.
 
     Attributes:
-        name: of the vehicle.
+        name: name of the vehicle.
         root: name of the root link, the base.
         base, links: bodies and joints, in an order in which every parent precedes its children.
         frames: one for each link that a fixed joint merged into another.
-        mimics: name of a joint that follows another one -> how; no joint does if empty.
-        notes: what its reader left out or took in another way, a line each.
+        mimics: name of a joint that follows another one -> relation to its leader; no joint does if empty.
+        notes: elements that its reader left out or read in another way, a line each.
         looks: meshes of its links.
     """
 
@@ -340,7 +340,7 @@ class BodyTree:
 
     Attributes:
         links, frames, looks: read so far. parts: bodies of the base and of each link.
-        mimics: joints that follow others. notes: of the reader.
+        mimics: joints that follow others. notes: notes of the reader.
     """
 
     def __init__(self, mimics: Mapping[str, Mimic], notes: Notes) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, Protocol
 
 from skyarm.algebra.monotone_curve import curve
 from skyarm.algebra.scalars import Scalar, add, divide, maximum, mul, sqrt, where
@@ -12,9 +12,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.check import VehicleError, refuse, rising
-
-if TYPE_CHECKING:
-    from skyarm.vehicle.vehicle_records import Rotor
+from skyarm.vehicle.thrust_table import ThrustTable
 
 ESC = ("governed", "open")
 
@@ -38,17 +36,33 @@ class CellCurve:
             rising(f"battery.open_circuit.{name}", column)
 
 
+class PoweredRotor(Protocol):
+    """Protocol of a rotor as a load: a :class:`skyarm.vehicle.Rotor`."""
+
+    @property
+    def table(self) -> ThrustTable | None:
+        """Thrust, drag torque and current by speed."""
+
+    @property
+    def thrust_coefficient(self) -> Scalar:
+        """Thrust over the square of the speed, N s^2/rad^2."""
+
+    @property
+    def moment_coefficient(self) -> Scalar:
+        """Drag torque over thrust, m."""
+
+
 @immutable
 class Battery:
     """Battery pack: cells in series with one internal resistance.
 
     Attributes:
-        cells: in series. capacity: from full to empty. resistance: of the whole pack with its wires.
-        open_circuit: of one cell.
-        reference_voltage: of the pack, at which the rotors' highest speeds and thrust tables hold. Above it they turn
-            no faster: state the voltage of a full pack with its highest speeds if those are known.
-        charge: at the start, as a share of the capacity.
-        standing_power: of all but the rotors.
+        cells: cells in series. capacity: charge from full to empty. resistance: resistance of pack and wires.
+        open_circuit: open-circuit voltage of one cell.
+        reference_voltage: voltage at which the rotors' highest speeds and thrust tables hold. Above it they turn no
+            faster: state the voltage of a full pack with its highest speeds if those are known.
+        charge: charge at the start, as a share of the capacity.
+        standing_power: power of all but the rotors.
         efficiency: mechanical over electrical power of rotors whose table has no current.
         esc: "governed": a speed controller holds its speed as long as the voltage allows; "open": it holds a throttle,
             whose speed is proportional to the voltage.
@@ -73,18 +87,18 @@ class Battery:
         if concrete(self.efficiency) and not self.efficiency > 0.0:
             refuse("battery.efficiency", self.efficiency, "must be above 0 and at most 1")
 
-    def open_circuit_voltage(self, charge: Any) -> Any:
+    def open_circuit_voltage(self, charge: Scalar) -> Scalar:
         """Voltage of the pack without a load, V."""
         return mul(float(self.cells), curve(charge, self.open_circuit.charge, self.open_circuit.voltage))
 
-    def power(self, rotors: Sequence[Rotor], speeds: Sequence[Any]) -> Any:
+    def power(self, rotors: Sequence[PoweredRotor], speeds: Sequence[Any]) -> Any:
         """Electrical power of the rotors at given speeds (rad/s) and of all other loads, W.
 
         A table's current is that at the reference voltage; without one the drag torque's power over the efficiency.
         """
         return rotor_power(rotors, speeds, self.efficiency, self.reference_voltage, self.standing_power)
 
-    def voltage(self, charge: Any, power: Any) -> Any:
+    def voltage(self, charge: Scalar, power: Scalar) -> Scalar:
         """Voltage of the pack under a load P (W), V: solution of V = V_0 - R P / V, limited to peak power.
 
         Zero for an empty battery, which is cut off.
@@ -93,7 +107,7 @@ class Battery:
         under_load = 0.5 * (idle + sqrt(maximum(idle * idle - 4.0 * self.resistance * power, 0.0)))
         return where(charge > 0.0, under_load, 0.0)
 
-    def discharge(self, charge: Any, power: Any, seconds: Any) -> Any:
+    def discharge(self, charge: Scalar, power: Scalar, seconds: Scalar) -> Scalar:
         """Charge after supplying a load (W) for some seconds."""
         voltage = self.voltage(charge, power)
         current = divide(power, where(voltage > 0.0, voltage, 1.0))
@@ -102,14 +116,14 @@ class Battery:
 
 
 def rotor_power(
-    rotors: Sequence[Rotor], speeds: Sequence[Any], efficiency: Any, voltage: Any, standing: Any = 0.0
+    rotors: Sequence[PoweredRotor], speeds: Sequence[Any], efficiency: Any, voltage: Any, standing: Any = 0.0
 ) -> Any:
     """Electrical power of rotors at given speeds, plus all other loads, W.
 
     Args:
-        rotors: of a vehicle.
-        speeds: theirs, rad/s.
-        efficiency: of motor and ESC, from electrical to mechanical power, for rotors without a table of currents.
+        rotors: rotors of a vehicle.
+        speeds: their speeds, rad/s.
+        efficiency: mechanical over electrical power of motor and ESC, for rotors without a table of currents.
         voltage: V, at which such a table was measured.
         standing: power of all other loads, W.
     """

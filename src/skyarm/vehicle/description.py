@@ -97,9 +97,8 @@ def body(parts: Sequence[Body]) -> Body:
     # a part that weighs nothing would still move the centre of mass by a rounding error
     weighed = [part for part in parts if not _nothing(part)] or parts[:1]
     whole = weighed[0] if len(weighed) == 1 else Body.of_parts(weighed)
-    mass: Any = whole.mass
     return Body(
-        mass=float(mass),
+        mass=float(whole.mass),
         com=vector([float(c) for c in whole.com]),
         inertia=inertia([float(c) for c in whole.inertia.entries]),
         planar=any(part.planar for part in parts),
@@ -116,7 +115,7 @@ def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
     Args:
         parents: name of each link's parent; ``root`` is the base.
         root: the base's name.
-        field: how a link's parent is called in a message, with ``{}`` for the link.
+        field: words for a link's parent in a message, with ``{}`` for the link.
 
     Raises:
         VehicleError: a parent that does not exist, or links that form a ring.

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import field
-from typing import Annotated
+from typing import Annotated, Protocol
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar, add, divide, where
@@ -20,7 +20,7 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.check import FARTHEST, SHARE, TURN, VehicleError, accept_named
 
 BASE = -1
-"""Index that stands for the base where a link's index is asked for."""
+"""Index of the base among the links."""
 
 
 @immutable
@@ -83,10 +83,10 @@ class Joint:
         effort_limit: largest |torque| (N m) or |force| (N) of the actuator; 0 for a passive joint.
         armature: inertia of the drive's own rotor, reflected to the joint by the square of the gear ratio, kg m^2 or
             kg. It resists the joint's acceleration against its parent only, as in MuJoCo, Pinocchio and Drake.
-        damping: viscous, N m s/rad or N s/m.
+        damping: viscous damping, N m s/rad or N s/m.
         coulomb: smooth Coulomb friction, N m or N: coulomb * tanh(rate / coulomb_rate).
         coulomb_rate: rate at which tanh has bent, rad/s or m/s.
-        stop_stiffness: of the hard stops at both limits, N m/rad or N/m; 0 for a joint without stops.
+        stop_stiffness: stiffness of the hard stops at both limits, N m/rad or N/m; 0 for a joint without stops.
         stop_damping: share by which a stop pushes harder per rad/s or m/s of the joint moving into it.
     """
 
@@ -178,3 +178,31 @@ class Follower:
     def name(self) -> str:
         """Name of the follower's link."""
         return self.link.name
+
+
+class Linkage(Protocol):
+    """Protocol of a vehicle's bodies and joints: the part of a :class:`skyarm.Vehicle` that its mass matrix needs."""
+
+    @property
+    def base(self) -> Body:
+        """Body of the airframe."""
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """Links with independent joints, each after its parent."""
+
+    @property
+    def followers(self) -> tuple[Follower, ...]:
+        """Links that move with others."""
+
+    @property
+    def n(self) -> int:
+        """Number of independent joints."""
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """All bodies: base, links, followers."""
+
+    @property
+    def moving(self) -> tuple[Link, ...]:
+        """All links that joints move: the independent links, then the followers."""

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
+from skyarm.records.arrays import Array
 from skyarm.records.files import one_line
 from skyarm.vehicle import description
 from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, held_pose, posed_in
@@ -46,7 +47,7 @@ def read_mjcf(path: Path, mimic: str = "lock") -> RigidBodies:
     """Read rigid bodies, joints and frames of an MJCF file.
 
     Args:
-        path: of the file.
+        path: path of the file.
         mimic: "lock" or "couple": joints that an equality ties to others are fixed where they rest, or follow.
 
     Raises:
@@ -111,11 +112,11 @@ def _root(model: MjModel) -> tuple[int, list[int]]:
 
 def _subtree(model: MjModel, body: int) -> list[int]:
     """A body of a MuJoCo model and all its descendants, as body numbers."""
-    found = [body]
+    bodies = [body]
     for each in range(body + 1, int(model.nbody)):
-        if int(model.body_parentid[each]) in found:
-            found.append(each)
-    return found
+        if int(model.body_parentid[each]) in bodies:
+            bodies.append(each)
+    return bodies
 
 
 def _joints(model: MjModel, body: int) -> list[int]:
@@ -150,8 +151,8 @@ def _is_fixed(tree: _Tree, joint: int) -> bool:
     name = name_of(tree.model, "jnt", joint)
     if name not in tree.mimics or not tree.coupled:
         return name in tree.mimics
-    found = follow(name, tree.mimics)
-    return not found.joint or found.ratio == 0.0
+    leader = follow(name, tree.mimics)
+    return not leader.joint or leader.ratio == 0.0
 
 
 def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
@@ -177,16 +178,16 @@ def _read_body(tree: _Tree, body: int) -> None:
             tree.frames.append(posed_in(at, *pose, tree.unique(model.site(site).name)))
 
 
-def _vector(values: Any) -> Vec3:
+def _vector(values: Array) -> Vec3:
     return description.vector(values.tolist())
 
 
-def _rotation(wxyz: Any) -> Mat3:
+def _rotation(wxyz: Array) -> Mat3:
     return description.rotation(Quaternion(*wxyz.tolist()).normalized().rotation())
 
 
 KINDS = ("free", "ball", "prismatic", "revolute")
-"""By MuJoCo's number of a joint's type."""
+"""Kinds of joints, in the order of MuJoCo's numbers of them."""
 
 AT_JOINT = (0, 1)
 """MuJoCo's numbers of the transmissions that act at a joint."""
@@ -238,14 +239,14 @@ def _effort(model: MjModel, joint: int) -> float:
 
 def _largest_force(model: MjModel, actuator: int) -> float:
     """Largest actuator force before the gear, N m or N, from its force range or a proportional control range."""
-    found = math.inf
+    largest = math.inf
     if model.actuator_forcelimited[actuator]:
-        found = max(abs(float(each)) for each in model.actuator_forcerange[actuator])
+        largest = max(abs(float(each)) for each in model.actuator_forcerange[actuator])
     plain = not model.actuator_gaintype[actuator] and not model.actuator_biastype[actuator]
     if plain and model.actuator_ctrllimited[actuator]:
         gain = abs(float(model.actuator_gainprm[actuator][0]))
-        found = min(found, gain * max(abs(float(each)) for each in model.actuator_ctrlrange[actuator]))
-    return found
+        largest = min(largest, gain * max(abs(float(each)) for each in model.actuator_ctrlrange[actuator]))
+    return largest
 
 
 def mimics_of(model: MjModel) -> dict[str, Mimic]:
@@ -256,7 +257,7 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
     """
     import mujoco
 
-    found: dict[str, Mimic] = {}
+    mimics: dict[str, Mimic] = {}
     for each in range(int(model.neq)):
         if model.eq_type[each] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[each]:
             continue
@@ -264,16 +265,16 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
         numbers = [float(value) for value in model.eq_data[each][:5]]
         if any(numbers[2:]):
             refuse(f"equality of joint[{name}].polycoef", numbers, "must be a straight line: two numbers, then zeros")
-        if name in found:
+        if name in mimics:
             refuse(f"equality of joint[{name}]", "two of them", "must be at most one")
-        found[name] = Mimic(name_of(model, "jnt", other) if other >= 0 else "", numbers[1], numbers[0])
-    return found
+        mimics[name] = Mimic(name_of(model, "jnt", other) if other >= 0 else "", numbers[1], numbers[0])
+    return mimics
 
 
 def resting(model: MjModel, name: str, mimics: Mapping[str, Mimic]) -> float:
     """Value of a mimic joint while the last leader in its chain of mimic joints is at rest."""
-    found = follow(name, mimics)
-    return found.at_rest(*(limits(model, model.joint(found.joint).id) if found.joint else (0.0, 0.0)))
+    leader = follow(name, mimics)
+    return leader.at_rest(*(limits(model, model.joint(leader.joint).id) if leader.joint else (0.0, 0.0)))
 
 
 def limits(model: MjModel, joint: int) -> tuple[float, float]:

@@ -9,17 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra.scalars import Scalar
+from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
-
-if TYPE_CHECKING:
-    from skyarm.vehicle.linkage import Body, Joint
-    from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.linkage import Body, Joint, Linkage
 
 SINGULAR = 1e-12
 """Moved inertia, relative to that of the outer bodies, below which nothing is left but rounding (1e-16 times a few)."""
@@ -27,12 +26,12 @@ SINGULAR = 1e-12
 GOLDEN = 0.6180339887498949
 
 
-def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
+def what_does_not_move(value: Linkage) -> tuple[str, Any, str] | None:
     """Error (field, value, requirement) about a joint or base that moves no mass; None if each moves mass."""
-    found = immobile(value) if concrete(*_rigid_numbers(value)) else None
-    if found is None:
+    first = immobile(value) if concrete(*_rigid_numbers(value)) else None
+    if first is None:
         return None
-    field, joints = found
+    field, joints = first
     if field != "base.inertia":
         at = ", ".join(f"{q:g}" for q in joints)
         return (
@@ -48,7 +47,7 @@ def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
     return field, _describe(value, field), allowed
 
 
-def immobile(vehicle: Vehicle) -> tuple[str, tuple[float, ...]] | None:
+def immobile(vehicle: Linkage) -> tuple[str, tuple[float, ...]] | None:
     """First joint (or base) that moves no mass, and the tested joint values; None if each moves mass.
 
     All numbers of the vehicle must be concrete.
@@ -58,17 +57,17 @@ def immobile(vehicle: Vehicle) -> tuple[str, tuple[float, ...]] | None:
     for turn in range(3):
         joints = _joint_values(vehicle, turn)
         with np.errstate(all="ignore"):  # absurd masses overflow; their flight ends as diverged
-            found = _eliminate(vehicle, joints)
-        if found:
-            return found, joints
+            field = _eliminate(vehicle, joints)
+        if field:
+            return field, joints
     return None
 
 
-def _joint_values(vehicle: Vehicle, turn: int) -> tuple[float, ...]:
+def _joint_values(vehicle: Linkage, turn: int) -> tuple[float, ...]:
     return tuple(_joint_value(link.joint, turn, index) for index, link in enumerate(vehicle.links))
 
 
-def _moments(body: Body) -> Any:
+def _moments(body: Body) -> AnyArray:
     """Principal moments of a body's inertia, kg m^2, in ascending order."""
     return np.linalg.eigvalsh(_matrix(body.inertia.full()))
 
@@ -86,7 +85,7 @@ def _joint_value(joint: Joint, turn: int, index: int) -> float:
     return min(max(free, lower), upper)
 
 
-def mass_matrix(vehicle: Vehicle, joints: Sequence[float]) -> tuple[Any, list[Any]]:
+def mass_matrix(vehicle: Linkage, joints: Sequence[float]) -> tuple[Any, list[Any]]:
     """Mass matrix of base (rotation first) and joints, and the 6 x (6 + n) Jacobian of each body in its axes."""
     J = [np.eye(6, 6 + vehicle.n)]
     M = J[0].T @ rigid_inertia(vehicle.base) @ J[0]
@@ -103,7 +102,7 @@ def mass_matrix(vehicle: Vehicle, joints: Sequence[float]) -> tuple[Any, list[An
     return M, J
 
 
-def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
+def _eliminate(vehicle: Linkage, joints: Sequence[float]) -> str:
     """Find the outermost joint (or base) that moves no mass by elimination in the mass matrix; empty if none.
 
     The pivot of a joint in the mass matrix is the articulated inertia about it: with the joints after it free.
@@ -130,43 +129,43 @@ def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
     return "" if smallest > SINGULAR else "base.inertia"
 
 
-def joint_mobility(vehicle: Vehicle) -> list[Any]:
+def joint_mobility(vehicle: Linkage) -> list[Any]:
     """Joint mobility (n, n): acceleration per effort at six configurations within the limits; NaN if undefined.
 
     The block of the joints in the inverse of the mass matrix, with all that is not a joint free to move.
     """
-    found = []
+    mobilities = []
     for turn in range(6):
         M, _ = mass_matrix(vehicle, _joint_values(vehicle, turn))
         with np.errstate(all="ignore"):
             try:
-                found.append(np.linalg.inv(M)[6:, 6:])
+                mobilities.append(np.linalg.inv(M)[6:, 6:])
             except np.linalg.LinAlgError:
-                found.append(np.full((vehicle.n, vehicle.n), np.nan))
-    return found
+                mobilities.append(np.full((vehicle.n, vehicle.n), np.nan))
+    return mobilities
 
 
-def _numbers(*values: Any) -> list[float]:
+def _numbers(*values: Scalar) -> list[float]:
     return [float(value) for value in values]
 
 
-def _matrix(m: Mat3) -> Any:
+def _matrix(m: Mat3) -> Array:
     return np.array([list(row) for row in m.rows], dtype=float)
 
 
-def rigid_inertia(body: Body) -> Any:
+def rigid_inertia(body: Body) -> Array:
     """Spatial inertia (6 x 6) of a body about its link's origin."""
     S = _matrix(Mat3.cross(body.com))
     m = float(body.mass)
     return np.block([[_matrix(body.inertia.full()) - m * S @ S, m * S], [-m * S, m * np.eye(3)]])
 
 
-def _direction(joint: Joint) -> Any:
+def _direction(joint: Joint) -> Array:
     axis = _numbers(*joint.axis)
     return np.array([*axis, 0.0, 0.0, 0.0] if joint.turns else [0.0, 0.0, 0.0, *axis])
 
 
-def _to_child(joint: Joint, value: float) -> Any:
+def _to_child(joint: Joint, value: float) -> Array:
     """Spatial transform (6 x 6) of a motion vector from the parent link's origin to the child link's."""
     R, p = _matrix(joint.rotation), np.array(_numbers(*joint.position))
     axis = Vec3(*_numbers(*joint.axis))
@@ -178,7 +177,7 @@ def _to_child(joint: Joint, value: float) -> Any:
     return np.block([[R.T, np.zeros((3, 3))], [-R.T @ _matrix(Mat3.cross(Vec3(*p))), R.T]])
 
 
-def _describe(value: Vehicle, field: str) -> str:
+def _describe(value: Linkage, field: str) -> str:
     """Text about the link or base whose field caused an error, for the message."""
     for link in value.links:
         if field == f"joints[{link.joint.name}]":
@@ -186,7 +185,7 @@ def _describe(value: Vehicle, field: str) -> str:
     return f"base of {value.base.mass} kg"
 
 
-def _rigid_numbers(value: Vehicle) -> list[Any]:
+def _rigid_numbers(value: Linkage) -> list[Any]:
     """All numbers of a vehicle on which its mass matrix depends."""
     joints = [(j.axis, j.position, j.rotation, j.lower, j.upper, j.armature) for j in (k.joint for k in value.moving)]
     ties = [(each.ratio, each.offset) for each in value.followers]

@@ -10,10 +10,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Collection, Sequence
-from typing import Any
 
 import numpy as np
 
+from skyarm.records.arrays import AnyArray
 from skyarm.vehicle.attach import Notes
 from skyarm.vehicle.linkage import Joint, Link
 from skyarm.vehicle.mobility import joint_mobility
@@ -26,10 +26,10 @@ DEPTH = {"revolute": 0.02, "prismatic": 0.002}
 """rad or m by which the drive's largest effort may press into the stop, where ``USUAL`` allows that."""
 
 DEEPEST = 5.0
-"""Of these depths, which the stop keeps to where ``STIFFEST`` allows that."""
+"""Largest depth in multiples of ``DEPTH``, where ``STIFFEST`` allows that."""
 
 DAMPING_RATIO = 0.5
-"""Of the joint against its stop, at that depth."""
+"""Damping ratio of the joint against its stop, at that depth."""
 
 
 def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
@@ -40,16 +40,16 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
     damping that the joint states stays.
 
     Args:
-        vehicle: with concrete numbers.
+        vehicle: vehicle of concrete numbers.
         own: names of joints that state the stiffness of their stops, and be it none.
     """
-    wanted = [_has_limits(k.joint) and k.joint.name not in own and not k.joint.has_stops for k in vehicle.links]
-    if not any(wanted):
+    lacking = [_has_limits(k.joint) and k.joint.name not in own and not k.joint.has_stops for k in vehicle.links]
+    if not any(lacking):
         return vehicle
     ease = np.max([np.diag(each) for each in joint_mobility(vehicle)], axis=0).tolist()
     links = tuple(
-        dataclasses.replace(k, joint=_with_stops(k.joint, e)) if asked and math.isfinite(e) and e > 0.0 else k
-        for k, e, asked in zip(vehicle.links, ease, wanted, strict=True)
+        dataclasses.replace(k, joint=_with_stops(k.joint, e)) if lacks and math.isfinite(e) and e > 0.0 else k
+        for k, e, lacks in zip(vehicle.links, ease, lacking, strict=True)
     )
     return dataclasses.replace(vehicle, links=links)
 
@@ -94,7 +94,7 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
     """Vehicle whose dry friction is smooth enough to be integrated.
 
     Args:
-        vehicle: with concrete numbers.
+        vehicle: vehicle of concrete numbers.
         names: joints without a stated ``coulomb_rate``.
     """
     if not any(link.joint.name in names and link.joint.coulomb for link in vehicle.links):
@@ -104,7 +104,7 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
     if _fastest(_slopes(links), mobilities)[0] <= MOST:
         return vehicle
     # what viscous damping does alone is the file's own number: if that is too stiff, both plants say so
-    wanted = max(WANTED, 1.1 * viscous)
+    limit = max(WANTED, 1.1 * viscous)
     while True:
         rate, shares = _fastest(_slopes(links), mobilities)
         dry = [
@@ -112,7 +112,7 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
             for link, share in zip(links, shares, strict=True)
         ]
         i = dry.index(max(dry))
-        if rate <= wanted or dry[i] == 0.0:
+        if rate <= limit or dry[i] == 0.0:
             break
         softer = dataclasses.replace(links[i].joint, coulomb_rate=SOFTER * float(links[i].joint.coulomb_rate))
         links[i] = dataclasses.replace(links[i], joint=softer)
@@ -132,7 +132,7 @@ def _slopes(links: Sequence[Link]) -> list[float]:
     return [float(link.joint.damping) + _dry(link.joint) for link in links]
 
 
-def _fastest(slopes: Sequence[float], mobilities: Sequence[Any]) -> tuple[float, list[float]]:
+def _fastest(slopes: Sequence[float], mobilities: Sequence[AnyArray]) -> tuple[float, list[float]]:
     """Fastest decay rate (1/s) that friction causes at rest, and how much each joint's friction contributes."""
     root = np.sqrt(np.array(slopes))
     with np.errstate(all="ignore"):  # absurd numbers overflow; plants refuse them

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra.monotone_curve import curve, inverse_curve
 from skyarm.algebra.scalars import Scalar, divide, maximum, sqrt
@@ -25,8 +25,8 @@ class ThrustTable:
     coefficients are those of the parabolas nearest to it (least squares): what laws know a rotor by.
 
     Attributes:
-        speed: rising. thrust, torque, current: rising with it; torque and current may be left out.
-        thrust_coefficient, moment_coefficient: of the parabolas; 0 where they follow from the columns.
+        speed: rising speeds. thrust, torque, current: values that rise with it; torque and current may be left out.
+        thrust_coefficient, moment_coefficient: coefficients of the parabolas; 0 where they follow from the columns.
     """
 
     speed: Annotated[tuple[Scalar, ...], Unit("rad/s", low=0.0)]
@@ -46,7 +46,7 @@ class ThrustTable:
         if type(self.moment_coefficient) is int and self.torque:
             object.__setattr__(self, "moment_coefficient", _fit(self.thrust, self.torque))
 
-    def _check(self, name: str, column: Sequence[Any]) -> None:
+    def _check(self, name: str, column: Sequence[Scalar]) -> None:
         if name in ("speed", "thrust") and len(column) < 2:
             refuse(f"thrust_table.{name}", column, "must be at least two numbers")
         if column and len(column) != len(self.speed):
@@ -56,27 +56,27 @@ class ThrustTable:
         if name in ("thrust", "torque") and column and concrete(first, speed) and (first == 0.0) != (speed == 0.0):
             refuse(f"thrust_table.{name}[0]", first, "must be 0 at rest and above 0 at a speed")
 
-    def push(self, speed: Any) -> Any:
+    def push(self, speed: Scalar) -> Scalar:
         """Thrust at a speed divided by the thrust coefficient, (rad/s)^2; the squared speed for a quadratic rotor."""
         return divide(curve(speed * speed, *self._points(self.thrust)), self.thrust_coefficient)
 
-    def twist(self, speed: Any) -> Any:
+    def twist(self, speed: Scalar) -> Scalar:
         """Drag torque at a speed over both rotor coefficients, (rad/s)^2; equals ``push`` without torque data."""
         if not self.torque:
             return self.push(speed)
         scale = self.thrust_coefficient * self.moment_coefficient
         return divide(curve(speed * speed, *self._points(self.torque)), scale)
 
-    def speed_of_push(self, push: object) -> Any:
+    def speed_of_push(self, push: Scalar) -> Scalar:
         """Inverse of ``push``: rotor speed (rad/s) at a given value."""
         square = inverse_curve(push * self.thrust_coefficient, *self._points(self.thrust))
         return sqrt(maximum(square, 0.0))
 
-    def current_at(self, speed: Any) -> Any:
+    def current_at(self, speed: Scalar) -> Scalar:
         """Rotor current at a steady speed and the table's voltage, A."""
         return curve(speed * speed, *self._points(self.current))
 
-    def _points(self, column: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    def _points(self, column: Sequence[Scalar]) -> tuple[list[Scalar], list[Scalar]]:
         """Points (squared speed, value) of a table column for interpolation, with a point at zero speed."""
         squares = [w * w for w in self.speed]
         if concrete(self.speed[0]) and self.speed[0] == 0.0:
@@ -84,6 +84,6 @@ class ThrustTable:
         return [0.0, *squares], [0.0, *column]
 
 
-def _fit(xs: Sequence[Any], ys: Sequence[Any]) -> Any:
+def _fit(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scalar:
     """Slope k of the least-squares line y = k x through points."""
     return divide(sum(x * y for x, y in zip(xs, ys, strict=True)), sum(x * x for x in xs))

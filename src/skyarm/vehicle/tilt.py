@@ -31,8 +31,8 @@ class Tilt:
     Attributes:
         axis: unit vector, base frame, perpendicular to the rotor's axis.
         lower, upper: range of the angle, rad, with rest inside.
-        time_constant: of the lag, s.
-        max_rate: rad/s.
+        time_constant: time constant of the lag, s.
+        max_rate: largest rate, rad/s.
     """
 
     axis: Annotated[Vec3, Unit("", "unit vector of the servo's axis, base axes", rule=unit_vector)]

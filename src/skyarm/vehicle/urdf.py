@@ -45,7 +45,7 @@ def read_urdf(path: PathLike, mimic: str = "lock") -> RigidBodies:
     """Read rigid bodies, joints and frames of a URDF file.
 
     Args:
-        path: of the file.
+        path: path of the file.
         mimic: one of ``attach.MIMIC``.
 
     Raises:
@@ -144,17 +144,17 @@ def _read_elements(robot: ET.Element) -> _File:
 
 
 def _by_name(robot: ET.Element, tag: str) -> dict[str, ET.Element]:
-    found: dict[str, ET.Element] = {}
+    elements: dict[str, ET.Element] = {}
     for element in robot.findall(tag):
         name = element.get("name", "")
         if not name:
             refuse(f"{tag}.name", name, "must not be empty")
-        if name in found:
+        if name in elements:
             refuse(f"{tag}.name", name, "stands twice; names must be unique")
-        found[name] = element
-    if tag == "link" and not found:
+        elements[name] = element
+    if tag == "link" and not elements:
         refuse("robot", "no <link>", "must have at least one link")
-    return found
+    return elements
 
 
 def _joints_above(links: dict[str, ET.Element], joints: dict[str, ET.Element]) -> dict[str, ET.Element]:
@@ -264,15 +264,15 @@ def read_joint(joint: ET.Element, R: Mat3, p: Vec3, notes: Notes) -> Joint:
 
 def read_mimics(joints: Mapping[str, ET.Element]) -> dict[str, Mimic]:
     """Mimic relation (leader, ratio, offset) of each movable joint that follows another one."""
-    found: dict[str, Mimic] = {}
+    mimics: dict[str, Mimic] = {}
     for name, joint in joints.items():
         field = f"joint[{name}]"
         mimic = child(joint, "mimic", field)
         if mimic is None or fixed_at(joint) is not None:
             continue
         ratio = number(mimic, "multiplier", f"{field}.mimic", 1.0)
-        found[name] = Mimic(mimic.get("joint", ""), ratio, number(mimic, "offset", f"{field}.mimic", 0.0))
-    return found
+        mimics[name] = Mimic(mimic.get("joint", ""), ratio, number(mimic, "offset", f"{field}.mimic", 0.0))
+    return mimics
 
 
 def resting(follows: Mimic, joints: Mapping[str, ET.Element]) -> float:
@@ -319,11 +319,11 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
     """Visual meshes of a URDF link; meshes that cannot be drawn are noted.
 
     Args:
-        link: of the file.
+        link: link of the file.
         urdf: the file.
-        notes: of its reader.
+        notes: notes of its reader.
     """
-    name, found = link.get("name", ""), []
+    name, looks = link.get("name", ""), []
     for visual in link.findall("visual"):
         for mesh in visual.findall("geometry/mesh"):
             file, field = mesh_file(mesh.get("filename", ""), urdf), f"link[{name}].visual"
@@ -343,8 +343,8 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
                 notes.add(f"a mesh cannot be drawn ({error}); it is drawn from its joints", name, "link")
                 continue
             scale = Vec3(x, y, z)
-            found.append(Look(name=name, link=BASE, position=position, rotation=rotation, file=str(file), scale=scale))
-    return found
+            looks.append(Look(name=name, link=BASE, position=position, rotation=rotation, file=str(file), scale=scale))
+    return looks
 
 
 def read_xml(path: PathLike) -> ET.Element:
@@ -361,32 +361,32 @@ def read_xml(path: PathLike) -> ET.Element:
 
 def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
     """Child of an XML element with a tag that may occur at most once; None if there is no such child."""
-    found = element.findall(tag)
-    if len(found) > 1:
-        refuse(f"{field}.{tag}", f"{len(found)} elements <{tag}>", "must be at most one")
-    return found[0] if found else None
+    children = element.findall(tag)
+    if len(children) > 1:
+        refuse(f"{field}.{tag}", f"{len(children)} elements <{tag}>", "must be at most one")
+    return children[0] if children else None
 
 
 def required_numbers(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
     """Numbers in the named attributes of a child element; an error if one of them is missing."""
-    found = child(element, tag, field)
-    if found is None:
+    entry = child(element, tag, field)
+    if entry is None:
         refuse(f"{field}.{tag}", "(missing)", f"must give {', '.join(names)}; a link without mass has no <inertial>")
     for name in names:
-        if found.get(name) is None:
+        if entry.get(name) is None:
             refuse(f"{field}.{tag}.{name}", "(missing)", "must be a number")
-    return [finite(found.get(name, ""), f"{field}.{tag}.{name}") for name in names]
+    return [finite(entry.get(name, ""), f"{field}.{tag}.{name}") for name in names]
 
 
 def number(element: ET.Element | None, name: str, field: str, default: float, *, infinite: bool = False) -> float:
     """Read an optional number from an attribute of an XML element; infinity only if it is allowed."""
-    text: Any = None if element is None else element.get(name)
+    text = None if element is None else element.get(name)
     return default if text is None else finite(text, f"{field}.{name}", infinite=infinite)
 
 
 def numbers(element: ET.Element | None, name: str, field: str, default: tuple[float, float, float]) -> Sequence[float]:
     """Read three optional numbers from an attribute of an XML element."""
-    text: Any = None if element is None else element.get(name)
+    text = None if element is None else element.get(name)
     if text is None:
         return default
     words = text.split()

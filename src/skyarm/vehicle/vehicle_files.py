@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from functools import cache, partial
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from skyarm.records.files import (
     PathLike,
@@ -23,7 +22,8 @@ from skyarm.records.files import (
 )
 from skyarm.records.files.names import names_in, require_kind
 from skyarm.vehicle.attach import RigidBodies
-from skyarm.vehicle.check import VehicleError, refuse, with_real_inertias
+from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import vehicle_from
 
@@ -47,7 +47,7 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
     """
     with errors_as(VehicleError):
         text = file_name(name_or_path, "vehicle")
-    path, known = Path(text), ", ".join(list_vehicles())
+    path, shipped = Path(text), ", ".join(list_vehicles())
     if text in list_vehicles():
         return _library_vehicle(text)
     if is_robot(text):
@@ -59,7 +59,7 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
         raise VehicleError(f"vehicle = {shown(text)}: {allowed}")
     reason = unreadable(path)
     if reason:
-        raise VehicleError(f"vehicle = {shown(text)}: {reason}; shipped vehicles are {known}")
+        raise VehicleError(f"vehicle = {shown(text)}: {reason}; shipped vehicles are {shipped}")
     if path.suffix in RIGID:
         return _name_file_in_errors(text, lambda: plain_vehicle(path))
     return _name_file_in_errors(text, lambda: _from_toml(path.read_bytes(), path))
@@ -71,15 +71,14 @@ def _library_vehicle(name: str) -> Vehicle:
     return _name_file_in_errors(name, lambda: _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None))
 
 
-def _name_file_in_errors(file: str, read: Any) -> Vehicle:
+def _name_file_in_errors(file: str, read: Callable[[], Vehicle]) -> Vehicle:
     """Call ``read`` and return its vehicle; an error becomes one line that begins with the file's name."""
     try:
-        vehicle: Vehicle = read()
+        return read()
     except VehicleError as error:
         raise VehicleError(f"{file}: {one_line(str(error))}") from None
     except OSError as error:
         raise VehicleError(f"{file}: file = {error.strerror!r}: must be readable") from None
-    return vehicle
 
 
 def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) -> Vehicle:
@@ -170,13 +169,13 @@ def robot_file(name: str) -> Path:
     Raises:
         VehicleError: one line: the package is not installed, or has no such robot.
     """
-    robots, wanted = carried_robots(), name.removeprefix(PREFIX)
+    robots, stem = carried_robots(), name.removeprefix(PREFIX)
     if not robots:
         refuse("robot", name, needs_extra("robots"))
-    if wanted not in robots:
-        near = did_you_mean(wanted, robots)
+    if stem not in robots:
+        near = did_you_mean(stem, robots)
         refuse("robot", name, f"{near}must be one of the {len(robots)} robots of example-robot-data")
-    return robots[wanted]
+    return robots[stem]
 
 
 def carried_robots() -> dict[str, Path]:

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add
-from skyarm.records.coerce import number, pairs, plain_number, proper_rotation, unit_vector, vector
+from skyarm.records.coerce import concrete, number, pairs, plain_number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
@@ -22,22 +22,22 @@ from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import Names, View
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.vehicle import check
 from skyarm.vehicle.battery import Battery
-from skyarm.vehicle.check import FARTHEST, SHARE, VehicleError, accept_named
-from skyarm.vehicle.linkage import BASE, Body, Follower, Link
+from skyarm.vehicle.check import FARTHEST, NOISE, SHARE, VehicleError, accept_named, inertia, refuse, unique
+from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
+from skyarm.vehicle.mobility import what_does_not_move
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
 
 LOAD = Unit("kg", "point mass on top of the vehicle's own", low=0.0, high=1e4)
-"""Of what is carried: more would leave nothing of the vehicle in a sum of both."""
+"""Unit of a carried mass: more would leave nothing of the vehicle in a sum of both."""
 
 
 def rotation_sense(field: str, value: object) -> int:
     """Convert a rotor's sense of rotation; anything but 1 and -1 raises an error."""
     sign = plain_number(value)
     if isinstance(sign, bool) or not isinstance(sign, (int, float)) or abs(sign) != 1:
-        check.refuse(field, value, "must be 1 (ccw, seen from the tip of its axis) or -1 (cw)")
+        refuse(field, value, "must be 1 (ccw, seen from the tip of its axis) or -1 (cw)")
     return int(sign)
 
 
@@ -54,9 +54,9 @@ class Rotor:
         drag_coefficient: hub drag, N s^2/(rad m): force = -coefficient |W| v_perp.
         rolling_moment_coefficient: N s^2/rad: torque = -coefficient |W| v_perp.
         time_constant_up, time_constant_down: first-order lag of the speed, s.
-        max_speed: rad/s.
-        inertia: of what turns, about the axis, kg m^2: its change of speed and the turning of its spin push the base.
-            It is part of the base's inertia too. An int of 0 is structure: no such effect.
+        max_speed: largest speed, rad/s.
+        inertia: inertia of what turns, about the axis, kg m^2: its change of speed and the turning of its spin push the
+            base. It is part of the base's inertia too. An int of 0 is structure: no such effect.
         table: thrust and drag torque by speed in place of k_f W^2 and k_m thrust; k_f and k_m scale them and are what
             laws know.
         tilt: servo that turns the axis; None for a rotor whose axis is fixed.
@@ -107,8 +107,8 @@ class Look(Frame):
     """Visual mesh of a link with its pose; without mass or contact.
 
     Attributes:
-        name: of the link in the file that describes it.
-        file: path of an STL file. scale: of its numbers along its axes, to m.
+        name: name of the link in the file that describes it.
+        file: path of an STL file. scale: factors of its numbers along its axes, to m.
     """
 
     file: str
@@ -136,7 +136,7 @@ class MountedDrive:
     """Actuator of one joint as part of a vehicle: name of the joint, and drive model.
 
     Attributes:
-        name: of the joint. drive: a :class:`skyarm.Drive`.
+        name: name of the joint. drive: a :class:`skyarm.Drive`.
     """
 
     name: str
@@ -145,7 +145,7 @@ class MountedDrive:
     def __post_init__(self) -> None:
         accept_fields(self, "drives", VehicleError)
         if not callable(getattr(self.drive, "effort", None)):
-            check.refuse(f"drives.{self.name}", self.drive, "must be a Drive")
+            refuse(f"drives.{self.name}", self.drive, "must be a Drive")
 
 
 @immutable
@@ -161,11 +161,11 @@ class Vehicle:
         followers: links that move with others; a frame, a wrench or a shape means the k-th by the index ``n`` + k.
         frames: named frames; ``end_effector`` names the one that metrics and tasks mean.
         drag: drag of the airframe in moving air.
-        drives: of the joints whose setpoint is not the torque.
-        battery: that the rotors run on; None for a supply that never sags.
+        drives: drives of the joints whose setpoint is not the torque.
+        battery: battery of the rotors; None for a supply that never sags.
         looks: meshes for pictures, of links whose file names some.
         sources: (field, source) pairs: where each number comes from.
-        notes: what the reader of its file left out or took in another way, a line each.
+        notes: elements that the reader of its file left out or read in another way, a line each.
     """
 
     name: str
@@ -185,7 +185,7 @@ class Vehicle:
 
     def __post_init__(self) -> None:
         accept_fields(self, "vehicle", VehicleError)
-        check.vehicle(self)
+        _require_whole(self)
 
     def _repr_html_(self) -> str:
         return notebook_html(self)
@@ -242,14 +242,12 @@ class Vehicle:
 
     def frame(self, name: str | None = None) -> Frame:
         """Frame by name, by default the end effector; raises VehicleError with the list of frames."""
-        wanted = name or self.end_effector
+        chosen = name or self.end_effector
         for candidate in self.frames:
-            if candidate.name == wanted:
+            if candidate.name == chosen:
                 return candidate
-        problem = f"no frame '{wanted}'" if wanted else "no end_effector; name a frame"
-        raise check.VehicleError(
-            f"vehicle '{self.name}': {problem}; there are {[f.name for f in self.frames] or 'none'}"
-        )
+        problem = f"no frame '{chosen}'" if chosen else "no end_effector; name a frame"
+        raise VehicleError(f"vehicle '{self.name}': {problem}; there are {[f.name for f in self.frames] or 'none'}")
 
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
         """Vehicle with a point mass (kg) attached at a frame (by default the end effector)."""
@@ -267,20 +265,20 @@ class Vehicle:
 
     def with_views(self, values: Mapping[str, Scalar]) -> Vehicle:
         """Vehicle with point masses (kg) at some frames, by their names, on top of what is there."""
-        found = self
+        loaded = self
         for frame, mass in values.items():
-            found = found.with_payload(mass, frame)
-        return found
+            loaded = loaded.with_payload(mass, frame)
+        return loaded
 
     def with_body(self, link: int, load: Body) -> Vehicle:
         """Vehicle with a load merged into the body of a link, follower or ``BASE``, in that body's axes."""
         if link == BASE:
             return replace(self, base=self.base.merge(load))
         if link >= self.n:
-            held, k = list(self.followers), link - self.n
-            moved = replace(held[k].link, body=held[k].link.body.merge(load))
-            held[k] = replace(held[k], link=moved)
-            return replace(self, followers=tuple(held))
+            followers, k = list(self.followers), link - self.n
+            moved = replace(followers[k].link, body=followers[k].link.body.merge(load))
+            followers[k] = replace(followers[k], link=moved)
+            return replace(self, followers=tuple(followers))
         links = list(self.links)
         links[link] = replace(links[link], body=links[link].body.merge(load))
         return replace(self, links=tuple(links))
@@ -296,3 +294,88 @@ def undriven_joints(vehicle: Vehicle, driven: Collection[str] = ()) -> tuple[str
     driven = {*driven, *(each.name for each in vehicle.drives)}
     joints = (link.joint for link in vehicle.links)
     return tuple(joint.name for joint in joints if joint.name not in driven and float(joint.effort_limit) == 0.0)
+
+
+def _require_whole(value: Vehicle) -> None:
+    """Check a vehicle as a whole: unique names, order of links, existing references, physical consistency."""
+    solid = concrete(value.base.mass) and not value.base.planar
+    inertia("base.inertia", value.base.inertia, planar=value.base.planar, least=NOISE if solid else 0.0)
+    if concrete(value.base.mass) and not value.base.mass > 0.0:
+        refuse("base.mass", value.base.mass, "must be greater than 0")
+    unique("links.name", [link.name for link in value.moving])
+    unique("joints.name", [link.joint.name for link in value.moving])
+    unique("rotors.name", [each.name for each in value.rotors])
+    unique("frames.name", [each.name for each in value.frames])
+    for index, link in enumerate(value.links):
+        if not -1 <= link.parent < index:
+            refuse(f"links[{link.name}].parent", link.parent, "must be the base (-1) or a link that stands before it")
+        inertia(f"links[{link.name}].inertia", link.body.inertia, planar=link.body.planar)
+        _require_joint(f"joints[{link.joint.name}]", link.joint)
+    for index, follower in enumerate(value.followers):
+        _require_follower(value, follower, index)
+    for each in value.rotors:
+        if each.tilt is not None:
+            each.tilt.require(f"rotors[{each.name}].tilt", each.axis)
+    for frame in value.frames:
+        if not -1 <= frame.link < len(value.moving):
+            refuse(f"frames[{frame.name}].link", frame.link, f"must be -1 (base) ... {len(value.moving) - 1}")
+    if value.end_effector and value.end_effector not in [each.name for each in value.frames]:
+        refuse(
+            "end_effector",
+            value.end_effector,
+            f"must be one of {', '.join(each.name for each in value.frames) or 'none'}",
+        )
+    _require_drives(value)
+    if found := what_does_not_move(value):
+        refuse(*found)
+
+
+def _require_joint(field: str, value: Joint) -> None:
+    """Check the kind and limits of one joint."""
+    if value.kind not in ("revolute", "prismatic"):
+        refuse(f"{field}.kind", value.kind, "must be 'revolute' or 'prismatic'")
+    if concrete(value.lower, value.upper) and not value.lower < value.upper:
+        refuse(f"{field}.lower", value.lower, f"must be below upper = {value.upper!r}")
+
+
+def _require_drives(value: Vehicle) -> None:
+    """Check that each drive has a joint of its own with an effort limit above zero."""
+    joints = [link.joint.name for link in value.links]
+    for name in (each.name for each in value.drives):
+        if name not in joints or [each.name for each in value.drives].count(name) > 1:
+            refuse("drives", name, f"must be one of {', '.join(joints) or 'none'}, once")
+        limit = value.links[joints.index(name)].joint.effort_limit
+        if concrete(limit) and limit == 0:
+            allowed = f"must be above 0: it leaves drives.{name} no torque"
+            refuse(f"joints[{name}].effort_limit", limit, allowed)
+
+
+def _require_follower(value: Vehicle, each: Follower, index: int) -> None:
+    """Check a follower: existing leader, earlier parent, and a joint without friction, armature or stops."""
+    field, link = f"followers[{each.name}]", each.link
+    inertia(f"{field}.link.inertia", link.body.inertia, planar=link.body.planar)
+    _require_joint(f"{field}.link.joint", link.joint)
+    if not 0 <= each.leader < value.n:
+        refuse(f"{field}.leader", each.leader, f"must be the index of a link, 0 ... {value.n - 1}")
+    if not -1 <= link.parent < value.n + index:
+        refuse(f"{field}.link.parent", link.parent, "must be the base (-1), a link or an earlier follower")
+    if concrete(each.ratio) and each.ratio == 0:
+        refuse(f"{field}.ratio", each.ratio, "must not be 0; a joint that never moves is fixed")
+    for name in ("damping", "coulomb", "armature", "stop_stiffness"):
+        if concrete(getattr(link.joint, name)) and getattr(link.joint, name) != 0:
+            refuse(f"{field}.link.joint.{name}", getattr(link.joint, name), "must be 0: its leader has it")
+
+
+def require_plant(value: Vehicle) -> None:
+    """Raise an error if a vehicle has bodies that are not physical; planar ones are allowed only in a law's model.
+
+    Raises:
+        VehicleError: with the first planar body.
+    """
+    names = ["base", *(f"links[{link.name}]" for link in value.moving)]
+    for name, each in zip(names, value.bodies, strict=True):
+        if each.planar:
+            raise VehicleError(
+                f"vehicle '{value.name}': {name}.planar = True: must be false in a plant (a planar inertia is "
+                "impossible for a real body; such a vehicle is a controller's model only)"
+            )

@@ -15,7 +15,8 @@ from skyarm.vehicle import check, description
 from skyarm.vehicle.attach import MIMIC, Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in
 from skyarm.vehicle.attach import limits_that_contradict as contradicting_limits
 from skyarm.vehicle.battery import Battery
-from skyarm.vehicle.check import VehicleError, refuse, with_real_inertias
+from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -27,14 +28,14 @@ SOURCES: Mapping[str, tuple[str, ...]] = {
     "mjcf": (".xml", ".mjcf"),
     "airframe": (".toml", ".urdf", ".xml", ".mjcf"),
 }
-"""Fields of which one may stand in place of ``base`` and ``links`` -> suffixes of the files that they name."""
+"""Fields that replace ``base`` and ``links``, one a file -> suffixes of the files that they name."""
 
 Record = TypeVar("Record")
 
 Default = TypeVar("Default")
 
 Refer = Callable[[str, str, Collection[str], str], RigidBodies | Vehicle]
-"""From a field, the name that stands there, the suffixes allowed and what becomes of mimics to what is in that file."""
+"""Reader of a named file: (field, name, allowed suffixes, treatment of mimics) -> bodies or vehicle."""
 
 
 def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
@@ -98,8 +99,8 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer) -> Vehicle:
     )
     limits = top.choice("joint_limits", ("stop", "end"), "stop")
     top.done()
-    known = {*own, *settled, *stating("coulomb_rate")}
-    made = with_smooth_friction(made, {link.joint.name for link in made.links} - known)
+    rate_stated = {*own, *settled, *stating("coulomb_rate")}
+    made = with_smooth_friction(made, {link.joint.name for link in made.links} - rate_stated)
     return made if limits == "end" else with_stops(made, {*settled, *stating("stop_stiffness")})
 
 
@@ -136,11 +137,11 @@ def _bodies(top: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle
         if base is None:
             raise VehicleError("base: is missing: must be a table, or 'urdf' the path of a URDF file")
         return _own_bodies(top), None
-    found = refer(source, top.text(source), SOURCES[source], mimic)
+    referred = refer(source, top.text(source), SOURCES[source], mimic)
     for field, given in (("base", base), ("links", links)):
         if given:
             refuse(field, "a table", f"must not be given together with '{source}'")
-    return (found, None) if isinstance(found, RigidBodies) else (bodies_of(found), found)
+    return (referred, None) if isinstance(referred, RigidBodies) else (bodies_of(referred), referred)
 
 
 def _own_bodies(top: Fields) -> RigidBodies:
@@ -170,9 +171,9 @@ def _own_bodies(top: Fields) -> RigidBodies:
     return RigidBodies("", "base", base, tuple(links), (), mimics)
 
 
-def _body(fields: Fields, known: Sequence[str]) -> Body:
+def _body(fields: Fields, read_elsewhere: Sequence[str]) -> Body:
     """Read the mass distribution of a link, merged from its own numbers and its [[parts]]."""
-    for word in known:
+    for word in read_elsewhere:
         fields.take(word, None)
     parts = _named_tables(fields, "parts")
     stated = [word for word in ("mass", "com", "inertia") if fields.take(word, None) is not None]
@@ -204,7 +205,7 @@ def _joint(fields: Fields) -> Joint:
     return Joint(name=name, kind=kind, axis=axis, position=p, rotation=R, **numbers_from(Joint, fields))
 
 
-def _pose(fields: Fields) -> tuple[Mat3, Any]:
+def _pose(fields: Fields) -> tuple[Mat3, Vec3]:
     """Read the pose of a frame relative to another frame: rotation and position (m)."""
     R, rpy, wxyz = Mat3.identity(), fields.take("rpy", None), fields.take("quaternion_wxyz", None)
     if rpy is not None and wxyz is not None:
@@ -230,8 +231,8 @@ def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
 def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
     """Attach the bodies of an arm's file to a vehicle's; also return that file as a vehicle if it is a vehicle file."""
     arm = fields.text("arm")
-    found = refer(fields.at("arm"), arm, SOURCES["airframe"], fields.choice("mimic", MIMIC, mimic))
-    carried = found if isinstance(found, Vehicle) else None
+    referred = refer(fields.at("arm"), arm, SOURCES["airframe"], fields.choice("mimic", MIMIC, mimic))
+    carried = referred if isinstance(referred, Vehicle) else None
     if carried is not None and carried.rotors:
         words = f"must have no rotors ({carried.rotors[0].name}); those of the airframe fly"
         refuse(fields.at("arm"), arm, words)
@@ -239,21 +240,21 @@ def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tu
         refuse(fields.at("arm"), arm, "must have no battery; that of the airframe feeds the rotors")
     (R, p), to, prefix = _pose(fields), fields.text("to", "base"), fields.text("prefix", "")
     fields.done()
-    whole = found if isinstance(found, RigidBodies) else bodies_of(found)
+    whole = referred if isinstance(referred, RigidBodies) else bodies_of(referred)
     return attach(bodies, whole, Mount(to, R, p, prefix, fields.where)), carried
 
 
 def _override_joints(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodies, own: Sequence[str]) -> RigidBodies:
     """Override joint limits and friction of bodies that come from another file."""
-    known = [link.joint.name for link in bodies.links if link.joint.name not in own]
+    changeable = [link.joint.name for link in bodies.links if link.joint.name not in own]
     for name in changes:
         if name in own:
             refuse("joints.name", name, "must stand in its link; only another file's joints are changed here")
         if name in bodies.mimics:
             what = f"must be left out: it follows {bodies.mimics[name].joint!r} and has nothing of its own to state"
             refuse("joints.name", name, what)
-        if name not in known:
-            refuse("joints.name", name, f"must be one of {', '.join(known) or 'none'}")
+        if name not in changeable:
+            refuse("joints.name", name, f"must be one of {', '.join(changeable) or 'none'}")
     if not changes:
         return bodies
     links = tuple(replace(k, joint=replace(k.joint, **changes.get(k.joint.name, {}))) for k in bodies.links)
@@ -335,5 +336,5 @@ def _with_limits_of_drives(
 
 def _sources(top: Fields) -> dict[str, str]:
     """Read [sources]: for the dotted name of a field, a text on where its value comes from."""
-    found = top.inner("sources")
-    return {key: found.text(key) for key in found.table}
+    sources = top.inner("sources")
+    return {key: sources.text(key) for key in sources.table}

@@ -35,7 +35,7 @@ def vehicle_text(vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None
     thrust tables only. Meshes for pictures, which a vehicle file cannot name, are left out.
 
     Args:
-        vehicle: of concrete numbers.
+        vehicle: vehicle of concrete numbers.
         head: lines of a comment at the beginning.
         notes: comments behind fields, such as ``base.inertia``, ``links.upper.mass``, ``rotors.time_constant_up``.
 
@@ -83,14 +83,14 @@ def _section(head: str, table: Table, at: str, notes: Notes) -> list[str]:
 
 def _lines(table: Table, at: str, notes: Notes) -> list[str]:
     """Lines of the entries of a table, each with its comment."""
-    found = []
+    lines = []
     for name, value in table.items():
         note = notes.get(f"{at}.{name}", "").split("\n")
-        found += [f"# {line}" for line in note if len(note) > 1]
-        found.append(
+        lines += [f"# {line}" for line in note if len(note) > 1]
+        lines.append(
             f"{toml_key(name)} = {toml_value(value)}" + (f"  # {note[0]}" if note[0] and len(note) == 1 else "")
         )
-    return found
+    return lines
 
 
 def _of_rotors(rotors: Sequence[Rotor], notes: Notes) -> list[str]:
@@ -111,15 +111,15 @@ PLACED = ("name", "position", "direction")
 
 def _rotor(rotor: Rotor) -> Table:
     # without max_speed a thrust table's last speed would be it
-    found = _record(rotor, [name for name in scalars(Rotor) if name != "max_speed" or rotor.table is not None])
-    found["direction"] = "ccw" if rotor.direction > 0 else "cw"
+    entries = _record(rotor, [name for name in scalars(Rotor) if name != "max_speed" or rotor.table is not None])
+    entries["direction"] = "ccw" if rotor.direction > 0 else "cw"
     if rotor.table is not None:
         for name in ("table", *(COEFFICIENTS if rotor.table.torque else COEFFICIENTS[:1])):
-            del found[name]
-        found["thrust_table"] = _thrust_table(rotor, rotor.table)
+            del entries[name]
+        entries["thrust_table"] = _thrust_table(rotor, rotor.table)
     if rotor.tilt is not None:
-        found["tilt"] = _record(rotor.tilt)
-    return found
+        entries["tilt"] = _record(rotor.tilt)
+    return entries
 
 
 def _thrust_table(rotor: Rotor, table: ThrustTable) -> Table:
@@ -157,10 +157,10 @@ def _frame(frame: Frame, names: Sequence[str]) -> Table:
 
 def _with_orientation(table: Table, rotation: Mat3) -> Table:
     """Table of a record with its rotation in a file's words."""
-    found: Table = {}
+    oriented: Table = {}
     for name, each in table.items():
-        found |= _orientation(rotation) if name == "rotation" else {name: each}
-    return found
+        oriented |= _orientation(rotation) if name == "rotation" else {name: each}
+    return oriented
 
 
 def _drive(drive: MountedDrive) -> Table:
@@ -174,10 +174,10 @@ def _drive(drive: MountedDrive) -> Table:
 
 def _record(record: object, always: Collection[str] = ()) -> Table:
     """Table of a record's fields, in which constants of compiled code are numbers like others."""
-    found: Table = record_entry(record, always)
-    numbers = {name: float(found[name]) for name in scalars(type(record)) if name in found}
+    entry: Table = record_entry(record, always)
+    numbers = {name: float(entry[name]) for name in scalars(type(record)) if name in entry}
     vectors = ((name, each) for name, each in parts(record).items() if isinstance(each, Vec3))
-    return found | numbers | {name: _three(each) for name, each in vectors if name in found}
+    return entry | numbers | {name: _three(each) for name, each in vectors if name in entry}
 
 
 def _three(vector: Vec3) -> list[float]:

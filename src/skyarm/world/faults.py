@@ -13,8 +13,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_entry
 from skyarm.records.units import Unit
-from skyarm.reference.signal_tables import signal_from
-from skyarm.reference.signals import Signal
+from skyarm.reference.signals import Signal, signal_from
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.effectiveness import Effectiveness
 

@@ -6,28 +6,37 @@ from dataclasses import replace
 
 import numpy as np
 
+from skyarm.algebra import Vec3
 from skyarm.world.scene.scene import Instants, Line, Scene
 from skyarm.world.scene.shapes import Solid
 from skyarm.world.scene.vehicle_shapes import payload_shape
-from skyarm.world.timed_payload import TimedPayload
 
 HELD = 0.5
 """Share of the mass from which on it counts as held, between two instants of a log."""
 
 
-def payload_scene(payload: TimedPayload, seen: Instants) -> Scene:
-    """Drawn ball and cord of a payload at some instants of a flight; empty if it is never held."""
+def payload_scene(seen: Instants, *, name: str, mass: float, frame: str, com: Vec3, rigid: bool) -> Scene:
+    """Drawn ball and cord of a payload at some instants of a flight; empty if it is never held.
+
+    Args:
+        seen: the instants, with the logged numbers of the payload.
+        name: of the payload; may be empty.
+        mass: kg.
+        frame: of the vehicle, which holds it; empty for the tip.
+        com: centre of mass, m, axes of the frame.
+        rigid: whether it is fixed to the frame; else it hangs on a cord.
+    """
     masses = seen.numbers["payload_mass"][:, 0]
-    held = masses > HELD * float(payload.mass)
-    if not held.any() or not (payload.frame or seen.vehicle.end_effector):
+    held = masses > HELD * mass
+    if not held.any() or not (frame or seen.vehicle.end_effector):
         return Scene()
     (instants,) = np.nonzero(held)
     # the last instant at which it was held, and before the first that one
     at = instants[np.maximum(np.searchsorted(instants, np.arange(len(held)), side="right") - 1, 0)]
-    shape = payload_shape(seen.vehicle, float(payload.mass), payload.frame, payload.com)
-    ending, holder = f"/{payload.name}" if payload.name else "", seen.place(shape.position, shape.body)
+    shape = payload_shape(seen.vehicle, mass, frame, com)
+    ending, holder = f"/{name}" if name else "", seen.place(shape.position, shape.body)
     named, rotation = replace(shape, name=f"payload{ending}"), seen.poses[shape.body][0]
-    if payload.rigid:
+    if rigid:
         return Scene(solids=(Solid(named, holder[at], rotation[at]),))
     places = seen.numbers["payload_position"]
     cord = np.where(held[:, None, None], np.stack([holder, places], axis=1), np.nan)

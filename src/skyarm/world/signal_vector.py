@@ -14,8 +14,7 @@ from skyarm.records.field_rules import checked
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.reference.signal_tables import signal_from
-from skyarm.reference.signals import Constant, Signal
+from skyarm.reference.signals import Constant, Signal, signal_from
 
 NONE = Constant(0)
 """A component that is not there: a structural zero."""

@@ -170,7 +170,9 @@ class TimedPayload(Component[PayloadMemory]):
         """Drawn ball of the payload before, during and after it is carried."""
         from skyarm.world.payload_scene import payload_scene
 
-        return payload_scene(self, seen)
+        return payload_scene(
+            seen, name=self.name, mass=float(self.mass), frame=self.frame, com=self.com, rigid=self.rigid
+        )
 
     def next_status(self, memory: PayloadMemory, t: Scalar, position_W: Vec3) -> tuple[Scalar, Scalar, Scalar, Vec3]:
         """Next internal state of the payload: held, just grasped, set down (1 or 0 each), and resting position."""

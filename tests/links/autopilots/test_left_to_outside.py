@@ -17,7 +17,7 @@ from links.autopilots.test_px4 import begun
 from skyarm import load_scenario
 from skyarm.links.autopilots import px4
 from skyarm.links.autopilots.flight import planned_scenario
-from skyarm.links.outside.joint_port import UdpJoints
+from skyarm.links.joint_port import UdpJoints
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 

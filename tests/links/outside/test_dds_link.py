@@ -16,10 +16,10 @@ from links.outside.test_offboard import SCENARIO
 from skyarm import load_scenario
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators import Command
+from skyarm.links.joint_port import NoJoints
 from skyarm.links.outside import offboard
 from skyarm.links.outside.autopilot_link import open_link
 from skyarm.links.outside.dds_link import DdsLink, parse_domain
-from skyarm.links.outside.joint_port import NoJoints
 from skyarm.links.outside.motor_commands import MotorSettings, require_full_thrust
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings
 from skyarm.links.outside.offboard_link import OffboardError

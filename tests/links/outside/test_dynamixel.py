@@ -9,10 +9,10 @@ import types
 
 import pytest
 
+from skyarm.links.joint_port import JointPortError
 from skyarm.links.outside import joint_links
 from skyarm.links.outside.dynamixel import DynamixelJoints, ServoBus
 from skyarm.links.outside.joint_links import open_joints
-from skyarm.links.outside.joint_port import JointPortError
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 

@@ -14,8 +14,8 @@ import pytest
 
 from links.outside.stand_in import StandIn, free_port
 from skyarm import load_scenario
+from skyarm.links.joint_port import JointPortError, JointReading, JointServer, NoJoints, UdpJoints
 from skyarm.links.outside import offboard
-from skyarm.links.outside.joint_port import JointPortError, JointReading, JointServer, NoJoints, UdpJoints
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
 from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
 from skyarm.links.outside.outside_law import OutsideLaw

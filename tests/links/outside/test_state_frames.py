@@ -8,7 +8,7 @@ import pytest
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.control.blocks.geometric import yaw_of
-from skyarm.links.outside.joint_port import JointReading
+from skyarm.links.joint_port import JointReading
 from skyarm.links.outside.state_frames import AutopilotState, WorldFrame
 
 FLIP = np.diag([1.0, -1.0, -1.0])

@@ -21,7 +21,7 @@ from commanded import refused, skyarm
 from ros_stand_ins import MemoryNode, asked, framed, master, subscribe
 from skyarm.links.ros import RosError, live_flight
 from skyarm.links.ros.live_flight import Pace, fly_live
-from skyarm.links.ros.message_types import decode
+from skyarm.log.ros.message_bytes import decode
 from skyarm.log.ros.messages import ROS1_DEFINITIONS
 
 SHORT = 0.5

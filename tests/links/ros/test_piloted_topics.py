@@ -14,7 +14,8 @@ import skyarm
 from ros_stand_ins import MemoryNode
 from skyarm.links.ros.live_flight import fly_live
 from skyarm.links.ros.ros_link import COMMAND, GOAL
-from skyarm.log.ros.messages import DEFINITIONS, encode
+from skyarm.log.ros.message_bytes import encode
+from skyarm.log.ros.messages import DEFINITIONS
 
 
 class Steering(MemoryNode):

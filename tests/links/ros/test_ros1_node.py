@@ -18,14 +18,14 @@ import pytest
 
 from ros_stand_ins import Talker, asked, exactly, framed, header, master, subscribe
 from skyarm.links.ros import RosError, open_node
-from skyarm.links.ros.message_types import checksum, decode
 from skyarm.links.ros.node import Inbox
 from skyarm.links.ros.ros1_connections import MOST_CONNECTIONS, Identity, Subscription, read_header
 from skyarm.links.ros.ros1_node import Ros1Node
-from skyarm.log.ros.messages import ROS1_CONSTANTS, ROS1_DEFINITIONS, encode
+from skyarm.log.ros.message_bytes import decode, encode
+from skyarm.log.ros.messages import ROS1_DEFINITIONS, checksum
 
 ODOMETRY, NUMBERS = "nav_msgs/Odometry", "std_msgs/Float64MultiArray"
-SUMS = {kind: checksum(kind, ROS1_DEFINITIONS, ROS1_CONSTANTS) for kind in (ODOMETRY, NUMBERS)}
+SUMS = {kind: checksum(kind, ROS1_DEFINITIONS) for kind in (ODOMETRY, NUMBERS)}
 
 
 def wait_until(happened: Callable[[], object], seconds: float = 10.0) -> None:

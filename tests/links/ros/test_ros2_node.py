@@ -17,8 +17,8 @@ import pytest
 import skyarm
 from skyarm.links.ros import RosError, open_node
 from skyarm.links.ros.live_flight import fly_live
-from skyarm.links.ros.message_types import PART, decode
-from skyarm.log.ros.messages import DEFINITIONS, encode, fields
+from skyarm.log.ros.message_bytes import decode, encode
+from skyarm.log.ros.messages import DEFINITIONS, fields
 
 pytest.importorskip("cyclonedds", reason="needs the extra 'ros'")
 
@@ -196,16 +196,15 @@ def idl(definitions) -> str:
 
     def text(kind: str) -> str:
         found, rows = "", []
-        for part, name in fields(definitions[kind]):
-            one, length = PART.fullmatch(part).groups()
-            if one in definitions:
-                if one not in done:
-                    found += text(one)
-                one = f"{one.replace('/', '::msg::dds_::')}_"
-            one = {"float64": "double", "float32": "float", "int32": "long", "uint32": "unsigned long"}.get(one, one)
+        for name, of, length in fields(definitions[kind]):
+            one = {"float64": "double", "float32": "float", "int32": "long", "uint32": "unsigned long"}.get(of, of)
+            if of in definitions:
+                if of not in done:
+                    found += text(of)
+                one = f"{of.replace('/', '::msg::dds_::')}_"
             rows.append(
                 f"sequence<{one}> {name};"
-                if length == ""
+                if length == 0
                 else f"{one} {name}[{length}];"
                 if length
                 else f"{one} {name};"
@@ -225,7 +224,7 @@ HEARD = (
 
 
 def needed(kind: str) -> set[str]:
-    inner = {part.partition("[")[0] for part, _ in fields(DEFINITIONS[kind])} & {*DEFINITIONS}
+    inner = {field.kind for field in fields(DEFINITIONS[kind])} & {*DEFINITIONS}
     return {kind}.union(*map(needed, inner))
 
 

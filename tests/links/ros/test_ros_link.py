@@ -16,9 +16,9 @@ from ros_stand_ins import MemoryNode
 from skyarm.dynamics.actuators import Command
 from skyarm.links.ros import RosLink, live_session
 from skyarm.links.ros.goals import FARTHEST, base_goal, changes_to, check_reach, joint_goal
-from skyarm.links.ros.message_types import MessageError, decode
 from skyarm.links.ros.ros_link import APPLIED, CLOCK, COMMAND, GOAL, JOINT_GOAL, ROTORS, command_of
-from skyarm.log.ros.messages import FLIGHT, encode
+from skyarm.log.ros.message_bytes import MessageError, decode, encode
+from skyarm.log.ros.messages import FLIGHT
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.simulate.session import Session
 

@@ -12,7 +12,8 @@ import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.log.metrics.accumulate import Goal, Instant, advance_totals, first_totals
+from skyarm.log.metrics.accumulate import advance_totals, first_totals
+from skyarm.log.metrics.metric import Goal, Instant
 from skyarm.log.metrics.metric_catalogue import GROUPS, required_totals, values
 from skyarm.log.metrics.score import score
 from skyarm.simulate.batch import Batch

@@ -12,8 +12,8 @@ import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.log.metrics.accumulate import Goal, Instant
 from skyarm.log.metrics.interaction import TOTALED, GripTotals
+from skyarm.log.metrics.metric import Goal, Instant
 from skyarm.log.metrics.score import score
 from skyarm.scenario.numbers import with_numbers
 from skyarm.simulate.batch import Batch

@@ -14,7 +14,8 @@ from skyarm.compile import trace
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics import interaction
-from skyarm.log.metrics.accumulate import QUANTITIES, Goal, Instant, Limits, quantity, roll_and_pitch, tilt
+from skyarm.log.metrics.accumulate import QUANTITIES, quantity, roll_and_pitch, tilt
+from skyarm.log.metrics.metric import Goal, Instant, Limits
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 TURN = Rotation.from_euler("ZYX", [0.9, -0.7, 0.4])

@@ -13,8 +13,8 @@ import pytest
 import skyarm
 from commanded import skyarm as command
 from logged_flights import with_components
-from skyarm.cli.run_command import facts, summary
 from skyarm.log.flight_log import rows_of
+from skyarm.log.flight_summary import facts, summary
 from skyarm.log.metrics.shortfall import LARGEST_ERROR
 from skyarm.vehicle.battery import Battery, CellCurve
 

@@ -13,7 +13,8 @@ from simulate_flights import document
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.log.metrics.accumulate import Goal, Instant, advance_totals, first_totals, roll_and_pitch, tilt
+from skyarm.log.metrics.accumulate import advance_totals, first_totals, roll_and_pitch, tilt
+from skyarm.log.metrics.metric import Goal, Instant
 from skyarm.log.metrics.metric_catalogue import GROUPS, measures, metric_names, required_totals, values
 from skyarm.log.metrics.score import score
 from skyarm.log.metrics.windows import Windows

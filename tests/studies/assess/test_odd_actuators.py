@@ -10,15 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.text import Text
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.cli.show_command import sheet, vehicle_facts
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.studies.assess.along_reference import along_reference
+from skyarm.studies.assess.data_sheet import sheet, vehicle_facts
 from skyarm.studies.assess.endurance import aloft_for, hover_time
 from skyarm.studies.assess.endurance import time_aloft as assessed_time
 from skyarm.studies.assess.layout import disc_radius, rotor_layout
@@ -162,7 +161,7 @@ def test_show_has_drives_and_battery():
     bare = dataclasses.replace(arm(), drives=(), battery=None)
     assert vehicle_facts(bare, 9.81)["battery"] is None
     shown, without = (
-        {title.plain.split(":")[0] for part in parts for title in part.renderables if isinstance(title, Text)}
+        {part.caption.split(":")[0] for part in parts}
         for parts in (sheet(arm(), facts), sheet(bare, vehicle_facts(bare, 9.81)))
     )
     assert shown - without == {"drives", "battery"}

@@ -10,10 +10,10 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.cli.check_command import sheet
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.studies.assess.arm_poses import Allocation, arm_poses, hover_efforts, joint_range
 from skyarm.studies.assess.assessment import Assessment, assess_vehicle
+from skyarm.studies.assess.check_sheet import sheet
 from skyarm.studies.assess.endurance import hover_time
 from skyarm.studies.assess.finding import FAULT, NOTE, WARNING, Finding, finding_of_line
 from skyarm.studies.assess.thrust import locked_inertia, torque_authority

@@ -12,12 +12,11 @@ from skyarm.log.metrics.windows import Windows
 from skyarm.scenario.paths import LATE
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate import Delays, Window
-from skyarm.studies.compare.cells import Cell, Flights
-from skyarm.studies.compare.comparison_report import comparison_report
+from skyarm.studies.compare.cells import SUCCESS_METRIC, Cell, Flights, summary
+from skyarm.studies.compare.comparison import comparison_report
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.compare.suite import CASES, NOISE, Case, Condition, conditions
-from skyarm.studies.compare.summary import SUCCESS_METRIC, summary
 from skyarm.studies.flights.fly import one_scenario
 
 EARLY = Windows(steady=Window(1.0, 2.0), gust=Window(0.5, 2.0), last=0.5)

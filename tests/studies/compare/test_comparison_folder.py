@@ -8,13 +8,12 @@ import json
 import numpy as np
 import pytest
 
-from skyarm.studies.compare import summary
-from skyarm.studies.compare.cells import Cell
+from skyarm.studies.compare import run_suite
+from skyarm.studies.compare.cells import SUCCESS_METRIC, Cell, table
 from skyarm.studies.compare.comparison import Comparison
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.run_suite import fly_suite
 from skyarm.studies.compare.suite import conditions
-from skyarm.studies.compare.summary import SUCCESS_METRIC, table
 from skyarm.studies.flights import executor
 
 EVERY = conditions(plants=2, seeds=2)
@@ -86,7 +85,7 @@ def test_every_flight_is_a_row_of_one_table(tmp_path, asked):
 
 
 def test_a_number_that_json_does_not_know_is_not_written(tmp_path, asked, monkeypatch):
-    monkeypatch.setattr(summary, "table", lambda _cells: {"plants_noisy": {"case3_wind": {}, "none": float("nan")}})
+    monkeypatch.setattr(run_suite, "table", lambda _cells: {"plants_noisy": {"case3_wind": {}, "none": float("nan")}})
     with pytest.raises(ValueError, match="not JSON compliant"):
         fly_suite(Comparison(entrants=LAWS, conditions=COLUMNS), tmp_path)
     assert not (tmp_path / "results.json").exists()

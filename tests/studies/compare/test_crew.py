@@ -10,12 +10,11 @@ from compared_flights import cell_of
 from skyarm.log.metrics.windows import Windows
 from skyarm.simulate import Window
 from skyarm.studies.compare import cells
-from skyarm.studies.compare.cells import Cell, Flights
-from skyarm.studies.compare.comparison_report import plants_rows
+from skyarm.studies.compare.cells import SUCCESS_METRIC, Cell, Flights, summary
+from skyarm.studies.compare.comparison import plants_rows
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.studies.compare.summary import SUCCESS_METRIC, summary
 from skyarm.studies.flights import Crew
 from skyarm.studies.flights.executor import PROCESSES
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from envelope_points import AXES_FLOWN, LOST, plants, point
 from skyarm.studies.compare.cells import Cell
-from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, TIP, TIP_MAX
-from skyarm.studies.compare.envelope_report import (
+from skyarm.studies.compare.envelope import (
     JUDGED,
     axis_rows,
     cell_text,
@@ -20,6 +19,7 @@ from skyarm.studies.compare.envelope_report import (
     summary_section,
     within,
 )
+from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, TIP, TIP_MAX
 
 
 def test_a_law_is_good_up_to_the_first_value_where_it_is_not():

@@ -7,8 +7,8 @@ import re
 
 import numpy as np
 
-from skyarm.studies.compare.cells import Cell
-from skyarm.studies.compare.comparison_report import (
+from skyarm.studies.compare.cells import SUCCESS_METRIC, Cell, table
+from skyarm.studies.compare.comparison import (
     COST,
     GROUPS,
     TRACKING,
@@ -17,7 +17,6 @@ from skyarm.studies.compare.comparison_report import (
 )
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.suite import CASES, conditions
-from skyarm.studies.compare.summary import SUCCESS_METRIC, table
 from skyarm.view.pages import grouped_table
 
 EVERY = conditions(plants=4, seeds=2)

@@ -12,10 +12,9 @@ from scipy.spatial.transform import Rotation
 from skyarm.algebra import Vec3
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
 from skyarm.records.leaves import leaves
-from skyarm.studies.compare.cells import Cell
+from skyarm.studies.compare.cells import SUCCESS_METRIC, Cell, successes
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.suite import CASES, turn_wind
-from skyarm.studies.compare.summary import SUCCESS_METRIC, successes
 from skyarm.world import ForceWind, Gust
 
 MODEL = CASES["case3"].build().controller.par.model

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.paper.unstated_study import Cell, losses, slack_distance, tally, within
+from skyarm.studies.paper.unstated_study import PublishedNumber, losses, slack_distance, tally, within
 
 
-def cell(measured: float, half: float = 0.0) -> Cell:
-    return Cell("flight", "name", "metric", measured, half)
+def cell(measured: float, half: float = 0.0) -> PublishedNumber:
+    return PublishedNumber("flight", "name", "metric", measured, half)
 
 
 def loss(ours: float, measured: float, half: float = 0.0, width: float = 0.25, knee: float = 3.0) -> float:

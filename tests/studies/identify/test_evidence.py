@@ -12,7 +12,7 @@ from test_identification import METRICS, STUDY, THICK
 
 from inference.evidence import Evidence, _range
 from inference.study import read_identification
-from skyarm.paper.unstated_study import losses
+from skyarm.studies.paper.unstated_study import losses
 
 TEXT = STUDY.replace("CELLS", "\n".join(f'{name} = "1.000"' for name in METRICS)).replace("[fit]", f"{THICK}[fit]")
 STUDIED = read_identification(

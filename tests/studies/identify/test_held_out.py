@@ -15,18 +15,11 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify import held_out
 from skyarm.studies.identify.held_out import (
-    CURVE,
-    HOLD,
-    HORIZONS,
-    IDENTIFIED,
     LASTING,
     MEMORIES,
     NOTHING,
-    PAST,
-    START,
     WHOLE,
     Ends,
-    HorizonErrors,
     end_of_past,
     ends_of,
     errors_of,
@@ -37,8 +30,17 @@ from skyarm.studies.identify.held_out import (
     past_windows,
     predict_held_out,
     shares_of,
-    table_horizons,
     thin_places,
+)
+from skyarm.studies.identify.held_out_errors import (
+    CURVE,
+    HOLD,
+    HORIZONS,
+    IDENTIFIED,
+    PAST,
+    START,
+    HorizonErrors,
+    table_horizons,
 )
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identified_parts import Surroundings

@@ -16,10 +16,10 @@ from inference.evidence import Evidence
 from inference.identification import identify, result_digest
 from inference.study import IdentificationError, IdentificationStudy
 from skyarm.log.metrics.score import score
-from skyarm.paper.unstated_study import laid_over
 from skyarm.plant.joint_rate import friction_rate
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
+from skyarm.studies.paper.unstated_study import laid_over
 
 METRICS = ("joint_error_mean", "joint_error_max", "position_error_mean", "pitch_rms", "tau1_rms", "tau2_rms")
 

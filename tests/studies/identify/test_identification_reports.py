@@ -19,7 +19,7 @@ from skyarm.studies.identify.excitation_report import (
     excited_numbers,
     fault_line,
 )
-from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, PAST, START, HeldOut, HorizonErrors, OneStep
+from skyarm.studies.identify.held_out_errors import HOLD, IDENTIFIED, PAST, START, HeldOut, HorizonErrors, OneStep
 from skyarm.studies.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, Identified, IdentifiedNumber
 from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.identified_report import (

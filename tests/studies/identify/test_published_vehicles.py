@@ -13,7 +13,7 @@ import skyarm
 from logged_vehicles import FLIGHTS, crazyflie, iris
 from skyarm.algebra import Sym3, Vec3
 from skyarm.flight_data.flight_data import load_flight
-from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, PAST, START
+from skyarm.studies.identify.held_out_errors import HOLD, IDENTIFIED, PAST, START
 from skyarm.studies.identify.identify_windows import identify_by_windows
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.dynamics.actuators.rotor import rotor_forces
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.scenario.scenario_record import first_state
-from skyarm.studies.identify.required_flight import arm_clearance, required_flight, wrench_of_pushes
+from skyarm.studies.identify.required_flight import arm_clearance, required_flight
 from skyarm.studies.tune.excitation import of_vehicle
 
 VEHICLE = skyarm.load_vehicle("hummingbird_arm2_rotors")
@@ -29,6 +30,15 @@ def moving(**waves):
         wave = size * np.sin(rate * TIMES)
         motion[:, names.index(name)] = middle + wave, size * rate * np.cos(rate * TIMES), -(rate**2) * wave
     return motion
+
+
+def wrench_of_pushes(rotors):
+    """Force and torque at the base origin, base axes, of each rotor at 1 rad/s, (6, rotors), by the plant's rotors."""
+    found = []
+    for i in range(len(rotors)):
+        force = rotor_forces(rotors, [float(k == i) for k in range(len(rotors))], ZERO3, ZERO3)
+        found.append([float(each) for each in (*force.force, *force.torque)])
+    return np.array(found).T
 
 
 def test_the_wrench_of_a_hover_holds_the_vehicle():

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.studies.stability.along import SettledHover
 from skyarm.studies.stability.hover_delay import hover_delay
-from skyarm.studies.stability.settled_hover import SettledHover
 from skyarm.studies.tune.excitation import of_vehicle
 
 PATHS = ("controller.gains.position.x", "controller.gains.attitude.y")

@@ -19,8 +19,7 @@ from skyarm.studies.flights.store import sound_content, unpack_rows
 from skyarm.studies.sweep import StudyError, run_sweep
 from skyarm.studies.sweep.manifest import MANIFEST
 from skyarm.studies.sweep.maps import robustness_maps
-from skyarm.studies.sweep.stats import Rows, statistics
-from skyarm.studies.sweep.study_page import Pictures, page
+from skyarm.studies.sweep.stats import Pictures, Rows, page, statistics
 from sweeps import rows_file, small_study
 
 pytest.importorskip("pyarrow")

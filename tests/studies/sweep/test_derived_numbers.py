@@ -12,8 +12,7 @@ from skyarm.studies.sweep import StudyError, design, study_from
 from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.maps import robustness_maps
 from skyarm.studies.sweep.plan import at_episode, prepare
-from skyarm.studies.sweep.stats import Rows, statistics
-from skyarm.studies.sweep.study_page import Pictures, page
+from skyarm.studies.sweep.stats import Pictures, Rows, page, statistics
 from sweeps import document, flown, same, small_study
 
 UPPER = "plant.vehicle.links.1.joint.position.z"

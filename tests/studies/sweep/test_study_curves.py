@@ -13,7 +13,7 @@ from skyarm.studies.sweep.banded_curves import FEWEST_OF_BAND, banded_curves
 from skyarm.studies.sweep.manifest import read_manifest
 from skyarm.studies.sweep.maps import robustness_maps
 from skyarm.studies.sweep.stats import Rows, statistics
-from skyarm.view.figures.study_figures import robustness_figure
+from skyarm.studies.sweep.sweep_figures import robustness_figure
 from sweeps import MASS, WIND, read, small_study, write_manifest
 
 pytest.importorskip("pyarrow")

@@ -12,9 +12,8 @@ import pytest
 
 from skyarm.studies.sweep import StudyError, run_sweep
 from skyarm.studies.sweep.maps import Axis, RobustnessMap, axis, robustness_maps, success_map
-from skyarm.studies.sweep.stats import Rows, parse_limits, statistics
-from skyarm.studies.sweep.study_page import Pictures, page
-from skyarm.view.figures.study_figures import robustness_figure
+from skyarm.studies.sweep.stats import Pictures, Rows, page, parse_limits, statistics
+from skyarm.studies.sweep.sweep_figures import robustness_figure
 from skyarm.view.figures.style import image_bytes
 from sweeps import MASS, WIND, read, small_study
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from skyarm.studies.sweep.manifest import Manifest
-from skyarm.studies.sweep.stats import SHARES, _difference_statistics
-from skyarm.studies.sweep.study_page import Pictures, page
+from skyarm.studies.sweep.stats import SHARES, Pictures, _difference_statistics, page
 
 STUDY = {
     "name": "small",

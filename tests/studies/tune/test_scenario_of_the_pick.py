@@ -33,7 +33,7 @@ def one_point(monkeypatch):
         FOUND.append(found)
         return FOUND[-1]
 
-    monkeypatch.setattr(tuning, "tune", search)
+    monkeypatch.setattr(tuning, "tune_plan", search)
 
 
 def tune(*words):

@@ -161,7 +161,7 @@ def test_a_scenario_is_tuned_along_its_own_motion_too(target, own, tmp_path, mon
         plans.append(plan)
         raise ValueError("enough")
 
-    monkeypatch.setattr(tuning, "tune", seen)
+    monkeypatch.setattr(tuning, "tune_plan", seen)
     words = ["tune", target, "--laws", "decoupled_pd", "--out", str(tmp_path)]
     with pytest.raises(ValueError, match="enough"):
         CliRunner().invoke(program(words), words, catch_exceptions=False)

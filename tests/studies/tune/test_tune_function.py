@@ -17,7 +17,7 @@ from skyarm.studies.tune.tuning import Plan
 def planned(monkeypatch: pytest.MonkeyPatch) -> list[Plan]:
     """Plans that would have been searched."""
     seen: list[Plan] = []
-    monkeypatch.setattr(tuning, "tune", lambda plan, **_: seen.append(plan))
+    monkeypatch.setattr(tuning, "tune_plan", lambda plan, **_: seen.append(plan))
     return seen
 
 

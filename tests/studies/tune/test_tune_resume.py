@@ -19,8 +19,7 @@ from skyarm.studies.flights import Rows, Store, Work, executor, fly, store
 from skyarm.studies.tune import tuning
 from skyarm.studies.tune.front import LoopMargins
 from skyarm.studies.tune.gain_search import Effort
-from skyarm.studies.tune.tune_scenario import plan_of
-from skyarm.studies.tune.tuning import Plan, Tuning
+from skyarm.studies.tune.tuning import Plan, Tuning, plan_of
 from thorough import sampled
 
 pytest.importorskip("pyarrow")
@@ -93,32 +92,32 @@ def stop_at(words: str) -> Any:
 def test_an_interrupted_search_flies_the_rest_and_ends_with_the_same_files(
     stage: str, flown: list[str], tmp_path: Path
 ) -> None:
-    whole = tuning.tune(plan(), folder=tmp_path / "whole")
+    whole = tuning.tune_plan(plan(), folder=tmp_path / "whole")
     every = flown.copy()
     assert len(set(every)) == len(every), "a label is a file"
     flown.clear()
     with pytest.raises(KeyboardInterrupt):
-        tuning.tune(plan(), folder=tmp_path / "other", progress=stop_at(stage))
+        tuning.tune_plan(plan(), folder=tmp_path / "other", progress=stop_at(stage))
     before = flown.copy()
     assert before == every[: len(before)]
     assert "round_002.1" in before
     assert "aside.1" not in before
     flown.clear()
-    found = tuning.tune(plan(), folder=tmp_path / "other")
+    found = tuning.tune_plan(plan(), folder=tmp_path / "other")
     assert flown == every[len(before) :]
-    assert result_of(found) == result_of(whole) == result_of(tuning.tune(plan()))
+    assert result_of(found) == result_of(whole) == result_of(tuning.tune_plan(plan()))
     assert rows_in(tmp_path / "other") == rows_in(tmp_path / "whole")
 
 
 @pytest.mark.thorough
 def test_another_search_takes_nothing_of_a_folder_and_leaves_it(flown: list[str], tmp_path: Path) -> None:
-    tuning.tune(plan(), folder=tmp_path)
+    tuning.tune_plan(plan(), folder=tmp_path)
     there = rows_in(tmp_path)
     flown.clear()
-    alone = tuning.tune(plan(seed=1))
+    alone = tuning.tune_plan(plan(seed=1))
     every = flown.copy()
     flown.clear()
-    assert result_of(tuning.tune(plan(seed=1), folder=tmp_path)) == result_of(alone)
+    assert result_of(tuning.tune_plan(plan(seed=1), folder=tmp_path)) == result_of(alone)
     assert flown == every
     assert len(rows_in(tmp_path)) == len(there) + len(every)
     assert there.items() <= rows_in(tmp_path).items()
@@ -126,36 +125,36 @@ def test_another_search_takes_nothing_of_a_folder_and_leaves_it(flown: list[str]
 
 @pytest.mark.thorough
 def test_a_round_is_cut_by_its_size_alone_and_stages_have_their_names(flown: list[str]) -> None:
-    tuning.tune(plan())
+    tuning.tune_plan(plan())
     assert {label.rpartition(".")[0] for label in flown} == {
         *(f"round_00{k}{own}" for k in range(5) for own in ("", ".own")),
         *("pool", "pool.own", "again", "again.own", "unseen", "aside"),
     }
     alone = flown.copy()
     flown.clear()
-    tuning.tune(plan(), workers=2)
+    tuning.tune_plan(plan(), workers=2)
     assert flown == alone
 
 
 def test_two_searches_in_one_folder_are_refused_in_one_line(flown: list[str], tmp_path: Path) -> None:
     words = r"^folder = .* must be written by one process at a time; .*$"
     with Store(tmp_path).alone(), pytest.raises(TakenError, match=words):
-        tuning.tune(plan(), folder=tmp_path)
+        tuning.tune_plan(plan(), folder=tmp_path)
     assert flown == []
 
 
 def test_a_search_without_pyarrow_is_not_kept_and_says_so(
     flown: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = tuning.tune(plan(), folder=tmp_path / "kept")
+    kept = tuning.tune_plan(plan(), folder=tmp_path / "kept")
     monkeypatch.setattr(store, "_parquet", lambda: None)
-    assert result_of(tuning.tune(plan(), folder=tmp_path / "other")) == result_of(kept)
+    assert result_of(tuning.tune_plan(plan(), folder=tmp_path / "other")) == result_of(kept)
     assert not (tmp_path / "other").exists()
 
     def enough(*_: Any, **__: Any) -> Tuning:
         raise ValueError("enough")
 
-    monkeypatch.setattr(tuning, "tune", enough)
+    monkeypatch.setattr(tuning, "tune_plan", enough)
     words = ["tune", "hummingbird", "--out", str(tmp_path / "out")]
     said = CliRunner().invoke(program(words), words)
     assert str(said.exception) == "enough"

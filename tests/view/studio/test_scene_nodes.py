@@ -14,7 +14,8 @@ from skyarm.vehicle.linkage import BASE
 from skyarm.view.studio.picture import tones_of
 from skyarm.view.studio.scene_nodes import STILL, LineNodes, SolidNodes, VehicleNodes
 from skyarm.world.hanging_payload import HangingPayload
-from skyarm.world.scene.scene import Instants, scene_in_log
+from skyarm.world.scene.component_scenes import scene_in_log
+from skyarm.world.scene.scene import Instants
 from skyarm.world.scene.shapes import Shape, Solid
 from skyarm.world.scene.vehicle_shapes import place
 from skyarm.world.timed_payload import TimedPayload

@@ -23,7 +23,8 @@ from skyarm.view.studio.fleet import Flight
 from skyarm.view.studio.picture import NEWTON, VIEWS, Picture, force_arrows, tones_of, touch_arrows
 from skyarm.view.studio.scene_nodes import Arrows, SolidNodes, VehicleNodes
 from skyarm.view.studio.sights import sight
-from skyarm.world.scene.scene import Scene, instant_of, scene_now
+from skyarm.world.scene.component_scenes import scene_now
+from skyarm.world.scene.scene import Scene, instant_of
 from skyarm.world.scene.vehicle_shapes import place, rotor_turns
 from world_flights import DOCUMENT, WALL_ANGLE
 

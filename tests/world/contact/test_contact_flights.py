@@ -260,7 +260,7 @@ def test_standing_needs_a_world(press):
 
 
 def test_periods_of_contact_are_read_from_the_log_and_said(pressed, capsys):
-    from skyarm.cli.run_command import facts, sentences
+    from skyarm.log.flight_summary import facts, sentences
 
     periods, force = pressed.contact_periods, pressed.contact_force[:, 0]
     assert len(periods) >= 2

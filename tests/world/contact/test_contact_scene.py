@@ -17,7 +17,8 @@ from skyarm.reference.signals import Constant, Sine
 from skyarm.world.contact import Contact, ContactPoint, Material, Surface
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.mechanism import Mechanism, MechanismMotion
-from skyarm.world.scene.scene import PATCH, Instants, Scene, hidden_share, instant_of, scene_in_log, scene_now
+from skyarm.world.scene.component_scenes import scene_in_log, scene_now
+from skyarm.world.scene.scene import PATCH, Instants, Scene, hidden_share, instant_of
 from skyarm.world.scene.shapes import AROUND, mesh_of
 from skyarm.world.scene.vehicle_shapes import body_poses, disc_name, rotor_turns, shape_rotation, vehicle_shapes
 from skyarm.world.signal_vector import SignalVector

@@ -125,7 +125,7 @@ def test_columns_are_named_after_objects_and_grippers_and_files_keep_them(lifted
 
 
 def test_what_a_gripper_held_is_said(lifted):
-    from skyarm.cli.run_command import facts, sentences
+    from skyarm.log.flight_summary import facts, sentences
 
     (line,) = [line for line in sentences(facts(lifted)) if " took " in line]
     assert line.startswith("magnet took box at 0.1 s: let go at 0.5 s, largest force ")

@@ -12,9 +12,8 @@ argument reduction Cody, Waite 1980.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
-from typing import Any
 
 from skyarm.algebra.scalars import floats
 from skyarm.algebra.scalars import functions as f
@@ -78,9 +77,9 @@ TANH_P = (-1.61468768441708447952e3, -9.92877231001918586564e1, -9.6439917942505
 TANH_Q = (4.84406305325125486048e3, 2.23548839060100448583e3, 1.12811678491632931402e2, 1.0)
 
 
-def horner(z: Scalar, coefficients: Sequence[float]) -> Any:
+def horner(z: Scalar, coefficients: Sequence[float]) -> Scalar:
     """Polynomial c0 + c1 z + c2 z^2 + ... by Horner's rule."""
-    total: Any = coefficients[-1]
+    total: Scalar = coefficients[-1]
     for c in reversed(coefficients[:-1]):
         total = total * z + c
     return total
@@ -143,7 +142,7 @@ def exp(x: Scalar) -> Scalar:
     return f.where(x > 709.782712893384, float("inf"), f.where(x < -745.1332191019412, 0.0, scaled))
 
 
-def log(x: Scalar) -> Any:
+def log(x: Scalar) -> Scalar:
     """Natural logarithm of x; -inf at zero, NaN below."""
     big = f.mantissa(x) > 1.4142135623730951
     k = f.exponent(x) + f.where(big, 1.0, 0.0)
@@ -199,7 +198,7 @@ def tanh(x: Scalar) -> Scalar:
     return f.where(size < 0.625, small, f.copysign(large, x))
 
 
-COMPOSED = {
+COMPOSED: dict[str, Callable[..., Scalar]] = {
     "sin": sin,
     "cos": cos,
     "tan": tan,
@@ -216,7 +215,7 @@ COMPOSED = {
 BASIC = ("divide", "sqrt", "floor", "absolute", "where", "logical_and", "logical_or", "logical_not")
 BITS = ("copysign", "power_of_two", "exponent", "mantissa")
 
-NAMESPACE: Any = SimpleNamespace(**{name: getattr(floats, name) for name in (*BASIC, *BITS)}, **COMPOSED)
+NAMESPACE = SimpleNamespace(**{name: getattr(floats, name) for name in (*BASIC, *BITS)}, **COMPOSED)
 
 for kind in (float, int, bool):
     register(kind, NAMESPACE)

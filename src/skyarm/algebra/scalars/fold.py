@@ -69,10 +69,10 @@ def neg(a: Scalar) -> Scalar:
 
 def total(terms: Iterable[Scalar]) -> Scalar:
     """Sum of scalars in their order; constant (int) zeros are folded."""
-    found: Scalar = 0
+    partial_sum: Scalar = 0
     for term in terms:
-        found = add(found, term)
-    return found
+        partial_sum = add(partial_sum, term)
+    return partial_sum
 
 
 def mul(a: Scalar, b: Scalar) -> Scalar:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 from skyarm.algebra.scalars.fold import Scalar
+
+Function = Callable[..., Scalar]
 
 _PYTHON = (float, int, bool)
 _NAMESPACES: dict[type, Any] = {}
@@ -22,28 +24,30 @@ def register(kind: type, namespace: Any) -> None:
     _NAMESPACES[kind] = namespace
 
 
-def _silent(function: Any) -> Any:
+def _silent(function: Function) -> Function:
     numpy = sys.modules["numpy"]
 
-    def call(*arguments: Any) -> Any:
+    def call(*arguments: Scalar) -> Scalar:
         with numpy.errstate(all="ignore"):
             return function(*arguments)
 
     return call
 
 
-def _array_namespace(xp: Any, wrap: Any = lambda function: function) -> SimpleNamespace:
+def _array_namespace(
+    xp: ModuleType, wrap: Callable[[Function], Function] = lambda function: function
+) -> SimpleNamespace:
     names = {"asin": "arcsin", "acos": "arccos", "atan2": "arctan2", "absolute": "abs"}
     elementary = ("sin", "cos", "tan", "sqrt", "exp", "log", "floor", "tanh", "divide")
     same = (*elementary, "where", "logical_and", "logical_or", "logical_not")
     table = {name: name for name in (*same, "copysign")} | names
-    found = SimpleNamespace(**{ours: wrap(getattr(xp, theirs)) for ours, theirs in table.items()})
-    found.exponent = lambda x: xp.frexp(x)[1] - 1.0
-    found.mantissa = lambda x: 2.0 * xp.frexp(x)[0]
-    return found
+    namespace = SimpleNamespace(**{ours: wrap(getattr(xp, theirs)) for ours, theirs in table.items()})
+    namespace.exponent = lambda x: xp.frexp(x)[1] - 1.0
+    namespace.mantissa = lambda x: 2.0 * xp.frexp(x)[0]
+    return namespace
 
 
-def _casadi_namespace(casadi: Any) -> SimpleNamespace:
+def _casadi_namespace(casadi: ModuleType) -> SimpleNamespace:
     names = {"absolute": "fabs", "where": "if_else"}
     names |= {f"logical_{word}": f"logic_{word}" for word in ("and", "or", "not")}
     same = ("sin", "cos", "tan", "asin", "acos", "atan2", "sqrt", "exp", "log", "floor", "tanh")
@@ -67,7 +71,7 @@ def _discover(kind: type) -> SimpleNamespace:
     )
 
 
-def _namespace(*values: Any) -> Any:
+def _namespace(*values: Scalar) -> Any:
     """Find the implementation of scalar functions for the types of some values."""
     kind: type = float
     for value in values:
@@ -75,16 +79,16 @@ def _namespace(*values: Any) -> Any:
             kind = type(value)
             if kind.__module__.split(".")[0] != "numpy":
                 break  # a tracer or JAX value decides over a NumPy constant beside it
-    found = _NAMESPACES.get(kind)
-    if found is None:
-        found = _NAMESPACES[kind] = _discover(kind)
-    return found
+    namespace = _NAMESPACES.get(kind)
+    if namespace is None:
+        namespace = _NAMESPACES[kind] = _discover(kind)
+    return namespace
 
 
-def _function(name: str, meaning: str) -> Callable[..., Scalar]:
+def _function(name: str, meaning: str) -> Function:
     """Make a scalar function that looks up its implementation by the type of its arguments."""
 
-    def call(*values: Any) -> Any:
+    def call(*values: Scalar) -> Any:
         return getattr(_namespace(*values), name)(*values)
 
     call.__name__ = call.__qualname__ = name

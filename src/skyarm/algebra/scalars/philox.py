@@ -23,7 +23,6 @@ Source: Salmon, Moraes, Dror, Shaw 2011, "Parallel random numbers: as easy as 1,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,7 +40,9 @@ TWO_PI = 6.283185307179586
 Words = NDArray[np.uint64]
 
 
-def philox4x32(counter: tuple[Any, Any, Any, Any], key: tuple[Any, Any]) -> tuple[Words, Words, Words, Words]:
+def philox4x32(
+    counter: tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike], key: tuple[ArrayLike, ArrayLike]
+) -> tuple[Words, Words, Words, Words]:
     """Philox4x32 block function: four 32-bit random words from a counter and a key.
 
     Args:
@@ -76,11 +77,11 @@ def uniform(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike) -> ND
     return uniforms(seed, episode, channel, steps, 1)[..., 0]
 
 
-def uniforms(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike, count: int) -> NDArray[np.float64]:
+def uniforms(seed: ArrayLike, episode: ArrayLike, channel: int, steps: ArrayLike, count: int) -> NDArray[np.float64]:
     """Independent uniform random numbers, ``count`` for each episode and step along a new last axis."""
     key = _whole("seed", seed, 64)
     c1, c2, c3 = _whole("step", steps, 32), _whole("channel", channel, 32), _whole("episode", episode, 32)
-    blocks = np.arange((_whole("count", count, 32) + np.uint64(1)) // np.uint64(2), dtype=np.uint64)
+    blocks = np.arange((int(_whole("count", count, 32)) + 1) // 2, dtype=np.uint64)
     c1, c2, c3 = (c[..., None] for c in np.broadcast_arrays(c1, c2, c3))
     words = philox4x32((blocks, c1, c2, c3), (key & np.uint64(_WORD), key >> np.uint64(32)))
     pairs = np.stack((_unit(words[0], words[1]), _unit(words[2], words[3])), axis=-1)
@@ -94,11 +95,11 @@ def normal(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike, count:
     Source: Box, Muller 1958.
     """
     pairs = uniforms(seed, episode, channel, steps, count + count % 2)
-    both = np.stack(normal_pair(pairs[..., 0::2], pairs[..., 1::2]), axis=-1)
+    both = np.stack([*map(np.asarray, normal_pair(pairs[..., 0::2], pairs[..., 1::2]))], axis=-1)
     return both.reshape(*pairs.shape)[..., :count]
 
 
-def normal_pair(a: Scalar, b: Scalar) -> tuple[Any, Any]:
+def normal_pair(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
     """Two independent standard normal numbers from two uniform ones, by the Box-Muller transform.
 
     Source: Box, Muller 1958.
@@ -109,7 +110,7 @@ def normal_pair(a: Scalar, b: Scalar) -> tuple[Any, Any]:
 
 def normals(uniforms: Sequence[Scalar]) -> list[Scalar]:
     """Standard normal numbers from an even count of uniform ones."""
-    numbers: list[Any] = []
+    numbers: list[Scalar] = []
     for a, b in zip(uniforms[0::2], uniforms[1::2], strict=True):
         numbers += normal_pair(a, b)
     return numbers
@@ -117,11 +118,11 @@ def normals(uniforms: Sequence[Scalar]) -> list[Scalar]:
 
 def _unit(low: Words, high: Words) -> NDArray[np.float64]:
     """Uniform numbers in (0, 1) from pairs of random 32-bit words."""
-    kept = ((high << np.uint64(32)) | low) >> np.uint64(12)
-    return (kept * np.uint64(2) + np.uint64(1)).astype(np.float64) * 2.0**-53
+    bits = ((high << np.uint64(32)) | low) >> np.uint64(12)
+    return (bits * np.uint64(2) + np.uint64(1)).astype(np.float64) * 2.0**-53
 
 
-def _whole(name: str, value: ArrayLike, bits: int) -> Any:
+def _whole(name: str, value: ArrayLike, bits: int) -> Words:
     """Convert whole numbers to uint64; refuse those outside the range of ``bits`` bits."""
     numbers = np.asarray(value)
     whole = numbers.dtype.kind in "iu"

@@ -10,16 +10,15 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from skyarm.algebra.scalars import functions
 from skyarm.algebra.scalars.fold import Scalar, add, data, mul, neg, sub, total
 
 
-def _comparison(compare: Callable[[Any, Any], Any]) -> Any:
+def _comparison(compare: Callable[[Scalar, Scalar], Scalar]) -> Callable[[Taylor, Scalar], Scalar]:
     """Make a comparison operator of Taylor series, which compares their values."""
 
-    def method(self: Taylor, other: Any) -> Any:
+    def method(self: Taylor, other: Scalar) -> Scalar:
         return compare(self.c[0], other.c[0] if isinstance(other, Taylor) else other)
 
     return method
@@ -56,7 +55,7 @@ class Taylor:
         """Taylor series truncated to a lower order."""
         return Taylor(self.c[: order + 1])
 
-    def _terms(self, other: Any) -> tuple[Scalar, ...]:
+    def _terms(self, other: Scalar) -> tuple[Scalar, ...]:
         """Coefficients of an operand; a plain scalar counts as a constant series."""
         return other.c if isinstance(other, Taylor) else (other, *(0,) * (len(self.c) - 1))
 
@@ -78,7 +77,7 @@ class Taylor:
         """Negated Taylor series."""
         return Taylor([neg(a) for a in self.c])
 
-    def __mul__(self, other: Any) -> Taylor:
+    def __mul__(self, other: Scalar) -> Taylor:
         """Product of two Taylor series (Cauchy product)."""
         if not isinstance(other, Taylor):
             return Taylor([mul(a, other) for a in self.c])
@@ -91,7 +90,7 @@ class Taylor:
         """Quotient of two Taylor series."""
         b = self._terms(other)
         inverse = functions.divide(1.0, b[0])
-        q: list[Any] = []
+        q: list[Scalar] = []
         for k, a in enumerate(self.c[: len(b)]):
             for j in range(1, k + 1):
                 a = sub(a, mul(b[j], q[k - j]))  # noqa: PLW2901
@@ -152,16 +151,15 @@ class _TaylorFunctions:
         return Taylor(root)
 
     @staticmethod
-    def divide(a: Any, b: Any) -> Taylor:
-        series: Taylor = a / b
-        return series
+    def divide(a: Scalar, b: Scalar) -> Scalar:
+        return a / b
 
     @staticmethod
-    def where(condition: Any, a: Any, b: Any) -> Taylor:
+    def where(condition: Scalar, a: Scalar, b: Scalar) -> Taylor:
         return choose(condition, a, b)
 
 
-def inverse_root(x: Any, halvings: int = 1) -> Any:
+def inverse_root(x: Scalar, halvings: int = 1) -> Scalar:
     """Power x^(-1/2), with two ``halvings`` x^(-1/4), and so on, of a positive scalar or Taylor series.
 
     The series of p = x^a follows from x p' = a x' p.
@@ -172,17 +170,18 @@ def inverse_root(x: Any, halvings: int = 1) -> Any:
     value = functions.divide(1.0, value)
     if not isinstance(x, Taylor):
         return value
-    exponent, found = -(0.5**halvings), [value]
+    exponent, coefficients = -(0.5**halvings), [value]
     inverse = mul(value, value) if halvings == 1 else functions.divide(1.0, x.c[0])
     steps = [mul(c, inverse) for c in x.c]
     for k in range(1, len(x.c)):
-        found.append(total(mul(mul(steps[j], found[k - j]), ((exponent + 1.0) * j - k) / k) for j in range(1, k + 1)))
-    return Taylor(found)
+        terms = (mul(mul(steps[j], coefficients[k - j]), ((exponent + 1.0) * j - k) / k) for j in range(1, k + 1))
+        coefficients.append(total(terms))
+    return Taylor(coefficients)
 
 
-def choose(condition: Any, a: Any, b: Any) -> Taylor:
+def choose(condition: Scalar, a: Scalar, b: Scalar) -> Taylor:
     """Select one of two Taylor series by a condition on values."""
-    order = len((a if isinstance(a, Taylor) else b).c) - 1
+    order = next(len(x.c) for x in (a, b) if isinstance(x, Taylor)) - 1
     first, second = (x.c if isinstance(x, Taylor) else Taylor.constant(x, order).c for x in (a, b))
     pairs = zip(first, second, strict=False)
     return Taylor(

@@ -12,7 +12,6 @@ Source: Salmon, Moraes, Dror, Shaw 2011, section 3.3.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -24,25 +23,29 @@ from skyarm.compile.tracing.tracer import Node
 try:
     import jax
     import jax.numpy as jnp
-    from jax import lax
+    from jax import Array, lax
+    from jax.typing import ArrayLike
 except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
     raise missing_extra("jax") from error
 
+Float = type[np.float64] | type[np.float32]
+"""Floating-point type of all numbers of a program."""
 
-def _layout(x: Any) -> tuple[Any, int, int]:
+
+def _layout(x: Array) -> tuple[type[np.int64 | np.int32], int, int]:
     """Integer type, mantissa bits and exponent bias of the floating-point type of an array."""
     return (np.int64, 52, 1023) if x.dtype == np.float64 else (np.int32, 23, 127)
 
 
-def _like(x: Any, value: Any) -> Any:
+def _like(x: Array, value: float) -> Array:
     return lax.full_like(x, value)
 
 
-def _bits(x: Any) -> Any:
+def _bits(x: Array) -> Array:
     return lax.bitcast_convert_type(x, _layout(x)[0])
 
 
-def power_of_two(k: Any) -> Any:
+def power_of_two(k: Array) -> Array:
     """2**k for a whole number k, written directly into the exponent bits."""
     integer, shift, bias = _layout(k)
     bits = _bits(lax.add(k, _like(k, 1.5 * 2.0**shift)))
@@ -50,15 +53,15 @@ def power_of_two(k: Any) -> Any:
     return lax.bitcast_convert_type(lax.add(moved, integer(bias << shift)), k.dtype)
 
 
-def exponent(x: Any) -> Any:
+def exponent(x: Array) -> Array:
     """Binary exponent of a normal number, as a float."""
     integer, shift, bias = _layout(x)
-    kept = lax.bitwise_and(lax.shift_right_logical(_bits(x), integer(shift)), integer(2 * bias + 1))
-    return lax.sub(lax.convert_element_type(kept, x.dtype), _like(x, bias))
+    field = lax.bitwise_and(lax.shift_right_logical(_bits(x), integer(shift)), integer(2 * bias + 1))
+    return lax.sub(lax.convert_element_type(field, x.dtype), _like(x, bias))
 
 
 @jax.custom_jvp
-def mantissa(x: Any) -> Any:
+def mantissa(x: Array) -> Array:
     """Mantissa of a number, in [1, 2) with its sign."""
     integer, shift, bias = _layout(x)
     mask = ~integer((2 * bias + 1) << shift)
@@ -66,20 +69,20 @@ def mantissa(x: Any) -> Any:
 
 
 @mantissa.defjvp
-def _(primals: Any, tangents: Any) -> Any:
+def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
     """Derivative rule of the mantissa m of x = m 2**e: dm/dx = 2**-e."""
     (x,), (dx,) = primals, tangents
     return mantissa(x), dx * power_of_two(-exponent(x))
 
 
 @jax.custom_jvp
-def divide(a: Any, b: Any) -> Any:
+def divide(a: Array, b: Array) -> Array:
     """Quotient a / b; its derivative is 0 where b is 0."""
     return lax.div(a, b)
 
 
 @divide.defjvp
-def _(primals: Any, tangents: Any) -> Any:
+def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
     (a, b), (da, db) = primals, tangents
     q, zero = lax.div(a, b), b == 0.0
     safe, scale = lax.select(zero, _like(b, 1.0), b), lax.select(zero, _like(q, 0.0), q)
@@ -88,13 +91,13 @@ def _(primals: Any, tangents: Any) -> Any:
 
 
 @jax.custom_jvp
-def sqrt(x: Any) -> Any:
+def sqrt(x: Array) -> Array:
     """Square root; its derivative at 0 is 0."""
     return lax.sqrt(x)
 
 
 @sqrt.defjvp
-def _(primals: Any, tangents: Any) -> Any:
+def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
     (x,), (dx,) = primals, tangents
     root = lax.sqrt(x)
     positive = root > 0.0
@@ -102,42 +105,42 @@ def _(primals: Any, tangents: Any) -> Any:
     return root, dx * lax.select(positive, slope, _like(root, 0.0))
 
 
-def _negative(x: Any) -> Any:
+def _negative(x: Array) -> Array:
     """True if the sign bit of a number is set, as for -0.0."""
     return _bits(x) < 0
 
 
 @jax.custom_jvp
-def absolute(x: Any) -> Any:
+def absolute(x: Array) -> Array:
     """Absolute value of a number."""
     return lax.abs(x)
 
 
 @absolute.defjvp
-def _(primals: Any, tangents: Any) -> Any:
+def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
     (x,), (dx,) = primals, tangents
     return lax.abs(x), dx * lax.select(_negative(x), _like(x, -1.0), _like(x, 1.0))
 
 
 @jax.custom_jvp
-def copysign(size: Any, sign: Any) -> Any:
+def copysign(size: Array, sign: Array) -> Array:
     """Number with the magnitude of the first argument and the sign of the second."""
     return lax.select(_negative(sign), -lax.abs(size), lax.abs(size))
 
 
 @copysign.defjvp
-def _(primals: Any, tangents: Any) -> Any:
+def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
     (size, sign), (dsize, _dsign) = primals, tangents
     turned = lax.ne(_negative(size), _negative(sign))
     return copysign(size, sign), dsize * lax.select(turned, _like(size, -1.0), _like(size, 1.0))
 
 
-def at_most(a: Any, b: Any) -> Any:
+def at_most(a: Array, b: Array) -> Array:
     """a <= b for JAX scalars, False for NaN."""
     return lax.bitwise_or(lax.lt(a, b), lax.eq(a, b))
 
 
-OPERATIONS: dict[str, Callable[..., Any]] = {
+OPERATIONS: dict[str, Callable[..., Array]] = {
     "add": lax.add,
     "sub": lax.sub,
     "mul": lax.mul,
@@ -160,9 +163,9 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 """Basic operations of a lowered program on scalars of JAX."""
 
 
-def evaluate(program: Lowered, inputs: Sequence[Any], dtype: Any) -> list[Any]:
+def evaluate(program: Lowered, inputs: Sequence[Array], dtype: Float) -> list[Array]:
     """Evaluate a traced program on JAX scalars of one floating-point type; returns the outputs."""
-    values: dict[int, Any] = {node.index: value for node, value in zip(program.inputs, inputs, strict=True)}
+    values: dict[int, ArrayLike] = {node.index: value for node, value in zip(program.inputs, inputs, strict=True)}
     for node in program.nodes:
         if node.op == "const":
             values[node.index] = _constant(node, dtype)
@@ -173,17 +176,17 @@ def evaluate(program: Lowered, inputs: Sequence[Any], dtype: Any) -> list[Any]:
     return [lax.convert_element_type(values[node.index], dtype) for node in program.outputs]
 
 
-def _constant(node: Node, dtype: Any) -> Any:
+def _constant(node: Node, dtype: Float) -> ArrayLike:
     if isinstance(node.value, bool):
         return np.bool_(node.value)
     with np.errstate(over="ignore"):  # 1e300 is inf in single precision
         return dtype(node.value)
 
 
-Words = tuple[Any, Any, Any, Any]
+Words = tuple[Array, Array, Array, Array]
 
 
-def uniforms(seed: Any, episode: Any, step: Any, draws: Sequence[tuple[int, int]], dtype: Any) -> list[Any]:
+def uniforms(seed: Array, episode: Array, step: Array, draws: Sequence[tuple[int, int]], dtype: Float) -> list[Array]:
     """Uniform random numbers in (0, 1) in JAX for one flight and step, equal to those of NumPy.
 
     Args:
@@ -196,9 +199,9 @@ def uniforms(seed: Any, episode: Any, step: Any, draws: Sequence[tuple[int, int]
     unit = _unit64 if dtype == np.float64 else _unit32
     # as JAX's own numbers: NumPy's scalars warn where they wrap around
     key = (jnp.uint32(seed[0]), jnp.uint32(seed[1]))
-    numbers: list[Any] = []
+    numbers: list[Array] = []
     for channel, count in draws:
-        units: list[Any] = []
+        units: list[Array] = []
         for block in range((count + 1) // 2):
             counter = (jnp.uint32(block), step, jnp.uint32(channel), episode)
             w0, w1, w2, w3 = _philox(counter, key)
@@ -207,7 +210,7 @@ def uniforms(seed: Any, episode: Any, step: Any, draws: Sequence[tuple[int, int]
     return numbers
 
 
-def _product(a: int, b: Any) -> tuple[Any, Any]:
+def _product(a: int, b: Array) -> tuple[Array, Array]:
     """High and low 32-bit word of a product, computed without 64-bit integers."""
     half = np.uint32(16)
     a_high, a_low = np.uint32(a >> 16), np.uint32(a & 0xFFFF)
@@ -217,7 +220,7 @@ def _product(a: int, b: Any) -> tuple[Any, Any]:
     return a_high * b_high + (cross >> half) + (middle >> half), np.uint32(a) * b
 
 
-def _philox(counter: Words, key: tuple[Any, Any]) -> Words:
+def _philox(counter: Words, key: tuple[Array, Array]) -> Words:
     c0, c1, c2, c3 = counter
     k0, k1 = key
     for index in range(ROUNDS):
@@ -228,15 +231,15 @@ def _philox(counter: Words, key: tuple[Any, Any]) -> Words:
     return c0, c1, c2, c3
 
 
-def _unit64(low: Any, high: Any) -> Any:
+def _unit64(low: Array, high: Array) -> Array:
     """Map a 64-bit integer x to (2 (x >> 12) + 1) 2**-53, a double in (0, 1)."""
     wide = [lax.convert_element_type(word, np.uint64) for word in (low, high)]
-    kept = (wide[1] << np.uint64(20)) | (wide[0] >> np.uint64(12))
-    one_to_two = lax.bitcast_convert_type(kept | np.uint64(0x3FF0000000000000), np.float64)
+    top = (wide[1] << np.uint64(20)) | (wide[0] >> np.uint64(12))
+    one_to_two = lax.bitcast_convert_type(top | np.uint64(0x3FF0000000000000), np.float64)
     return (one_to_two - 1.0) + 2.0**-53
 
 
-def _unit32(low: Any, high: Any) -> Any:
+def _unit32(low: Array, high: Array) -> Array:
     """Map two 32-bit words to a single-precision number in (0, 1), without 64-bit integers."""
     upper, lower = (lax.convert_element_type(word, np.float32) for word in (high, low))
     return (upper + lower * np.float32(2.0**-32)) * np.float32(2.0**-32) + np.float32(2.0**-53)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 import os
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from skyarm.compile.machine_code import llvm_needed, require_floor
 from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.records.arrays import AnyArray as Array
+
+if TYPE_CHECKING:
+    import llvmlite.binding as llvm
 
 EFFORT = "SKYARM_EFFORT"
 """Environment variable: most effort of the compiler; 0 for many short flights, each of its own program."""
@@ -33,7 +36,7 @@ SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 QUICK = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
 
 
-def _machine(effort: int = 2) -> Any:
+def _machine(effort: int = 2) -> llvm.TargetMachine:
     """Make an LLVM target machine for this processor."""
     import llvmlite.binding as llvm
 
@@ -113,7 +116,7 @@ class Kernel:
             seed: key of the random numbers.
             episodes: (lanes,), the second key; lane k is episode k if left out.
             start: number of the first step, for the random numbers.
-            threads: most that work; lanes are shared out in blocks, results do not depend on it.
+            threads: largest number of threads; lanes are shared out in blocks, results do not depend on it.
             every: log each so many steps.
 
         Returns:
@@ -161,7 +164,7 @@ def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
     return keys
 
 
-def _make_engine(text: str, effort: int) -> Any:
+def _make_engine(text: str, effort: int) -> llvm.ExecutionEngine:
     """Make an LLVM engine from an assembly text, with its object code from the cache if possible."""
     effort = min(effort, int(os.environ.get(EFFORT) or effort))
     # the cache has errors of its own, which say nothing of LLVM
@@ -184,7 +187,7 @@ def _identity(text: str, effort: int) -> str:
 
 
 @llvm_needed()
-def _load_engine(content: bytes) -> Any:
+def _load_engine(content: bytes) -> llvm.ExecutionEngine:
     """Make an LLVM engine from compiled object code."""
     import llvmlite.binding as llvm
 

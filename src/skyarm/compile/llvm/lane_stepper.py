@@ -16,7 +16,7 @@ from skyarm.compile.llvm.shared_steps import SharedSteps, Workers
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.leaves import rebuild
+from skyarm.records.leaves import Tree, rebuild
 
 ALONE = 8192
 """Lanes up to which one thread is done before another would have woken."""
@@ -29,9 +29,9 @@ class LaneStepper:
     :meth:`close` ends them.
 
     Args:
-        kernel: of one row a step; what it logs of it is written anew by each. lanes: how many.
-        seed: key of the random numbers; of a loop with own seeds, until :meth:`begin` gives others. threads: most that
-            work.
+        kernel: machine code of one row a step; each step writes its log anew. lanes: number of lanes.
+        seed: key of the random numbers; of a loop with own seeds, until :meth:`begin` gives others. threads: largest
+            number of threads.
 
     Attributes:
         carry, parameters: (leaves, lanes) views that a step reads and writes in place. row: shared by all lanes.
@@ -126,13 +126,13 @@ class Stepper:
     """Machine code of one lane, advanced by one step per call in about a microsecond.
 
     Args:
-        kernel: of width 1, with logging if outputs are needed.
+        kernel: machine code of width 1, with logging if outputs are needed.
         carry: first carry. parameters: constants. seed, episode: keys of the random numbers.
 
     Attributes:
         carry, parameters, row, output: arrays that a step reads and writes in place.
-        clock: one number: which step comes next, for the random numbers; it stays unless it is written.
-        step: the function without arguments that makes one.
+        clock: one number: index of the next step, for the random numbers; it stays unless it is written.
+        step: function without arguments that advances by one step.
     """
 
     def __init__(
@@ -156,7 +156,7 @@ class Stepper:
         self._arguments = np.array([*pointers, 0, 1, 0, 1, 0, 1, 1], dtype=np.int64)
         self.clock = self._arguments[9:10]
         step = partial(kernel.quick, ctypes.c_void_p(self._arguments.ctypes.data))
-        self._held = self._arguments.data  # written faster than the array
+        self._buffer = self._arguments.data  # written faster than the array
         self._tables: tuple[Array, ...] = ()
         # who keeps the function alone keeps its arrays and its machine code, too
         step.__dict__["needs"] = (self, kernel)
@@ -171,8 +171,8 @@ class Stepper:
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
         """Advance by the steps of input rows ``begin`` to ``end``; ``start``: step number of the table's first row."""
-        held = self._held
-        held[7], held[8], held[9] = begin, end, start
+        buffer = self._buffer
+        buffer[7], buffer[8], buffer[9] = begin, end, start
         self.step()
 
 
@@ -186,11 +186,10 @@ class Quick:
         examples: records whose leaves become the inputs, in order; their integers stay structure.
 
     Attributes:
-        inputs, outputs: leaves of the arguments and of the result. step: evaluates.
+        inputs, outputs: leaves of the arguments and of the result. step: function that evaluates.
     """
 
-    def __init__(self, function: Callable[..., Any], *examples: Any) -> None:
-        self._result: Any = None
+    def __init__(self, function: Callable[..., Tree], *examples: Tree) -> None:
         loop = trace_loop(lambda _carry, _parameters, row, _uniforms: ((), function(*row)), (), (), examples)
         self.inputs: Array
         self.outputs: Array

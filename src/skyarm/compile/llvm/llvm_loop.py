@@ -27,7 +27,7 @@ def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]], *, own_seed
     """Write assembly that draws the random numbers of a step; returns the names of the vectors.
 
     Args:
-        writer: of the loop's function.
+        writer: assembly of the loop's function.
         draws: (channel, how many numbers) pairs.
         own_seeds: the seed of each lane stands at ``%seeds.ptr``, in place of the one for all in ``%keys``.
 
@@ -100,8 +100,8 @@ def _unit(writer: Writer, words: str, low: str, high: str, splat: Splat) -> str:
         return lanes.splat(f"double {value}")
 
     joined = writer.emit(f"or {words} {writer.emit(f'shl {words} {high}, {splat(32)}')}, {low}")
-    kept = writer.emit(f"lshr {words} {joined}, {splat(12)}")
-    bits = writer.emit(f"or {words} {kept}, {splat(0x3FF0000000000000)}")
+    top = writer.emit(f"lshr {words} {joined}, {splat(12)}")
+    bits = writer.emit(f"or {words} {top}, {splat(0x3FF0000000000000)}")
     shifted = writer.emit(f"bitcast {words} {bits} to {double}")
     from_zero = writer.emit(f"fsub {double} {shifted}, {number('1.0')}")
     result = writer.emit(f"fadd {double} {from_zero}, {number('0x3CA0000000000000')}")

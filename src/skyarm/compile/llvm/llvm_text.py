@@ -204,8 +204,8 @@ class Writer:
         shift, bias, field_mask = (23, 127, 0xFF) if lanes.single else (52, 1023, 0x7FF)
         bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")
         down = self.emit(f"lshr {lanes.integer} {bits}, {lanes.integers(shift)}")
-        kept = self.emit(f"and {lanes.integer} {down}, {lanes.integers(field_mask)}")
-        number = self.emit(f"sitofp {lanes.integer} {kept} to {lanes.vector}")
+        field = self.emit(f"and {lanes.integer} {down}, {lanes.integers(field_mask)}")
+        number = self.emit(f"sitofp {lanes.integer} {field} to {lanes.vector}")
         return self.emit(f"fsub {lanes.vector} {number}, {lanes.constant(float(bias))}")
 
     def _mantissa(self, x: str) -> str:
@@ -213,6 +213,6 @@ class Writer:
         lanes = self.lanes
         keep, one = (0x807FFFFF, 0x3F800000) if lanes.single else (0x800FFFFFFFFFFFFF, 0x3FF0000000000000)
         bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")
-        kept = self.emit(f"and {lanes.integer} {bits}, {lanes.integers(keep)}")
-        set_ = self.emit(f"or {lanes.integer} {kept}, {lanes.integers(one)}")
+        fraction = self.emit(f"and {lanes.integer} {bits}, {lanes.integers(keep)}")
+        set_ = self.emit(f"or {lanes.integer} {fraction}, {lanes.integers(one)}")
         return self.emit(f"bitcast {lanes.integer} {set_} to {lanes.vector}")

@@ -113,13 +113,13 @@ def user_key(*, make: bool) -> bytes | None:
     file = folder / KEY
     # asked before the key is read, so that what another process makes meanwhile is not taken for damaged
     there = os.path.lexists(file)
-    found = _whole_key(file)
-    if found is None and make:
+    key = _whole_key(file)
+    if key is None and make:
         with contextlib.suppress(OSError):
             # of processes that make the first key at once all take the one that was there first
             write_private(file, os.urandom(KEY_BYTES), replace=there)
-        found = _whole_key(file)
-    return found
+        key = _whole_key(file)
+    return key
 
 
 def _users_folder(name: str, variable: str, usual: str) -> Path | None:
@@ -133,8 +133,8 @@ def _users_folder(name: str, variable: str, usual: str) -> Path | None:
 
 
 def _whole_key(file: Path) -> bytes | None:
-    found = read_private(file, KEY_BYTES, secret=True)
-    return found if found is not None and len(found) == KEY_BYTES else None
+    key = read_private(file, KEY_BYTES, secret=True)
+    return key if key is not None and len(key) == KEY_BYTES else None
 
 
 def _why_not(folder: Path) -> str:
@@ -251,7 +251,7 @@ def _note_use(entry: Path) -> None:
 
 def _entries(folder: Path | None, pattern: re.Pattern[str] = ENTRY) -> list[_Entry]:
     """List the cached object files, most recently used first."""
-    found = []
+    entries = []
     try:
         files = [] if folder is None else [each for each in folder.iterdir() if pattern.fullmatch(each.name)]
     except (OSError, ValueError):
@@ -260,8 +260,8 @@ def _entries(folder: Path | None, pattern: re.Pattern[str] = ENTRY) -> list[_Ent
         with contextlib.suppress(OSError):  # another process may have removed it
             status = path.lstat()
             if not stat.S_ISDIR(status.st_mode):
-                found.append(_Entry(used=status.st_mtime, size=status.st_size, path=path))
-    return sorted(found, key=lambda entry: entry.used, reverse=True)
+                entries.append(_Entry(used=status.st_mtime, size=status.st_size, path=path))
+    return sorted(entries, key=lambda entry: entry.used, reverse=True)
 
 
 def _prune(folder: Path, limit: int) -> None:

@@ -41,7 +41,7 @@ WAIT = 0.3
 """s after which a caller that waits looks for signals, where a wait is not ended by them."""
 
 Arguments = ctypes.c_int64 * 12
-"""Of the machine code: five arrays, first and last block, begin, end, start, lanes, log every."""
+"""Arguments of the machine code: five arrays, first and last block, begin, end, start, lanes, log every."""
 
 FIRST, LAST, BEGIN, END, START = range(5, 10)
 
@@ -54,9 +54,12 @@ class Machine:
         call: takes :data:`Arguments`. engine: holds the code. pace: s that a thread takes for a step of one block.
     """
 
-    call: Callable[[Any], None]
+    call: Callable[[ctypes.Array[ctypes.c_int64]], None]
     engine: Any
     pace: float
+
+
+Job = Callable[[], object]
 
 
 class Workers:
@@ -66,11 +69,11 @@ class Workers:
     leave a lock taken for ever; here the caller takes none but within functions of C, which no handler cuts in two.
 
     Attributes:
-        count: of threads.
+        count: number of threads.
     """
 
     def __init__(self) -> None:
-        self._jobs: SimpleQueue[Any] = SimpleQueue()
+        self._jobs: SimpleQueue[Job] = SimpleQueue()
         # of C, too: what is raised in a finaliser of Python is dropped
         self._end = weakref.ref(self, self._jobs.put)
         self.count = 0
@@ -95,7 +98,7 @@ class Workers:
         self._jobs.put(job)
 
 
-def _work(jobs: SimpleQueue[Any], end: object) -> None:
+def _work(jobs: SimpleQueue[Job], end: weakref.ref[Workers]) -> None:
     """Worker thread: run queued jobs until the end marker, which is passed on to the next thread."""
     while (job := jobs.get()) is not end:
         job()
@@ -108,7 +111,7 @@ class SharedSteps:
 
     Args:
         machine: the code. arrays: carry, parameters, rows, log and keys, in machine code's layout.
-        blocks, lanes, every: as machine code takes them. threads: most that work at a time.
+        blocks, lanes, every: numbers of blocks, lanes and steps per log entry. threads: largest number of threads.
     """
 
     def __init__(
@@ -125,7 +128,7 @@ class SharedSteps:
         every lane has made its steps.
 
         Args:
-            start: of the steps.
+            start: number of the first step.
             workers: threads; None steps in the caller's.
             whole: never leave some lanes a step ahead of others; needs threads.
         """

@@ -6,12 +6,13 @@ NumPy's own sine or exponential may differ from ours in the last bit, so the pro
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile.tracing.program import Program
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import AnyArray, Array
 
 
 def _mantissa(x: Array) -> Array:
@@ -30,7 +31,7 @@ def _power_of_two(k: Array) -> Array:
     return np.where(sound, np.ldexp(1.0, np.where(sound, k, 0.0).astype(np.int64)), np.nan)
 
 
-OPERATIONS: dict[str, Callable[..., Any]] = {
+OPERATIONS: dict[str, Callable[..., AnyArray]] = {
     "add": np.add,
     "sub": np.subtract,
     "mul": np.multiply,
@@ -52,26 +53,26 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 }
 
 
-def evaluate(program: Program, inputs: Sequence[Any], count: int) -> Array:
+def evaluate(program: Program, inputs: Sequence[ArrayLike | Scalar], count: int) -> Array:
     """Evaluate a traced program on arrays of inputs; returns the outputs, shape (outputs, count).
 
     Every column has the bits of :meth:`skyarm.compile.Program.flat` of its inputs.
     """
     lowered = program.lowered
     last = {arg.index: node.index for node in lowered.nodes for arg in node.args}
-    kept = {node.index for node in lowered.outputs}
-    found: dict[int, Any] = {
+    results = {node.index for node in lowered.outputs}
+    values: dict[int, AnyArray] = {
         node.index: np.asarray(value, dtype=float) for node, value in zip(lowered.inputs, inputs, strict=True)
     }
     with np.errstate(all="ignore"):
         for node in lowered.nodes:
             if node.op == "const":
-                found[node.index] = node.value
+                values[node.index] = node.value
             elif node.op != "input":
-                found[node.index] = OPERATIONS[node.op](*(found[arg.index] for arg in node.args))
+                values[node.index] = OPERATIONS[node.op](*(values[arg.index] for arg in node.args))
             for arg in node.args:
                 # a table of a million rows has room for what is still needed only
-                if last[arg.index] == node.index and arg.index not in kept:
-                    found.pop(arg.index, None)
-    rows = [np.broadcast_to(found[node.index], (count,)) for node in lowered.outputs]
+                if last[arg.index] == node.index and arg.index not in results:
+                    values.pop(arg.index, None)
+    rows = [np.broadcast_to(values[node.index], (count,)) for node in lowered.outputs]
     return np.stack(rows).astype(float) if rows else np.zeros((0, count))

@@ -10,10 +10,11 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile.tracing.lower import live
 from skyarm.compile.tracing.program import trace
 from skyarm.compile.tracing.tracer import Graph, Node
-from skyarm.records.leaves import leaves, parts, rebuild
+from skyarm.records.leaves import Record, Tree, leaves, parts, rebuild
 
 PERIODS = 20
 """Control periods that are compared."""
@@ -25,20 +26,20 @@ LIBRARY = f"{__name__.partition('.')[0]}."
 Numbers = tuple[float, ...]
 
 
-def in_floats(record: Any) -> Any:
+def in_floats(record: Record) -> Record:
     """Record with all its numbers as floats."""
     return rebuild(record, iter([float(leaf) for leaf in leaves(record)]))
 
 
 def compare_with_floats(
-    function: Callable[..., tuple[Any, Any]],
-    memory: Any,
-    instants: Sequence[tuple[Any, ...]],
+    function: Callable[..., tuple[Tree, Tree]],
+    memory: Tree,
+    instants: Sequence[tuple[Tree, ...]],
     refuse: Callable[[str], Exception],
     *,
-    constants: Any,
+    constants: Tree,
     names: Sequence[str],
-    first: Callable[[Any, Numbers], None],
+    first: Callable[[tuple[Tree, ...], Numbers], None],
 ) -> None:
     """Raise an error for a function whose result depends on anything but its arguments.
 
@@ -48,37 +49,37 @@ def compare_with_floats(
         instants: arguments of each period, records of floats of one structure.
         refuse: makes the error to raise of what is wrong.
         constants: record of floats that it reads and must not write.
-        names: of memory, arguments and constants, for messages.
+        names: names of memory, arguments and constants, for messages.
         first: called with the arguments and the result of the first period.
 
     Raises:
         Exception: as ``refuse`` makes it.
     """
     start = in_floats(memory)
-    told = _call_with_floats(function, start, instants, refuse, constants, names)
+    expected = _call_with_floats(function, start, instants, refuse, constants, names)
     program = trace(function, start, *instants[0])
     now: Numbers = tuple(leaves(start))
     for k, instant in enumerate(instants):
-        found = program.flat((*now, *leaves(instant)))
+        numbers = program.flat((*now, *leaves(instant)))
         if k == 0:
-            first(instant, found[len(now) :])
-        if k < len(told) and not same_numbers(found, told[k]):
+            first(instant, numbers[len(now) :])
+        if k < len(expected) and not same_numbers(numbers, expected[k]):
             raise refuse(f"gives other numbers as a program in period {k} than with floats: {OUTSIDE}")
-        now = found[: len(now)]
+        now = numbers[: len(now)]
     if fingerprint(function, start, *instants[0]) != fingerprint(function, start, *instants[0]):
         raise refuse(f"gives another program in period 0 whenever it is traced: {OUTSIDE}")
 
 
 def _call_with_floats(
-    function: Callable[..., tuple[Any, Any]],
-    memory: Any,
-    instants: Sequence[tuple[Any, ...]],
+    function: Callable[..., tuple[Tree, Tree]],
+    memory: Tree,
+    instants: Sequence[tuple[Tree, ...]],
     refuse: Callable[[str], Exception],
-    constants: Any,
+    constants: Tree,
     names: Sequence[str],
 ) -> list[Numbers]:
     """Results of a function on floats over several periods, up to an arithmetic error."""
-    found: list[Numbers] = []
+    results: list[Numbers] = []
     for k, instant in enumerate(instants):
         given = dict(zip(names, (memory, *instant, constants), strict=False))
         before = contents(given)
@@ -91,20 +92,20 @@ def _call_with_floats(
         numbers, memory = leaves(result), result[0]
         if any(isinstance(number, Node) for number in numbers):
             raise refuse(f"gives a number of an earlier trace in period {k}: {OUTSIDE}")
-        found.append(tuple(float(number) for number in numbers))
-    return found
+        results.append(tuple(float(number) for number in numbers))
+    return results
 
 
-def fingerprint(function: Callable[..., Any], *examples: Any) -> dict[str, str]:
+def fingerprint(function: Callable[..., Any], *examples: Tree) -> dict[str, str]:
     """Texts, by place, of the values that a function returns when it is traced: of one program equal in every process.
 
     Args:
-        function: of records over any scalar; may return a table.
+        function: function of records over any scalar; may return a table.
         examples: records whose leaves become the inputs.
     """
     graph = Graph()
     inputs = iter([graph.input(f"x{i}") for i, _ in enumerate(leaves(examples))])
-    found = contents(function(*rebuild(examples, inputs)))
+    values = contents(function(*rebuild(examples, inputs)))
     texts: dict[int, str] = {}
 
     def text(value: Any) -> str:
@@ -112,10 +113,10 @@ def fingerprint(function: Callable[..., Any], *examples: Any) -> dict[str, str]:
             return texts[value.index]
         return repr(value) if isinstance(value, (bool, int, float, str, bytes)) else type(value).__name__
 
-    for node in live([graph.lift(value) for value in found.values() if isinstance(value, Node)]):
+    for node in live([graph.lift(value) for value in values.values() if isinstance(value, Node)]):
         line = f"{node.op} {node.value!r} {[texts[arg.index] for arg in node.args]}"
         texts[node.index] = hashlib.blake2b(line.encode(), digest_size=16).hexdigest()
-    return {at: text(value) for at, value in found.items()}
+    return {at: text(value) for at, value in values.items()}
 
 
 def contents(value: Any, place: str = "") -> dict[str, Any]:
@@ -127,7 +128,7 @@ def contents(value: Any, place: str = "") -> dict[str, Any]:
         below = getattr(value, "__dict__", below)
     if not below:
         return {place: value.tobytes() if hasattr(value, "tobytes") else value}
-    return {at: each for name, held in below.items() for at, each in contents(held, f"{place}.{name}").items()}
+    return {at: each for name, inner in below.items() for at, each in contents(inner, f"{place}.{name}").items()}
 
 
 def changed_argument(arguments: Mapping[str, Any], before: Mapping[str, Any]) -> str | None:
@@ -140,7 +141,7 @@ def changed_argument(arguments: Mapping[str, Any], before: Mapping[str, Any]) ->
     return None
 
 
-def same_numbers(first: Sequence[Any], second: Sequence[Any]) -> bool:
+def same_numbers(first: Sequence[Scalar], second: Sequence[Scalar]) -> bool:
     """True if two sequences contain the same numbers; NaN equals NaN."""
     if len(first) != len(second):
         return False

@@ -8,7 +8,7 @@ change inside is computed once. Loops do not nest: a repetition inside one is wr
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from skyarm.algebra.scalars.elementary import COMPOSED
 from skyarm.algebra.scalars.fold import Scalar
@@ -22,7 +22,7 @@ class Lowered:
     """Traced program that consists of basic operations only.
 
     Attributes:
-        inputs: in order. nodes: live, in an order of evaluation. outputs: in order.
+        inputs, outputs: inputs and outputs in their order. nodes: live operations, in an order of evaluation.
     """
 
     inputs: tuple[Node, ...]
@@ -39,8 +39,7 @@ def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]
         if node.op == "const":
             made[node.index] = target.constant(node.value)
         elif node.op in COMPOSED:
-            composed: Any = COMPOSED[node.op]
-            made[node.index] = target.lift(composed(*args))
+            made[node.index] = target.lift(COMPOSED[node.op](*args))
         elif node.op in ("add", "sub", "mul", "neg"):
             made[node.index] = getattr(target, node.op)(*args)
         elif node.op == "slot":
@@ -48,8 +47,8 @@ def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]
         elif node.op == "repeat":
             count, slots, until = node.value
             half = len(slots)
-            held = [made[slot.index] if slot.index in made else target.slot() for slot in slots]
-            items = target.repeat(count, held, args[:half], args[half:], until=until)
+            variables = [made[slot.index] if slot.index in made else target.slot() for slot in slots]
+            items = target.repeat(count, variables, args[:half], args[half:], until=until)
             made[node.index] = items[0].args[0]
         elif node.op == "item":
             made[node.index] = target.item(args[0], node.value)
@@ -93,12 +92,12 @@ def repeat_while(count: int, rounds: Scalar, function: Callable[[Record], Record
 
     Args:
         count: most rounds.
-        rounds: how many, from none on.
-        function: of a round.
-        record: at the beginning.
+        rounds: number of rounds, at least 0.
+        function: one round.
+        record: record before the first round.
     """
 
-    def round_of(both: tuple[Any, Record]) -> tuple[Any, Record]:
+    def round_of(both: tuple[Scalar, Record]) -> tuple[Scalar, Record]:
         left, now = both
         return left - 1.0, blend(left > 0.5, function(now), now)
 
@@ -136,18 +135,18 @@ def repeat(count: int, function: Callable[[Record], Record], record: Record, unt
 
 def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
     """Order the operations of a program for evaluation, each with its loop body (empty for all but loops)."""
-    found: list[tuple[Node, list[Node]]] = []
+    arranged: list[tuple[Node, list[Node]]] = []
     inside: dict[int, int] = {}
     bodies: dict[int, list[Node]] = {}
     for node in nodes:
         if not inside and node.op not in ("slot", "repeat"):
-            found.append((node, []))
+            arranged.append((node, []))
         elif node.op == "slot":
             inside[node.index] = node.value
             bodies.setdefault(node.value, [])
         elif node.op == "repeat":
             loop = node.value[1][0].value
-            found.append((node, bodies.pop(loop, [])))
+            arranged.append((node, bodies.pop(loop, [])))
         else:
             for arg in node.args:
                 if arg.index in inside:
@@ -155,14 +154,14 @@ def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
                     bodies[loop].append(node)
                     break
             else:
-                found.append((node, []))
-    return found
+                arranged.append((node, []))
+    return arranged
 
 
 def operations(nodes: Iterable[Node]) -> int:
     """Count the operations in one evaluation of a program; loop bodies count once per iteration."""
     quiet = ("input", "const", "item")
-    found = 0
+    count = 0
     for node, body in arrange(nodes):
-        found += len(body) * node.value[0] if node.op == "repeat" else node.op not in quiet
-    return found
+        count += len(body) * node.value[0] if node.op == "repeat" else node.op not in quiet
+    return count

@@ -12,7 +12,7 @@ from skyarm.algebra.scalars.fold import Scalar
 from skyarm.compile.tracing.lower import Lowered, arrange, live, lower
 from skyarm.compile.tracing.tracer import Graph, Node
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, mismatch, rebuild, shaped_like
+from skyarm.records.leaves import Tree, leaves, mismatch, rebuild, shaped_like
 
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "lt": "<", "le": "<=", "and": "and", "or": "or"}
 _FORMS = {op: f"{{0}} {sign} {{1}}" for op, sign in _INFIX.items()}
@@ -24,6 +24,10 @@ _FAST = {"sqrt": math.sqrt, "fabs": math.fabs, **_BITS}
 _SAFE = {"sqrt": floats.sqrt, "fabs": math.fabs, "div": floats.divide, **_BITS}
 
 
+Flat = Callable[[Sequence[float]], tuple[float, ...]]
+"""Function of plain sequences: outputs of a program from its inputs."""
+
+
 class Program:
     """Straight-line program of a traced function: inputs, operations in order of evaluation, outputs.
 
@@ -31,16 +35,16 @@ class Program:
     returns plain sequences and is the fast way in. Results equal those of the traced function on floats bit for bit.
     """
 
-    def __init__(self, graph: Graph, inputs: Sequence[Node], result: Any, examples: tuple[Any, ...]) -> None:
+    def __init__(self, graph: Graph, inputs: Sequence[Node], result: Tree, examples: tuple[Tree, ...]) -> None:
         self.inputs = list(inputs)
         self._examples = examples
         self._result = result
         self.outputs = [graph.lift(leaf) for leaf in leaves(result)]
         self.nodes = live(self.outputs)
         self.lowered = lower(self.inputs, self.nodes, self.outputs)
-        self.flat: Callable[[Sequence[float]], tuple[float, ...]] = python_function(self.lowered)
+        self.flat = python_function(self.lowered)
 
-    def __call__(self, *records: Any) -> Any:
+    def __call__(self, *records: Tree) -> Any:
         """Evaluate the program on dataclasses of floats that have the structure of the traced examples."""
         different = mismatch(self._examples, records, "arguments")
         if different:
@@ -56,7 +60,7 @@ class Program:
         return Counter(node.op for node in self.nodes if node.op not in ("input", "const"))
 
 
-def trace(function: Callable[..., Any], *examples: Any) -> Program:
+def trace(function: Callable[..., Tree], *examples: Tree) -> Program:
     """Trace ``function`` on symbolic arguments shaped like ``examples`` and return its program.
 
     Args:
@@ -71,7 +75,7 @@ def trace(function: Callable[..., Any], *examples: Any) -> Program:
     return Program(graph, inputs, function(*rebuild(examples, iter(inputs))), examples)
 
 
-def _literal(value: Any) -> str:
+def _literal(value: float) -> str:
     if isinstance(value, bool) or math.isfinite(value):
         return repr(value)
     return "_nan" if math.isnan(value) else "_inf" if value > 0.0 else "(-_inf)"
@@ -80,13 +84,13 @@ def _literal(value: Any) -> str:
 def _loop(block: Node, body: Sequence[Node], name: Callable[[Node], str], divide: str) -> list[str]:
     """Lines of Python source of a loop over variables that are all updated at the end of an iteration."""
     count, slots, until = block.value
-    held = ", ".join(f"v{slot.index}" for slot in slots)
+    variables = ", ".join(f"v{slot.index}" for slot in slots)
     starts, ends = block.args[: len(slots)], block.args[len(slots) :]
-    lines = [f"    {held}, = {', '.join(map(name, starts))},", f"    for _ in range({count}):"]
+    lines = [f"    {variables}, = {', '.join(map(name, starts))},", f"    for _ in range({count}):"]
     if until is not None:
         lines += [f"        if not {name(slots[until])} > 0.5:", "            break"]
     lines += [f"        v{node.index} = {_expression(node, name, divide)}" for node in body]
-    return [*lines, f"        {held}, = {', '.join(map(name, ends))},"]
+    return [*lines, f"        {variables}, = {', '.join(map(name, ends))},"]
 
 
 def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
@@ -134,7 +138,7 @@ class _CallOnce:
         return self.made
 
 
-def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float, ...]]:
+def python_function(program: Lowered) -> Flat:
     """Compile a traced program to a Python function that returns inf or NaN where Python floats would raise.
 
     ``math`` and ``/`` are faster than their IEEE versions but raise; on the first such case the same program is run
@@ -144,21 +148,20 @@ def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float
     constants = {"_inf": math.inf, "_nan": math.nan} | calls
     fast_names: dict[str, Any] = dict(_FAST) | constants
     exec(compile(python_source(program), "<skyarm program>", "exec"), fast_names)
-    fast = fast_names["program"]
-    safe: list[Any] = []
+    fast: Flat = fast_names["program"]
+    safe: list[Flat] = []
 
     def run(x: Sequence[float]) -> tuple[float, ...]:
         for call in calls.values():
             call.made = None
         try:
-            result: tuple[float, ...] = fast(x)
+            return fast(x)
         except (ZeroDivisionError, ValueError, OverflowError):
             if not safe:
                 names: dict[str, Any] = dict(_SAFE) | constants
                 exec(compile(python_source(program, "div({0}, {1})"), "<skyarm program, IEEE>", "exec"), names)
                 safe.append(names["program"])
-            result = safe[0](x)
-        return result
+            return safe[0](x)
 
     return run
 
@@ -171,8 +174,8 @@ class Loop:
 
     Attributes:
         program: basic operations of one step.
-        carry, parameters, row: how many inputs of each kind. uniforms: (channel, count) of the random numbers.
-        logged: how many outputs follow the next carry.
+        carry, parameters, row: numbers of inputs of each kind. uniforms: (channel, count) of the random numbers.
+        logged: number of outputs that follow the next carry.
         result: the records (carry, log) the step returns, for shaping.
         own_seeds: every lane draws with a seed of its own, not with one for all.
     """
@@ -186,16 +189,16 @@ class Loop:
     result: Any
     own_seeds: bool = False
 
-    def stepper(self) -> Callable[[Any], tuple[float, ...]]:
+    def stepper(self) -> Flat:
         """Compile the step to a Python function of all inputs in order; the reference for all other simulators."""
         return python_function(self.program)
 
 
 def trace_loop(
-    step: Callable[..., tuple[Any, Any]],
-    carry: Any,
-    parameters: Any,
-    row: Any,
+    step: Callable[..., tuple[Tree, Tree]],
+    carry: Tree,
+    parameters: Tree,
+    row: Tree,
     uniforms: tuple[tuple[int, int], ...] = (),
     *,
     loops: bool = False,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import operator
 import struct
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 from skyarm.algebra.scalars import floats, register
@@ -21,7 +21,7 @@ _COMMUTATIVE = frozenset({"add", "mul", "and", "or"})
 CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})
 """Operations that give a truth value."""
 
-FOLD: dict[str, Any] = {
+FOLD: dict[str, Callable[..., Scalar]] = {
     "add": operator.add,
     "sub": operator.sub,
     "mul": operator.mul,
@@ -104,7 +104,7 @@ class Node:
         """Add a negation to the traced program."""
         return self.graph.neg(self)
 
-    def __abs__(self) -> Any:
+    def __abs__(self) -> Scalar:
         """Add an absolute value to the traced program."""
         return self.graph.call("abs", self)
 
@@ -171,13 +171,13 @@ class Graph:
         self.nodes: list[Node] = []
         self.loops = loops
         self._loops_made = 0
-        self._known: dict[Any, Node] = {}
+        self._known: dict[Hashable, Node] = {}
 
     def input(self, name: str) -> Node:
         """Add an input to the traced program."""
         return self._make("input", (), name, ("input", name))
 
-    def constant(self, value: Any) -> Node:
+    def constant(self, value: Scalar) -> Node:
         """Symbolic value of a constant number or truth value."""
         if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b":
             truth = bool(value)  # NumPy's is no bool, and would become 1.0
@@ -187,7 +187,7 @@ class Graph:
         plain = number < 0.0 or number > 0.0
         return self._make("const", (), number, number if plain else ("const", struct.pack("<d", number)))
 
-    def lift(self, value: Any) -> Node:
+    def lift(self, value: Scalar) -> Node:
         """Convert any scalar to a symbolic value of this graph."""
         if isinstance(value, Node):
             if value.graph is not self:
@@ -195,7 +195,7 @@ class Graph:
             return value
         return self.constant(value)
 
-    def call(self, op: str, *values: Any) -> Node:
+    def call(self, op: str, *values: Scalar) -> Node:
         """Symbolic value of an operation; equal operations are shared, and constants are folded."""
         # lists, not generators: this runs ten thousand times a trace
         args = [self.lift(value) for value in values]
@@ -214,8 +214,8 @@ class Graph:
         if y.index < x.index and op in _COMMUTATIVE:
             x, y = y, x
         key = (op, x.index, y.index)
-        found = self._known.get(key)
-        return self._make(op, (x, y), None, key) if found is None else found
+        node = self._known.get(key)
+        return self._make(op, (x, y), None, key) if node is None else node
 
     def add(self, a: Scalar, b: Scalar) -> Node:
         """Return a + b; a + (-b) becomes a - b."""
@@ -270,7 +270,7 @@ class Graph:
         return self._make("item", (block,), k, ("item", block.index, k))
 
     def external(
-        self, function: Callable[..., Sequence[float]], groups: Sequence[Sequence[Any]], count: int
+        self, function: Callable[..., Sequence[float]], groups: Sequence[Sequence[Scalar]], count: int
     ) -> list[Node]:
         """Record a call of a Python function that cannot be compiled; return ``count`` result nodes.
 
@@ -285,22 +285,22 @@ class Graph:
         """Symbolic value of result ``k`` of a call of a Python function."""
         return self._make("result", (call,), k, ("result", call.index, k))
 
-    def _make(self, op: str, args: tuple[Node, ...], value: Any, key: Any) -> Node:
-        found = self._known.get(key)
-        if found is None:
-            found = self._known[key] = Node(self, len(self.nodes), op, args, value)
-            self.nodes.append(found)
-        return found
+    def _make(self, op: str, args: tuple[Node, ...], value: Any, key: Hashable) -> Node:
+        node = self._known.get(key)
+        if node is None:
+            node = self._known[key] = Node(self, len(self.nodes), op, args, value)
+            self.nodes.append(node)
+        return node
 
 
 class _NodeFunctions:
     """Scalar functions such as sin and where on symbolic values of a traced program."""
 
     @staticmethod
-    def _graph(*values: Any) -> Graph:
+    def _graph(*values: Scalar) -> Graph:
         return next(value.graph for value in values if isinstance(value, Node))
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> Callable[..., Node]:
         op = {"divide": "div", "absolute": "abs", "logical_and": "and", "logical_or": "or", "logical_not": "not"}.get(
             name, name
         )

@@ -3,32 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Protocol
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, add, clip, divide, exp, logical_and, minimum, mul, where
+from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Mixer
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 
-def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Any:
+def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Scalar:
     """True if each squared rotor speed from the mixer lies between zero and the rotor's limit."""
-    inside: Any = True
+    inside: Scalar = True
     for square, top in zip(squares, mixer.highest, strict=True):
         fits = logical_and(square >= 0.0, square <= top)
         inside = fits if inside is True else logical_and(inside, fits)
     return inside
 
 
-def all_follow(applied: Sequence[Scalar]) -> Any:
+def all_follow(applied: Sequence[Scalar]) -> Scalar:
     """True if every actuator applied the last command unchanged, from one flag per actuator.
 
     One for all: through the coupled dynamics what one actuator does not do is missing from every acceleration.
     """
-    found: Any = True
+    unchanged: Scalar = True
     for each in applied:
-        found = logical_and(found, each > 0.5)
-    return found
+        unchanged = logical_and(unchanged, each > 0.5)
+    return unchanged
 
 
 def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Scalar]:
@@ -36,25 +37,33 @@ def joints_follow(vehicle: Vehicle, efforts: Sequence[Scalar]) -> list[Scalar]:
     return [absolute(e) <= link.joint.effort_limit for e, link in zip(efforts, vehicle.links, strict=True)]
 
 
-def limit_efforts(par: Any, efforts: Any) -> tuple[Scalar, ...]:
+class ModelHolder(Protocol):
+    """Constants of a law, with the controller's model."""
+
+    @property
+    def model(self) -> Model:
+        """Model of the controller."""
+
+
+def limit_efforts(par: ModelHolder, efforts: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Joint torques clipped to the model's effort limits."""
     limits = [link.joint.effort_limit for link in par.model.vehicle.links]
     return tuple(clip(effort, -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
 
 
-def command_for(rotor: Rotor, speed: Scalar, wanted: Scalar, dt: Scalar, share: Scalar) -> Any:
-    """Speed command (rad/s) that brings a lagging rotor to the speed ``wanted`` at the end of the period.
+def command_for(rotor: Rotor, speed: Scalar, desired: Scalar, dt: Scalar, share: Scalar) -> Scalar:
+    """Speed command (rad/s) that brings a lagging rotor to a desired speed at the end of the period.
 
     Args:
-        rotor: with its two time constants.
-        speed: now, rad/s.
-        wanted: rad/s.
+        rotor: rotor with its two time constants.
+        speed: speed now, rad/s.
+        desired: desired speed, rad/s.
         dt: control period, s.
-        share: 1 inverts the lag (:func:`skyarm.dynamics.actuators.speed_after`) exactly, 0 sends ``wanted`` itself.
+        share: 1 inverts the lag (:func:`skyarm.dynamics.actuators.speed_after`) exactly, 0 sends ``desired`` itself.
 
     Without the inversion noise through two time constants rectifies into thrust.
     """
-    target = minimum(wanted, rotor.max_speed)
+    target = minimum(desired, rotor.max_speed)
     change = target - speed
     rise, fall = (
         divide(1.0, 1.0 - exp(divide(-dt, tau))) - 1.0 for tau in (rotor.time_constant_up, rotor.time_constant_down)
@@ -71,12 +80,12 @@ def compensate_motor_lag(
     tau); without that the mean speed of a period is the wanted one at its middle.
 
     Args:
-        rotors: with their time constants.
-        mixer: of all six rows, or of four: then of the force along z alone.
-        force_rate: planned, body axes, N/s.
-        squares: of each rotor.
+        rotors: rotors with their time constants.
+        mixer: mixer of all six rows, or of four: then of the force along z alone.
+        force_rate: planned rate of the force, body axes, N/s.
+        squares: squared speed of each rotor, (rad/s)^2.
         dt: control period, s.
-        share: of the lag that commands invert, as in :func:`command_for`.
+        share: share of the lag that commands invert, as in :func:`command_for`.
     """
     ahead = []
     sides = mixer.across or ((0, 0),) * len(rotors)

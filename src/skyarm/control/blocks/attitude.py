@@ -10,7 +10,7 @@ thrust is always defined.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, neg, sin, sqrt, sub, where
@@ -62,7 +62,7 @@ def derivative(v: Vec3, k: int) -> Vec3:
     return Vec3(*(c.derivative(k) if isinstance(c, Taylor) else (c if k == 0 else 0) for c in v))
 
 
-def moving(values: Iterable[Any], *rates: Iterable[Any]) -> list[Taylor]:
+def moving(values: Iterable[Scalar], *rates: Iterable[Scalar]) -> list[Taylor]:
     """Taylor series in time of several signals from their values and time derivatives."""
     return [Taylor.of_derivatives(each) for each in zip(values, *rates, strict=True)]
 
@@ -80,7 +80,7 @@ TINY = 1e-12
 
 
 @immutable(kw_only=False)
-class Attitude:
+class DesiredAttitude:
     """Desired attitude R_d, with its body rate (rad/s) and angular acceleration (rad/s^2) in desired body axes."""
 
     R: Mat3
@@ -98,7 +98,7 @@ def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
     return Vec3(force.x * share, force.y * share, z)
 
 
-def upright(force: Vec3, weight: Scalar, start: Any, along: Vec3 | None = None) -> Vec3:
+def upright(force: Vec3, weight: Scalar, start: Scalar, along: Vec3 | None = None) -> Vec3:
     """Desired force (Taylor series, N) with a small vertical part raised smoothly, so that the attitude turns slowly.
 
     Near free fall the direction of a small force turns quickly, and noise in it requires more torque than rotors at
@@ -127,13 +127,13 @@ def _quartic(t: Taylor) -> Taylor:
     x, v, *rest = t.c
     square = x * x
     slope = square * (3.0 - 2.0 * x)
-    found = [square * x * (1.0 - 0.5 * x), mul(slope, v)]
+    coefficients = [square * x * (1.0 - 0.5 * x), mul(slope, v)]
     if rest:
-        found.append(add(mul(slope, rest[0]), mul(3.0 * (x - square), mul(v, v))))
-    return Taylor(found)
+        coefficients.append(add(mul(slope, rest[0]), mul(3.0 * (x - square), mul(v, v))))
+    return Taylor(coefficients)
 
 
-def attitude(force: Vec3, yaw: Taylor) -> Attitude:
+def attitude(force: Vec3, yaw: Taylor) -> DesiredAttitude:
     """Attitude with body z along a force and body x nearest to the heading, with body rate and angular acceleration.
 
     With w the body rate, R' = R S(w): derivatives of f = F b3 in the axes R give F'/F and w', w across b3; the heading
@@ -161,7 +161,7 @@ def attitude(force: Vec3, yaw: Taylor) -> Attitude:
     moved = normal * mul(2.0, turn) - Vec3(mul(y, heading.z), 0, neg(mul(y, heading.x)))
     slower = sub(mul(z, moved.x), mul(x, moved.z))
     z_turning = mul(sub(add(mul(turning, normal.y), mul(x_turning, heading.z)), slower), per)
-    return Attitude(R, Vec3(x, y, z), Vec3(x_turning, y_turning, z_turning))
+    return DesiredAttitude(R, Vec3(x, y, z), Vec3(x_turning, y_turning, z_turning))
 
 
 def _inverse_length(v: Vec3) -> Scalar:
@@ -169,7 +169,7 @@ def _inverse_length(v: Vec3) -> Scalar:
     return divide(1.0, sqrt(where(square > TINY, square, 1.0)))
 
 
-def angular_acceleration(gains: BaseGains, desired: Attitude, R: Mat3, w: Vec3) -> Vec3:
+def angular_acceleration(gains: BaseGains, desired: DesiredAttitude, R: Mat3, w: Vec3) -> Vec3:
     """Commanded angular acceleration from attitude and rate errors, body axes, rad/s^2.
 
     -KR e_R - Kw e_w + R^T R_d w_d' - w x R^T R_d w_d with e_w = w - R^T R_d w_d: Lee's law times the inverse inertia.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Mat3, Motion, SpatialInertia, Sym3, Vec3, inner_product, ldl_solve
@@ -57,13 +56,13 @@ def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
         parent = vehicle.links[i].parent
         if parent != BASE:
             masses[parent], moments[parent] = add(masses[parent], masses[i]), moments[parent] + moments[i]
-    found = []
+    columns = []
     for i, axis in enumerate(axes(vehicle, poses)):
         if vehicle.links[i].joint.turns:
-            found.append(axis.cross(moments[i] - poses[i].p * masses[i]))
+            columns.append(axis.cross(moments[i] - poses[i].p * masses[i]))
         else:
-            found.append(axis * masses[i])
-    return found
+            columns.append(axis * masses[i])
+    return columns
 
 
 def arm_reaction(
@@ -71,7 +70,7 @@ def arm_reaction(
     joints: Sequence[Scalar],
     rate: Vec3,
     joint_rates: Sequence[Scalar],
-    joint_accelerations: Sequence[Any],
+    joint_accelerations: Sequence[Scalar],
 ) -> Force:
     """Force and torque at the base origin that the arm's motion and velocity products require, base axes.
 
@@ -90,8 +89,8 @@ def forces_under_thrust(
     *,
     applied: Vec3,
     angular: Vec3,
-    joint_accelerations: Sequence[Any],
-) -> tuple[Force, tuple[Any, ...], Vec3]:
+    joint_accelerations: Sequence[Scalar],
+) -> tuple[Force, tuple[Scalar, ...], Vec3]:
     """Inverse dynamics for desired angular and joint accelerations under a given force on the base.
 
     The translational block of the mass matrix is m 1: the proper acceleration that follows is (f - F0) / m, with F0
@@ -100,17 +99,17 @@ def forces_under_thrust(
     Args:
         vehicle: the model.
         joints: rad or m.
-        rate: of the base, base axes, rad/s.
+        rate: angular velocity of the base, base axes, rad/s.
         joint_rates: rad/s or m/s.
         applied: force at the base origin that is really there, base axes, N: thrust, wind.
-        angular: wanted angular acceleration, base axes, rad/s^2.
-        joint_accelerations: wanted.
+        angular: desired angular acceleration, base axes, rad/s^2.
+        joint_accelerations: desired joint accelerations, rad/s^2 or m/s^2.
 
     Returns:
         Force on the base (its force equals ``applied``), joint torques, proper acceleration of the base origin (m/s^2).
     """
-    held = Motion(angular, ZERO3)
-    alone, _ = dynamics.inverse_dynamics(vehicle, joints, rate, joint_rates, held, joint_accelerations)
+    rotation = Motion(angular, ZERO3)
+    alone, _ = dynamics.inverse_dynamics(vehicle, joints, rate, joint_rates, rotation, joint_accelerations)
     follows = (applied - alone.force) * divide(1.0, vehicle.mass)
     base = Motion(angular, follows)
     force, torques = dynamics.inverse_dynamics(vehicle, joints, rate, joint_rates, base, joint_accelerations)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
@@ -45,14 +44,18 @@ def turn_towards(par: Parameters, measurement: Measurement, reference: Reference
     )
 
 
-def arm_alone(par: Parameters, R: Mat3, joints: Any, joint_accelerations: Any) -> tuple[Scalar, ...]:
+def arm_alone(
+    par: Parameters, R: Mat3, joints: Sequence[Scalar], joint_accelerations: Sequence[Scalar]
+) -> tuple[Scalar, ...]:
     """Joint torques for desired joint accelerations, gravity included, on a motionless base at attitude R."""
     vehicle = par.model.vehicle
     weight = Motion(ZERO3, R.apply_T(E_Z * par.model.gravity))
     return dynamics.inverse_dynamics(vehicle, joints, ZERO3, (0,) * vehicle.n, weight, joint_accelerations)[1]
 
 
-def make_command(par: Parameters, torque: Vec3, thrust: Any, efforts: Any) -> tuple[Command, tuple[Any, ...]]:
+def make_command(
+    par: Parameters, torque: Vec3, thrust: Scalar, efforts: Sequence[Scalar]
+) -> tuple[Command, tuple[Scalar, ...]]:
     """Limited command for body torque, thrust and joint torques, and the squared rotor speeds before the limits."""
     speeds, squares = mix(par.mixer, torque, thrust)
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts)), squares
@@ -79,7 +82,7 @@ def coupled_forces(
     return dynamics.inverse_dynamics(vehicle, joints, rate, rates, base, joint_accelerations)
 
 
-def rotor_thrust(vehicle: Vehicle, speeds: Any) -> tuple[Vec3, Vec3]:
+def rotor_thrust(vehicle: Vehicle, speeds: Sequence[Scalar]) -> tuple[Vec3, Vec3]:
     """Torque about and force at the base origin of rotors at given speeds in calm air, base axes."""
     torque, force = ZERO3, ZERO3
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):

@@ -56,8 +56,8 @@ class AccelerometerGains:
     """Bandwidths (rad/s) of the disturbance observer's accelerometer correction.
 
     Attributes:
-        force: at which the unknown force follows the accelerometer.
-        velocity: below which the measured velocity outweighs the accelerometer.
+        force: bandwidth at which the unknown force follows the accelerometer.
+        velocity: bandwidth below which the measured velocity outweighs the accelerometer.
     """
 
     force: Annotated[Scalar, Unit("rad/s", "at which the unknown force follows the accelerometer")]
@@ -69,7 +69,8 @@ class Felt:
     """Translation estimates of the observer: base velocity, accelerometer bias and change of the external force.
 
     Attributes:
-        velocity: of the base origin, world axes, m/s. bias: of the accelerometer, base axes, m/s^2; empty without one.
+        velocity: velocity of the base origin, world axes, m/s.
+        bias: bias of the accelerometer, base axes, m/s^2; empty without one.
         change: acceleration by which the unknown force varies, world axes, m/s^2.
         learns: 1 where that change is taken, 0 where the force is held.
         heard: 1 where that change is the accelerometer's, 0 where it is that of the measured velocity.
@@ -79,20 +80,33 @@ class Felt:
     velocity: Vec3
     bias: Any
     change: Vec3
-    learns: Any
-    heard: Any = 0
+    learns: Scalar
+    heard: Scalar = 0
     beside: Vec3 | tuple[()] = ()
 
 
+def modelled_specific_force(model: Model, R: Mat3, linear: Vec3, rotors: Vec3) -> Vec3:
+    """Specific force that the model expects of an accelerometer at the base origin, base axes, m/s^2.
+
+    Args:
+        model: the controller's model.
+        R: R_WB amid the period.
+        linear: acceleration of the base origin by the model, mean of the period, world axes.
+        rotors: thrust at the end of the period, where it was measured, less that in ``linear``; N, base axes. The
+            corresponding torque is left out: by way of the offset of the common centre of mass it accelerates
+            the base origin too, for a part of a period.
+    """
+    return R.apply_T(linear + E_Z * model.gravity) + rotors * divide(1.0, model.vehicle.mass)
+
+
 def measure_translation(
-    model: Model,
     gains: AccelerometerGains,
     velocity: Vec3,
     seen: Felt,
     measurement: Measurement,
     R: Mat3,
     linear: Vec3,
-    rotors: Vec3,
+    modelled: Vec3,
     free: Sequence[Scalar],
     dt: Scalar,
 ) -> Felt:
@@ -102,21 +116,17 @@ def measure_translation(
     estimated from the measured velocity alone. So it is where the specific force is three zeros: none was measured.
 
     Args:
-        model: the controller's model.
         gains: bandwidths.
         velocity: one period earlier, world axes.
         seen: estimate from the measured velocity alone, with the bias of one period earlier.
         measurement: the new one.
         R: R_WB amid the period.
         linear: acceleration of the base origin by the model, mean of the period, world axes.
-        rotors: thrust at the end of the period, where it was measured, less that in ``linear``; N, base axes. The
-            corresponding torque is left out: by way of the offset of the common centre of mass it accelerates
-            the base origin too, for a part of a period.
+        modelled: specific force by the model (:func:`modelled_specific_force`).
         free: 1 for rotors and each joint that are not at their limit, else 0.
         dt: s.
     """
     felt = measurement.specific_force
-    modelled = R.apply_T(linear + E_Z * model.gravity) + rotors * divide(1.0, model.vehicle.mass)
     beside = R.apply(felt - seen.bias - modelled)
     ahead = velocity + (linear + beside) * dt
     e = measurement.velocity - ahead
@@ -179,7 +189,7 @@ def observe(
         measurement: the new one.
         acted: actuation in the period between them.
         unknown: disturbance over the period, as estimated before the new one.
-        started: below 0.5 at the first measurement, which is taken as it is.
+        started: flag, below 0.5 at the first measurement, which is taken as it is.
         free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
         dt: s.
     """
@@ -202,9 +212,9 @@ def observe(
     base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0], learns=free[0])
     residuals, quick = memory.joint_residuals, bending
     if gains.accelerometer is not None:
-        rotors = unmodelled_thrust(model, squares, half, speeds)
+        modelled = modelled_specific_force(model, R, linear, unmodelled_thrust(model, squares, half, speeds))
         base = measure_translation(
-            model, gains.accelerometer, memory.velocity, base, measurement, R, linear, rotors, free, dt
+            gains.accelerometer, memory.velocity, base, measurement, R, linear, modelled, free, dt
         )
         pace, rest = base.heard * divide(low_pass_share(gains.accelerometer.force, dt), dt), 1.0 - base.heard
         quick = [(e - last) * pace + b * rest for e, last, b in zip(er, residuals, bending, strict=True)]
@@ -235,14 +245,13 @@ def observe(
         rate=vector_data(measurement.rate),
         joint_rates=tuple(map(data, measurement.joint_rates)),
     )
-    told = Told(
+    return blend(started > 0.5, learned, begun), Told(
         amid=amid,
         innovation=ev,
         beside=base.beside,
         angular_correction=turning,
         joint_corrections=tuple(bending),
     )
-    return blend(started > 0.5, learned, begun), told
 
 
 def observe_uncompensated(
@@ -271,7 +280,7 @@ def unmodelled_thrust(
         model: the controller's model.
         squares: means of the squared speeds, of the thrust along body z.
         half: speeds amid the period, of the thrust across it: see :func:`with_side`.
-        speeds: at its end.
+        speeds: speeds at its end.
     """
     along = rotor_wrench(model, [s * s - mean for s, mean in zip(speeds, squares, strict=True)])
     across = rotor_wrench(model, [s * s - m * m for s, m in zip(speeds, half, strict=True)], sideways=True)
@@ -320,7 +329,7 @@ class Told:
 
 
 @immutable(kw_only=False)
-class Place:
+class FilteredPose:
     """Base position (m), attitude and joint positions of the vehicle."""
 
     position: Vec3
@@ -328,7 +337,9 @@ class Place:
     joints: tuple[Scalar, ...]
 
 
-def filter_pose(bandwidth: Scalar, memory: Observed, measurement: Measurement, started: Scalar, dt: Scalar) -> Place:
+def filter_pose(
+    bandwidth: Scalar, memory: Observed, measurement: Measurement, started: Scalar, dt: Scalar
+) -> FilteredPose:
     """Low-pass filtered base pose and joint positions, predicted from the estimated velocities and then corrected."""
     share = where(started > 0.5, low_pass_share(bandwidth, dt), 1.0)
     position = memory.position + memory.velocity * dt
@@ -336,7 +347,7 @@ def filter_pose(bandwidth: Scalar, memory: Observed, measurement: Measurement, s
     joints = [q + qd * dt for q, qd in zip(memory.joints, memory.joint_rates, strict=True)]
     measured = nearer_sign(measurement.quaternion, quaternion)
     off = Quaternion(*(m - c for m, c in zip(measured, quaternion, strict=True)))
-    return Place(
+    return FilteredPose(
         position + (measurement.position - position) * share,
         quaternion.plus(off, share).normalized(),
         tuple(q + share * (m - q) for q, m in zip(joints, measurement.joints, strict=True)),
@@ -367,9 +378,10 @@ class Observed:
     Attributes:
         position, quaternion, joints: filtered.
         velocity, rate, joint_rates: estimates.
-        force: N, world axes, at the base origin. torque: N m, base axes. efforts: of the joints.
-        rotor_speeds: of the modelled motors, rad/s.
-        bias: of the accelerometer, m/s^2, base axes. joint_residuals: for the force's row. Both () without one.
+        force: N, world axes, at the base origin. torque: N m, base axes. efforts: joint efforts, N m or N.
+        rotor_speeds: speeds of the modelled motors, rad/s.
+        bias: bias of the accelerometer, m/s^2, base axes. joint_residuals: joint rates beyond the model, for the
+            force's row. Both () without an accelerometer.
     """
 
     position: Annotated[Vec3, Unit("m", "filtered")]

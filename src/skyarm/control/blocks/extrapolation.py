@@ -37,12 +37,12 @@ def extrapolate(
     """Reference signals at present or later, next states of the signals, and age of the held sample.
 
     Args:
-        channels: as remembered.
-        age: of the sample last seen, s.
+        channels: states of the signals, one period earlier.
+        age: age of the sample last seen, s.
         held: the samples now held.
         started: False at the first call.
         dt: control period, s.
-        period: between samples, s.
+        period: time between samples, s.
         ahead: samples of one and two periods later; empty without a preview.
         late: s, from the present to the instant of the signals.
     """
@@ -70,7 +70,7 @@ def _hold(channel: Channel, sample: Sample) -> Channel:
     return replace(channel, value=value, rate=rate, acceleration=acceleration)
 
 
-def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Scalar, period: Scalar) -> Channel:
+def _after(channel: Channel, sample: Sample, new: Scalar, due: Scalar, started: Scalar, period: Scalar) -> Channel:
     """State of one signal's extrapolator after comparison with the reference sample now held.
 
     Where a sample is due and nothing has changed, the motion is over: its last jerk and snap do not continue.

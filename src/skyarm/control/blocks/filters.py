@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, TypeVar
 
+from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, divide, exp, tan
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -12,13 +13,15 @@ from skyarm.records.units import Unit
 PI = 3.141592653589793
 ROOT_TWO = 1.4142135623730951
 
+Signal = TypeVar("Signal", Scalar, Vec3)
 
-def low_pass(old: Any, new: Any, bandwidth: Any, dt: Scalar) -> Any:
+
+def low_pass(old: Signal, new: Signal, bandwidth: Scalar, dt: Scalar) -> Signal:
     """First-order low-pass: y += (1 - exp(-w dt)) (u - y), exact for an input held over the period."""
     return old + (new - old) * low_pass_share(bandwidth, dt)
 
 
-def low_pass_share(bandwidth: Any, dt: Scalar) -> Scalar:
+def low_pass_share(bandwidth: Scalar, dt: Scalar) -> Scalar:
     """Gain 1 - exp(-w dt) of a first-order low-pass per period, for a bandwidth w in rad/s and dt in s."""
     return 1.0 - exp(-(bandwidth * dt))
 
@@ -58,12 +61,12 @@ def butterworth(cutoff: Scalar, dt: Scalar) -> Butterworth:
     return Butterworth(b0=b0, b1=2.0 * b0, a1=2.0 * (k * k - 1.0) * scale, a2=(1.0 - ROOT_TWO * k + k * k) * scale)
 
 
-def settle(value: Any, par: Butterworth) -> Taps:
+def settle(value: Scalar, par: Butterworth) -> Taps:
     """Steady filter state for a constant input ``value``."""
     return Taps(first=value * (1.0 - par.b0), second=value * (par.b0 - par.a2))
 
 
-def apply_butterworth(taps: Taps, value: Any, par: Butterworth) -> tuple[Taps, Scalar]:
+def apply_butterworth(taps: Taps, value: Scalar, par: Butterworth) -> tuple[Taps, Scalar]:
     """One Butterworth filter step: next filter state and output."""
     out = par.b0 * value + taps.first
     return Taps(first=par.b1 * value - par.a1 * out + taps.second, second=par.b0 * value - par.a2 * out), out

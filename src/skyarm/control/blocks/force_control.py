@@ -28,7 +28,7 @@ order down to none, and from that whole speed on the reference takes over what i
 pushed into a hole. A tip that leaves its reference behind is through the surface.
 
 A tip that grips is in contact for as long as the reference says; f_d may have either sign, and the normal may be the
-radius of an arc (:class:`Wanted`).
+radius of an arc (:class:`DesiredContact`).
 """
 
 from __future__ import annotations
@@ -58,10 +58,11 @@ from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, TipLevers, tip_force
 from skyarm.control.blocks.torque_scale import Tolerances, TorqueScale
 from skyarm.control.controller import ControllerError
+from skyarm.dynamics.kinematics import out_of_axis
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.reference.tip_motion import STRONGEST, out_of_axis
+from skyarm.reference.tip_motion import STRONGEST
 
 YIELDING = 0.8
 """Share of the speed of the approach above which a force gives way: doors swing below it, boxes slide above."""
@@ -73,7 +74,7 @@ PRESSED = 0.75
 def interact(
     gains: InteractionGains,
     memory: InteractionMemory,
-    wanted: Wanted,
+    wanted: DesiredContact,
     observed: Disturbance,
     at: TipLevers,
     into: Scalar,
@@ -120,9 +121,9 @@ def interact(
     most = gains.standing + (gains.cone - gains.standing) * moving
     cone = most * maximum(maximum(order, normal_force), 0.0)
     within = minimum(divide(cone, _size(force - n * normal_force)), 1.0)
-    kept = (1.0 - gains.relief * relieved) * within
+    compensated = (1.0 - gains.relief * relieved) * within
     if wanted.grips:
-        kept = where(wanted.grip > 0.5, gains.yielding, kept)
+        compensated = where(wanted.grip > 0.5, gains.yielding, compensated)
     presses = logical_or(touching > 0.5, share > 0.0)
     free = where(logical_or(presses, memory.touching > 0.5), 0.0, memory.free + dt)
     engaged = where(presses, 1.0, 0.0)
@@ -154,30 +155,30 @@ def interact(
         order=order,
         beyond=touching * (1.0 - share) * normal_force,
         force=force,
-        kept=kept,
+        kept=compensated,
     )
     return after, pressing
 
 
 def touches(
-    gains: InteractionGains, memory: InteractionMemory, asked: Scalar, held: Scalar, into: Scalar, dt: Scalar
+    gains: InteractionGains, memory: InteractionMemory, asked: Scalar, force: Scalar, into: Scalar, dt: Scalar
 ) -> tuple[Scalar, Scalar]:
     """Contact detection with hysteresis: contact (1 or 0), and progress (0 to 1) towards the loss of contact.
 
-    ``held`` is the force along the normal while contact is asked for, after it the size of the tip's force, N.
+    ``force`` is that along the normal while contact is asked for, after it the size of the tip's force, N.
     """
     was = memory.touching > 0.5
     weak, through = (
-        where(held < gains.lost, dt / gains.loss_time, 0.0),
+        where(force < gains.lost, dt / gains.loss_time, 0.0),
         where(logical_and(into > gains.escape, memory.found > PRESSED), dt / gains.escape_time, 0.0),
     )
     step = maximum(weak, through)
     losing = where(logical_and(was, step > 0.0), memory.losing + step, 0.0)
     # a sum of periods is not exactly their number times one
     # the force at a tip that still goes in, soon after a loss, is a remainder in the observer or a sensor's filter
-    begins = logical_and(held > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
-    found: Scalar = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(logical_and(asked, begins), 1.0, 0.0))
-    return found, losing
+    begins = logical_and(force > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
+    touching: Scalar = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(logical_and(asked, begins), 1.0, 0.0))
+    return touching, losing
 
 
 def ramp_share(gains: InteractionGains, share: Scalar, pressed: Scalar, touching: Scalar, dt: Scalar) -> Scalar:
@@ -281,9 +282,9 @@ class Pressing:
     def with_order(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
         """Disturbance with the observed contact force replaced by the commanded force along the normal."""
         across = self.force - self.n * self.n.dot(self.force)
-        wanted = across * self.kept + self.n * self.order
-        borne = wanted + self.n * self.beyond
-        base = dataclasses.replace(now.disturbance(borne), efforts=now.disturbance(wanted).efforts)
+        joint_force = across * self.kept + self.n * self.order
+        borne = joint_force + self.n * self.beyond
+        base = dataclasses.replace(now.disturbance(borne), efforts=now.disturbance(joint_force).efforts)
         change = base - then.disturbance(self.force)
         return d + Disturbance(
             force=change.force * self.engaged,
@@ -359,7 +360,7 @@ class InteractionMemory:
 
 
 @immutable
-class Wanted:
+class DesiredContact:
     """Desired contact: force (N), approach speed (m/s) and unit normal out of the surface, world axes.
 
     Attributes:
@@ -382,16 +383,16 @@ class Wanted:
     @property
     def requests_contact(self) -> Scalar:
         """True while the reference requests that the tip presses or grips."""
-        wanted: Scalar = self.force > 0.0
-        return logical_or(wanted, self.grip > 0.5) if self.grips else wanted
+        pushing: Scalar = self.force > 0.0
+        return logical_or(pushing, self.grip > 0.5) if self.grips else pushing
 
     @property
     def presses(self) -> Scalar:
         """True while the reference requests that the tip presses on a surface without gripping."""
-        wanted: Scalar = self.force > 0.0
-        return logical_and(wanted, self.grip < 0.5) if self.grips else wanted
+        pushing: Scalar = self.force > 0.0
+        return logical_and(pushing, self.grip < 0.5) if self.grips else pushing
 
-    def about_the_pivot(self, tip: Vec3) -> Wanted:
+    def about_the_pivot(self, tip: Vec3) -> DesiredContact:
         """Desired contact whose normal, while gripping, points from the axis of the tip's arc to the tip."""
         if self.pivot is None or self.axis is None:
             return self
@@ -405,9 +406,9 @@ def require_thresholds(
     """Reject invalid contact force thresholds (N), or contact control by a law that does not control the tip.
 
     Args:
-        thresholds: of contact and of its loss, N.
+        thresholds: forces of contact and of its loss, N.
         leads: whether the law controls the tip.
-        mode: of the law that does, for the message.
+        mode: mode of the law that does, for the message.
         optional: whether twice 0 means a law without contact.
 
     Raises:
@@ -429,9 +430,9 @@ def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
     return InteractionMemory(bias=no_disturbance(joints), felt=ZERO3_DATA if sensor else ())
 
 
-def wanted_of(push: Sequence[Scalar]) -> Wanted:
+def wanted_of(push: Sequence[Scalar]) -> DesiredContact:
     """Desired contact from the values in a reference's field ``push``."""
     force, speed, *normal = push[:5]
     grip = where(push[5] > 0.5, 1.0, 0.0) if len(push) > 5 else 0
     pivot, axis = (Vec3(*push[6:9]), Vec3(*push[9:])) if len(push) > 6 else (None, None)
-    return Wanted(force=force, speed=speed, normal=Vec3(*normal), grip=grip, pivot=pivot, axis=axis)
+    return DesiredContact(force=force, speed=speed, normal=Vec3(*normal), grip=grip, pivot=pivot, axis=axis)

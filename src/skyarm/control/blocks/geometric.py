@@ -6,8 +6,6 @@ eq. (80)-(85) of Barakou et al. 2026. Deviations: two degenerate cases have a va
 
 from __future__ import annotations
 
-from typing import Any
-
 from skyarm.algebra import E_Z, Mat3, Quaternion, Sym3, Vec3, ldl_solve
 from skyarm.algebra.scalars import Scalar, atan2, cos, divide, mul, sin, where
 from skyarm.control.model import GeometricGains
@@ -54,7 +52,7 @@ def desired_attitude(a_d: Vec3, yaw: Scalar, R_WB: Mat3) -> Mat3:
     return Mat3.columns(b2.cross(b3), b2, b3)
 
 
-def _unit(v: Vec3, length: Scalar, vanishes: Any, otherwise: Vec3) -> Vec3:
+def _unit(v: Vec3, length: Scalar, vanishes: Scalar, otherwise: Vec3) -> Vec3:
     """Unit vector v / length, or ``otherwise`` where ``vanishes``; never divides by zero."""
     direction = v * divide(1.0, where(vanishes, 1.0, length))
     return Vec3(*(where(vanishes, x, y) for x, y in zip(otherwise, direction, strict=True)))

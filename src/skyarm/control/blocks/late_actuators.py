@@ -40,17 +40,17 @@ class Past:
         rotors = zip(model.vehicle.rotors, self.speeds[-1], command.rotor_speeds, strict=True)
         speeds, squares = zip(*(turn(*each, dt) for each in rotors), strict=True)
         rows = (squares, speeds, command.efforts)
-        held = (self.squares, self.speeds, self.efforts)
+        before = (self.squares, self.speeds, self.efforts)
         squares, speeds, efforts = (
-            (*old[1:], tuple(data(each) for each in new)) for old, new in zip(held, rows, strict=True)
+            (*old[1:], tuple(data(each) for each in new)) for old, new in zip(before, rows, strict=True)
         )
         return Past(squares=squares, speeds=speeds, efforts=efforts)
 
     def period(self, age: Scalar) -> Actuation:
         """Actuation in the period that ended ``age`` periods ago."""
-        held = self._since(age)
+        parts = self._since(age)
         # what acted since a period earlier is the same of the command after it
-        shares = [sub(older, since) for older, since in zip((1.0, *held[:-1]), held, strict=True)]
+        shares = [sub(older, since) for older, since in zip((1.0, *parts[:-1]), parts, strict=True)]
         speeds = _sums(self.speeds, shares)
         return Actuation(
             squares=_sums(self.squares, shares), amid=speeds, speeds=speeds, efforts=_sums(self.efforts, shares)
@@ -58,9 +58,9 @@ class Past:
 
     def since(self, age: Scalar) -> Actuation:
         """Mean actuation in the last ``age`` periods, with the rotor speeds at their end."""
-        inverse, held, now = divide(1.0, maximum(age, SHORTEST)), self._since(age)[:-1], self.speeds[-1]
+        inverse, shares, now = divide(1.0, maximum(age, SHORTEST)), self._since(age)[:-1], self.speeds[-1]
         squares, efforts = (
-            tuple(mul(each, inverse) for each in _sums(rows[1:], held)) for rows in (self.squares, self.efforts)
+            tuple(mul(each, inverse) for each in _sums(rows[1:], shares)) for rows in (self.squares, self.efforts)
         )
         return Actuation(squares=squares, amid=now, speeds=now, efforts=efforts)
 

@@ -178,8 +178,8 @@ class Actuation:
     """Modelled actuation over some time: rotor speeds and joint efforts.
 
     Attributes:
-        squares: mean squared rotor speeds, (rad/s)^2. amid: rotor speeds amid that time, rad/s. speeds: at its end.
-        efforts: of the joints, N m or N, mean.
+        squares: mean squared rotor speeds, (rad/s)^2. amid, speeds: rotor speeds amid that time and at its end, rad/s.
+        efforts: mean joint efforts, N m or N.
     """
 
     squares: Sequence[Scalar]

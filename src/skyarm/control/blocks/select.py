@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, data, where
 
@@ -13,7 +11,7 @@ def vector_data(v: Vec3) -> Vec3:
     return Vec3(*(data(c) for c in v))
 
 
-def choose(condition: Any, a: Vec3, b: Vec3) -> Vec3:
+def choose(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
     """Vector ``a`` where the condition holds, else ``b``."""
     return Vec3(*(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True)))
 

@@ -12,7 +12,7 @@ little else pushes there; the base gives the direction that an arm in a plane do
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from skyarm.algebra import Mat3, Vec3, ldl_solve
 from skyarm.algebra.scalars import Scalar, add, divide, mul
@@ -24,6 +24,8 @@ from skyarm.vehicle.linkage import Link
 from skyarm.vehicle.vehicle_records import Vehicle
 
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
+
+Term = TypeVar("Term", Scalar, Vec3)
 
 
 @immutable
@@ -46,7 +48,7 @@ class TipLevers:
 
     Attributes:
         vehicle: model. R: R_WB.
-        tip: m, of the tip against the base origin, base axes. columns: of its Jacobian, base axes.
+        tip: position of the tip against the base origin, m, base axes. columns: columns of its Jacobian, base axes.
     """
 
     vehicle: Vehicle
@@ -108,10 +110,10 @@ class LeastSquares:
         self.A: list[list[Scalar]] = [[0] * n for _ in range(n)]
         self.b: list[Scalar] = [0] * n
 
-    def require(self, columns: Sequence[Any], wanted: Any, weight: Scalar) -> None:
-        """Add the term weight |columns x - ``wanted``|^2, of numbers or vectors."""
+    def require(self, columns: Sequence[Term], value: Term, weight: Scalar) -> None:
+        """Add the term weight |columns x - value|^2, of numbers or vectors."""
         for i, c in enumerate(columns):
-            self.b[i] = add(self.b[i], mul(weight, _product(c, wanted)))
+            self.b[i] = add(self.b[i], mul(weight, _product(c, value)))
             for j, d in enumerate(columns[: i + 1]):
                 self.A[i][j] = add(self.A[i][j], mul(weight, _product(c, d)))
 

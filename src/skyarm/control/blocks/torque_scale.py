@@ -93,13 +93,13 @@ class TorqueScale:
 
         Args:
             by: tolerances.
-            errors: of the estimate of the tip's force.
+            errors: weights of the tip force estimate.
             at: levers of the tip.
             d: observed disturbance, uncorrected.
-            efforts: of the command that acted, N m or N.
+            efforts: joint efforts of the command that acted, N m or N.
             n: normal, unit, world axes.
             free: whether nothing but its weight loads the arm.
-            rate: rad/s, at which the force's bias is learned then.
+            rate: bandwidth at which the force's bias is estimated then, rad/s.
             dt: s.
         """
         variance: Scalar = 0.0

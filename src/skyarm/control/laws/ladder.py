@@ -14,7 +14,7 @@ Source: Barakou et al. 2026, eq. (82)-(96); the parts cite their own.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
@@ -63,8 +63,8 @@ class StepParameters(Parameters):
 
     Attributes:
         steps: number of extensions taken, 1 to 6.
-        observer: bandwidths, rad/s. reference_period: between published samples, s.
-        lag_share: of the motors' lag that rotor commands undo; above 1 counts as 1.
+        observer: bandwidths, rad/s. reference_period: time between published samples, s.
+        lag_share: share of the motors' lag that rotor commands undo; above 1 counts as 1.
         delay_periods: age of the measurement in control periods, for the observer's inputs.
     """
 
@@ -81,9 +81,9 @@ class StepMemory:
 
     Attributes:
         started: 0 before the first measurement.
-        observed: of the observer, or none. sent: the last commands, oldest first.
+        observed: state of the observer, or none. sent: the last commands, oldest first.
         free: 1 while no actuator was at its limit, for the base and each joint.
-        age, channels: of the held reference sample.
+        age, channels: age of the held reference sample, and states of its extrapolation.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
@@ -106,10 +106,10 @@ def stepped_computed_torque(
     goal, channels, age = _present(memory, reference, dt, par)
     observed, unknown = _estimate_disturbance(memory, measurement, dt, par)
     qdd = joint_accelerations(par, measurement, goal)
-    wanted = wanted_specific_force(par, measurement, goal)
-    force = _force(wanted, measurement, R, qdd, unknown, par)
+    specific = wanted_specific_force(par, measurement, goal)
+    force = _force(specific, measurement, R, qdd, unknown, par)
     alpha = _turn(force, measurement, goal, R, unknown, par)
-    torque, thrust, efforts = _forces(wanted, force, alpha, measurement, goal, R, qdd, unknown, par)
+    torque, thrust, efforts = _forces(specific, force, alpha, measurement, goal, R, qdd, unknown, par)
     speeds, squares = mix(par.mixer, torque, thrust)
     if steps >= LAG_INVERSION:
         turning = observed.rotor_speeds if observed else measurement.rotor_speeds
@@ -132,7 +132,7 @@ def stepped_computed_torque(
 
 def _present(
     memory: StepMemory, reference: Reference, dt: Scalar, par: StepParameters
-) -> tuple[Reference, tuple[Any, ...], Any]:
+) -> tuple[Reference, tuple[Channel, ...], Scalar]:
     """Reference extrapolated to the present, extrapolator states, and age of the held sample."""
     if par.steps < EXTRAPOLATION:
         return reference, (), memory.age
@@ -162,7 +162,7 @@ def _present(
 
 def _estimate_disturbance(
     memory: StepMemory, measurement: Measurement, dt: Scalar, par: StepParameters
-) -> tuple[Any, Disturbance]:
+) -> tuple[Observed | tuple[()], Disturbance]:
     """Next state of the disturbance observer and disturbance estimate; empty and zero without an observer."""
     if not memory.observed:
         return (), Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
@@ -176,11 +176,16 @@ def _estimate_disturbance(
 
 
 def _force(
-    wanted: Vec3, measurement: Measurement, R: Mat3, qdd: Any, unknown: Disturbance, par: StepParameters
+    specific: Vec3,
+    measurement: Measurement,
+    R: Mat3,
+    qdd: tuple[Scalar, ...],
+    unknown: Disturbance,
+    par: StepParameters,
 ) -> Vec3:
     """Desired rotor force (N, world axes), whose direction is the desired thrust axis."""
     vehicle = par.model.vehicle
-    force: Vec3 = wanted * vehicle.mass - unknown.force
+    force: Vec3 = specific * vehicle.mass - unknown.force
     if par.steps < COUPLED_THRUST:
         return force
     arm = arm_reaction(vehicle, measurement.joints, measurement.rate, measurement.joint_rates, qdd)
@@ -224,16 +229,16 @@ def _force_series(
 
 
 def _forces(
-    wanted: Vec3,
+    specific: Vec3,
     force: Vec3,
     alpha: Vec3,
     measurement: Measurement,
     goal: Reference,
     R: Mat3,
-    qdd: Any,
+    qdd: tuple[Scalar, ...],
     unknown: Disturbance,
     par: StepParameters,
-) -> tuple[Vec3, Any, list[Any]]:
+) -> tuple[Vec3, Scalar, list[Scalar]]:
     """Body torque, thrust and joint efforts by inverse dynamics, with the disturbance compensated."""
     vehicle, q = par.model.vehicle, measurement.joints
     rate, rates, weight = measurement.rate, measurement.joint_rates, R.apply_T(unknown.force)
@@ -243,15 +248,15 @@ def _forces(
             vehicle, q, rate, rates, applied=E_Z * thrust + weight, angular=alpha, joint_accelerations=qdd
         )
     else:
-        base = Motion(alpha, R.apply_T(wanted))
+        base = Motion(alpha, R.apply_T(specific))
         needed, efforts = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, qdd)
         thrust = needed.force.z - weight.z
-    found = [a - b for a, b in zip(efforts, unknown.efforts, strict=True)]
+    torques = [a - b for a, b in zip(efforts, unknown.efforts, strict=True)]
     if par.steps >= OBSERVER:
         # the observer's model has the friction, so that no disturbance stands for it
-        given = zip(found, vehicle.links, rates, goal.joint_rates, strict=True)
-        found = [add(effort, friction(link.joint, qd, qd_d)) for effort, link, qd, qd_d in given]
-    return needed.torque - unknown.torque, thrust, found
+        given = zip(torques, vehicle.links, rates, goal.joint_rates, strict=True)
+        torques = [add(effort, friction(link.joint, qd, qd_d)) for effort, link, qd, qd_d in given]
+    return needed.torque - unknown.torque, thrust, torques
 
 
 def first_memory(par: StepParameters) -> StepMemory:

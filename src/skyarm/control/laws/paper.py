@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Quaternion, Vec3
@@ -18,6 +17,7 @@ from skyarm.algebra.scalars import Scalar, add, cos, mul
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd, turn_towards
 from skyarm.control.blocks.geometric import body_thrust, downward_acceleration
+from skyarm.control.controller import Memory
 from skyarm.control.law_maker import law_maker
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
@@ -45,8 +45,8 @@ def geometric_accelerations(
 
 
 def rotors_sim_position(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
-) -> tuple[Any, Command]:
+    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
+) -> tuple[Memory, Command]:
     """RotorS's geometric position controller for the base, with zero joint torques."""
     del dt
     speeds = _base_speeds(par, measurement, reference, feedforward=True)
@@ -54,8 +54,8 @@ def rotors_sim_position(
 
 
 def decoupled_pd(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
-) -> tuple[Any, Command]:
+    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
+) -> tuple[Memory, Command]:
     """Baseline of Barakou et al. 2026: RotorS's controller for the base, joint PD with simplified gravity.
 
     tau = Kp e + Kd ed + G(joints) at R = 1, limited to the joint's effort. Position and velocity references only.
@@ -71,8 +71,8 @@ def decoupled_pd(
 
 
 def hybrid_computed_torque(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
-) -> tuple[Any, Command]:
+    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
+) -> tuple[Memory, Command]:
     """Hybrid geometric computed torque: geometric accelerations through the coupled inverse dynamics, body axes.
 
     [-a_d; alpha_d; etadd_d] -> recursive Newton-Euler = M qdd + C qd + G of (49), (88); thrust is the force along body
@@ -85,11 +85,11 @@ def hybrid_computed_torque(
     terms = par.terms
     R, a_d, alpha = geometric_accelerations(par, measurement, reference, feedforward=terms.feedforward)
     base = Motion(alpha, R.apply_T(-a_d))
-    wanted = joint_accelerations(par, measurement, with_weighted_rates(par, reference))
+    qdd = joint_accelerations(par, measurement, with_weighted_rates(par, reference))
     if par.euler:
-        force, torques = force_by_euler_rates(par, R, measurement, base, wanted)
+        force, torques = force_by_euler_rates(par, R, measurement, base, qdd)
     else:
-        force, torques = generalized_force(par, R, measurement, base, wanted)
+        force, torques = generalized_force(par, R, measurement, base, qdd)
     torques = with_friction(par, measurement, reference, torques)
     speeds, _ = mix(par.mixer, force.torque, force.force.z)
     return memory, Command(rotor_speeds=speeds, efforts=limit_efforts(par, torques))

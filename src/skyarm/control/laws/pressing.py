@@ -82,8 +82,8 @@ class PressingMemory:
     """Internal state of hybrid force control and admittance control.
 
     Attributes:
-        started: 0 before the first measurement. observed: of the observer. sent: the last command. interaction: of
-            touch and loss.
+        started: 0 before the first measurement. observed: state of the observer. sent: the last command.
+        interaction: state of the contact force controller.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
@@ -93,13 +93,13 @@ class PressingMemory:
 
 
 @immutable(kw_only=False)
-class Touch:
+class ObservedContact:
     """Contact in one control period: tip Jacobian, desired and observed force, and speeds of the tip.
 
     Attributes:
-        at: levers of the tip, as measured. pressing: of the interaction. force: N, wanted. along: N, observed, of the
-            surface along its normal, 0 where the tip does not touch. speed: m/s, with which the tip comes. into: m/s,
-            of the tip into the surface.
+        at: measured levers of the tip. pressing: output of the contact force controller.
+        force: desired force, N. along: observed force of the surface along its normal, N; 0 without contact.
+        speed: desired speed of the approach, m/s. into: speed of the tip into the surface, m/s.
     """
 
     at: TipLevers
@@ -107,12 +107,12 @@ class Touch:
     force: Scalar
     along: Scalar
     speed: Scalar
-    into: Any
+    into: Scalar
 
 
 def observe_contact(
     memory: PressingMemory, measurement: Measurement, reference: Reference, dt: Scalar, par: PressingParameters
-) -> tuple[PressingMemory, Touch | None]:
+) -> tuple[PressingMemory, ObservedContact | None]:
     """Step of disturbance observer and contact detection; the contact is None unless the reference requests one."""
     vehicle = par.model.vehicle
     free = (1.0,) * (1 + vehicle.n)
@@ -123,12 +123,14 @@ def observe_contact(
     if not reference.push:
         return after, None
     at = levers(vehicle, measurement.quaternion.rotation(), measurement.joints)
-    wanted = wanted_of(reference.push[:5])
-    into = -wanted.normal.dot(at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates))
-    held, pressing = interact(par.interaction, memory.interaction, wanted, disturbance(observed), at, into, 0.0, dt)
-    along = where(held.touching > 0.5, wanted.normal.dot(pressing.force), 0.0)
-    touch = Touch(at=at, pressing=pressing, force=wanted.force, along=along, speed=wanted.speed, into=into)
-    return dataclasses.replace(after, interaction=held), touch
+    desired = wanted_of(reference.push[:5])
+    into = -desired.normal.dot(at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates))
+    interaction, pressing = interact(
+        par.interaction, memory.interaction, desired, disturbance(observed), at, into, 0.0, dt
+    )
+    along = where(interaction.touching > 0.5, desired.normal.dot(pressing.force), 0.0)
+    touch = ObservedContact(at=at, pressing=pressing, force=desired.force, along=along, speed=desired.speed, into=into)
+    return dataclasses.replace(after, interaction=interaction), touch
 
 
 def shift_base(reference: Reference, n: Vec3, shift: tuple[Scalar, Scalar, Scalar]) -> Reference:
@@ -182,11 +184,11 @@ def hybrid_ct(
         _, command = hybrid_computed_torque((), measurement, reference, dt, par=par)
         return dataclasses.replace(after, sent=command), command
     reference = shift_base(reference, touch.pressing.n, touch.pressing.shift)
-    wanted = level_tip(par.model.vehicle, reference)
-    gap = touch.pressing.n.dot(measurement.position + touch.at.R.apply(touch.at.tip) - wanted)
+    tip = level_tip(par.model.vehicle, reference)
+    gap = touch.pressing.n.dot(measurement.position + touch.at.R.apply(touch.at.tip) - tip)
     command = pressing_command(par, measurement, reference, touch)
-    held = dataclasses.replace(after.interaction, gap=gap)
-    return dataclasses.replace(after, sent=command, interaction=held), command
+    interaction = dataclasses.replace(after.interaction, gap=gap)
+    return dataclasses.replace(after, sent=command, interaction=interaction), command
 
 
 def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
@@ -195,21 +197,23 @@ def level_tip(vehicle: Vehicle, reference: Reference) -> Vec3:
     return reference.position + arm
 
 
-def pressing_command(par: PressingParameters, measurement: Measurement, reference: Reference, touch: Touch) -> Command:
+def pressing_command(
+    par: PressingParameters, measurement: Measurement, reference: Reference, touch: ObservedContact
+) -> Command:
     """Computed torque command plus the contact force command along the surface normal."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     up = wanted_specific_force(par, measurement, reference)
-    known = touch.at.disturbance(touch.pressing.n * touch.pressing.order)
-    alpha = turn_towards(par, measurement, reference, R, up - known.force * divide(1.0, vehicle.mass))
+    reaction = touch.at.disturbance(touch.pressing.n * touch.pressing.order)
+    alpha = turn_towards(par, measurement, reference, R, up - reaction.force * divide(1.0, vehicle.mass))
     qdd = release_normal(touch, joint_accelerations(par, measurement, reference))
     force, torques = generalized_force(par, R, measurement, Motion(alpha, R.apply_T(up)), qdd)
-    efforts = [sub(torque, effort) for torque, effort in zip(torques, known.efforts, strict=True)]
-    thrust = force.force.z - R.apply_T(known.force).z
-    speeds, _ = mix(par.mixer, force.torque - known.torque, thrust)
+    efforts = [sub(torque, effort) for torque, effort in zip(torques, reaction.efforts, strict=True)]
+    thrust = force.force.z - R.apply_T(reaction.force).z
+    speeds, _ = mix(par.mixer, force.torque - reaction.torque, thrust)
     return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
 
 
-def release_normal(touch: Touch, wanted: Sequence[Scalar]) -> tuple[Scalar, ...]:
+def release_normal(touch: ObservedContact, wanted: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Joint accelerations whose part along the surface normal is replaced by damping while the tip presses."""
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]
@@ -241,8 +245,11 @@ def admittance_pd(
     after, touch = observe_contact(memory, measurement, reference, dt, par)
     if touch is not None:
         shift = admittance_motion(par, memory, touch, dt)
-        held = dataclasses.replace(after.interaction, shift=shift[0], shift_rate=shift[1])
-        after, reference = dataclasses.replace(after, interaction=held), shift_base(reference, touch.pressing.n, shift)
+        interaction = dataclasses.replace(after.interaction, shift=shift[0], shift_rate=shift[1])
+        after, reference = (
+            dataclasses.replace(after, interaction=interaction),
+            shift_base(reference, touch.pressing.n, shift),
+        )
     _, command = decoupled_pd((), measurement, reference, dt, par=par)
     if touch is not None:
         borne = touch.at.disturbance(touch.pressing.n * (touch.pressing.share * touch.force)).efforts
@@ -252,7 +259,7 @@ def admittance_pd(
 
 
 def admittance_motion(
-    par: PressingParameters, memory: PressingMemory, touch: Touch, dt: Scalar
+    par: PressingParameters, memory: PressingMemory, touch: ObservedContact, dt: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
     """Position, velocity and acceleration of the virtual mass along the normal, one period later."""
     s, rate = memory.interaction.shift, memory.interaction.shift_rate

@@ -25,10 +25,10 @@ from skyarm.control.law_checks import check_controller, checked_law, level, try_
 from skyarm.control.model import TORQUE_GAINS
 from skyarm.control.vectored_layer import turns_rotors
 from skyarm.dynamics.actuators import Command
-from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
+from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, leaves, parts
+from skyarm.records.leaves import Dataclass, Place, leaves, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.trajectory import resting_arm
@@ -61,7 +61,7 @@ def units_of(joint: Joint, vehicle: Vehicle) -> str:
     return f"{joint.kind}, {'m' if slides else 'rad'}, {takes}"
 
 
-def drives_of(vehicle: Vehicle) -> dict[str, Any]:
+def drives_of(vehicle: Vehicle) -> dict[str, Drive]:
     """Drives by joint name of the joints that take a setpoint other than torque."""
     return {each.name: each.drive for each in vehicle.drives if not each.drive.takes_torque}
 
@@ -141,8 +141,8 @@ def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory
         if readings.tip_force:
             measurement = dataclasses.replace(measurement, tip_force=readings.tip_force)
         following, command = law(memory.law, measurement, reference, constants.period, par=constants.parameters)
-        held = command.dense()
-        return EstimatedMemory(estimate=estimate, law=following, sent=held), held
+        sent = command.dense()
+        return EstimatedMemory(estimate=estimate, law=following, sent=sent), sent
 
     return step
 
@@ -193,11 +193,11 @@ def export_c(
 
     Args:
         controller: law and constants; its model's vehicle gives joints and rotors.
-        name: begins every name of the file that others see; a C identifier.
-        period: s, time between two calls.
+        name: prefix of every name of the file that others see; a C identifier.
+        period: time between two calls, s.
         single: float in place of double.
         generator: name and version of the writing program, for the opening comment.
-        estimator: from readings to the law's measurement; the file's measurement then holds the readings.
+        estimator: state estimator between readings and law; the file's measurement then holds the readings.
 
     Raises:
         ValueError: the name is no C identifier of at most 64 characters, the law cannot be traced, or the estimator's
@@ -236,17 +236,17 @@ def export_c(
 def _examples(controller: Controller, period: float, estimator: ErrorStateFilter | None) -> dict[str, Any]:
     """Example inputs of the exported C function, which give array lengths and default values."""
     vehicle = controller.par.model.vehicle
-    found = {
+    records = {
         "parameters": Constants(parameters=controller.par, period=period),
         "measurement": _blank(controller),
         "reference": Reference(**resting_arm(vehicle.n), **_reference_inputs(controller.par, vehicle.n)).dense(),
         "memory": controller.memory,
     }
     if estimator is not None:
-        found["parameters"] = EstimatedConstants(parameters=controller.par, estimator=estimator, period=period)
-        found["measurement"] = blank_readings(estimator, vehicle.n, tip_force=_axes_at_tip(controller))
-        found["memory"] = first_estimated_memory(controller, estimator)
-    return found
+        records["parameters"] = EstimatedConstants(parameters=controller.par, estimator=estimator, period=period)
+        records["measurement"] = blank_readings(estimator, vehicle.n, tip_force=_axes_at_tip(controller))
+        records["memory"] = first_estimated_memory(controller, estimator)
+    return records
 
 
 def _blank(controller: Controller) -> Measurement:
@@ -261,7 +261,7 @@ def _axes_at_tip(controller: Controller) -> int:
     return 3 if senses_force(controller.par) else 0
 
 
-def _reference_inputs(par: Any, joints: int) -> dict[str, Any]:
+def _reference_inputs(par: Dataclass, joints: int) -> dict[str, Any]:
     """Reference fields that the law uses in addition to the motion (contact, load, preview), as placeholders."""
     return {
         "push": (0.0,) * 12 if presses(par) else (),
@@ -275,7 +275,7 @@ def _trace_step(controller: Controller, records: dict[str, Any], estimator: Erro
         return trace(estimated_law(controller), *records.values())
     law = checked_law(controller)
 
-    def step(constants: Constants, measurement: Measurement, reference: Reference, memory: Any) -> Any:
+    def step(constants: Constants, measurement: Measurement, reference: Reference, memory: Any) -> tuple[Any, Command]:
         following, command = law(memory, measurement, reference, constants.period, par=constants.parameters)
         if len(leaves(following)) != len(leaves(memory)):
             raise ValueError(f"law '{controller.name}': its memory must keep its structure to be written in C")

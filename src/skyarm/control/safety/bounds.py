@@ -125,10 +125,10 @@ def govern_joints(
         The reference, and for each joint 1 if it is on its way.
     """
     at: list[Scalar] = []
-    slowed: list[Any] = []
+    slowed: list[Scalar] = []
     rates: list[Scalar] = []
     on_way: list[Scalar] = []
-    for wanted, rate, old, ramp, link, speed, free, most, margin in zip(
+    for desired, rate, old, ramp, link, speed, free, most, margin in zip(
         reference.joints,
         reference.joint_rates,
         before,
@@ -141,11 +141,11 @@ def govern_joints(
         strict=True,
     ):
         low, high = add(link.joint.lower, 2.0 * margin), sub(link.joint.upper, 2.0 * margin)
-        target = minimum(maximum(wanted, low), high)
+        target = minimum(maximum(desired, low), high)
         step = mul(speed, dt)
         gap = sub(target, old)
         slow = absolute(gap) > where(ramp > 0.5, step, maximum(step, free))
-        outside = logical_or(wanted < low, wanted > high)
+        outside = logical_or(desired < low, desired > high)
         at.append(where(slow, add(old, clip(gap, 0.0 - step, step)), target))
         on_way.append(where(slow, 1.0, 0.0))
         slowed.append(logical_or(slow, outside))
@@ -186,7 +186,7 @@ def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Sca
 
     A law that commands more than it needs, to undo the motors' lag, may command such speeds with any mixer.
     """
-    beyond: Any = False
+    beyond: Scalar = False
     for speed, top in zip(speeds, mixer.highest, strict=True):
         beyond = logical_or(beyond, speed > sqrt(top))
     sideways, squares = bool(mixer.across), [speed * speed for speed in speeds]
@@ -201,7 +201,7 @@ def limit_slew(
 ) -> Command:
     """Command whose change since the last command is limited in rate; the first command is unlimited."""
 
-    def near(value: Any, before: Any, slew: Scalar) -> Scalar:
+    def near(value: Scalar, before: Scalar, slew: Scalar) -> Scalar:
         step = mul(slew, dt)
         return where(started > 0.5, clip(value, sub(before, step), add(before, step)), value)
 
@@ -232,8 +232,8 @@ def apply_joint_barrier(
     added = floating_inertia_times(model, measurement.joints, [sub(a, b) for a, b in zip(allowed, caused, strict=True)])
     # other joints keep their torques: where a drive is dead the model is wrong about what they cause
     return tuple(
-        where(logical_or(kept < qdd, kept > qdd), add(tau, more), tau)
-        for kept, qdd, tau, more in zip(allowed, caused, efforts, added, strict=True)
+        where(logical_or(bounded < qdd, bounded > qdd), add(tau, more), tau)
+        for bounded, qdd, tau, more in zip(allowed, caused, efforts, added, strict=True)
     )
 
 
@@ -249,7 +249,7 @@ def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Sca
 
 def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Scalar]) -> list[Scalar]:
     """Joint accelerations clipped to the bounds of the joint-limit barrier."""
-    found: list[Any] = []
+    bounded: list[Scalar] = []
     k = limits.joint_pole
     for q, rate, qdd, link, speed, margin in zip(
         measurement.joints,
@@ -264,8 +264,8 @@ def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caus
         above, below = sub(sub(link.joint.upper, margin), q), sub(add(link.joint.lower, margin), q)
         top = minimum(sub(mul(square, above), damp), mul(4.0 * k, sub(speed, rate)))
         bottom = maximum(sub(mul(square, below), damp), mul(4.0 * k, sub(0.0 - speed, rate)))
-        found.append(minimum(maximum(qdd, bottom), top))
-    return found
+        bounded.append(minimum(maximum(qdd, bottom), top))
+    return bounded
 
 
 def floating_inertia_times(model: Model, joints: Sequence[Scalar], change: Sequence[Scalar]) -> list[Scalar]:

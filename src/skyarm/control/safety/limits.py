@@ -48,11 +48,11 @@ def law_stiffness(controller: Controller) -> tuple[float, float]:
         return USUAL
     still = _thrust(controller, 0.0, 0.0)
     mass = float(controller.par.model.vehicle.mass)
-    found = []
+    gains = []
     for position, velocity, usual in ((STEP, 0.0, USUAL[0]), (0.0, STEP, USUAL[1])):
         slope = (_thrust(controller, position, velocity) - still) / (mass * STEP)
-        found.append(slope if 0.1 * usual < slope < math.inf else usual)
-    return found[0], found[1]
+        gains.append(slope if 0.1 * usual < slope < math.inf else usual)
+    return gains[0], gains[1]
 
 
 def _thrust(controller: Controller, position: float, velocity: float) -> float:
@@ -61,14 +61,14 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
     vehicle, joints = model.vehicle, (0.0,) * model.vehicle.n
     trim = hover_trim(vehicle, joints, model.gravity)
     place, pace = Vec3(0.0, 0.0, position), Vec3(0.0, 0.0, velocity)
-    wanted = Reference(position=place, velocity=pace, **resting_arm(vehicle.n)).dense()
+    reference = Reference(position=place, velocity=pace, **resting_arm(vehicle.n)).dense()
     weight = Vec3(0.0, 0.0, float(model.gravity))
     resting = dataclasses.replace(blank_measurement(vehicle.n, len(vehicle.rotors)), specific_force=weight)
     speeds = tuple(float(speed) for speed in trim.speeds)
     law = checked_law(controller)
     for _ in range(SETTLING):
         seen = dataclasses.replace(resting, rotor_speeds=speeds)
-        _, command = law(controller.memory, seen, wanted, PERIOD, par=controller.par)
+        _, command = law(controller.memory, seen, reference, PERIOD, par=controller.par)
         speeds = tuple(float(speed) for speed in command.rotor_speeds)
     shares = (rotor.axis.z * rotor.thrust_coefficient for rotor in vehicle.rotors)
     return sum(float(share) * speed * speed for share, speed in zip(shares, speeds, strict=True))
@@ -141,8 +141,8 @@ class UsualJoint:
         margin: distance that a joint of 12 rad/s covers in one control period of 4 ms.
         error: allowed joint error, above that of any shipped law that tracks joints in the paper's cases.
         tip_error: error allowed for a law that moves the joints by the tilt, and by more, to keep the tip in place.
-        step, slew: of a reference: above those a law meets it as a jump, at the pace of a quick reach.
-        stow_speed: of the arm's way to its stowed pose, which hardly moves the base.
+        step, slew: largest step of a reference that is no jump, and rate of a jump, the pace of a quick reach.
+        stow_speed: speed of the arm on its way to its stowed pose, which hardly moves the base.
     """
 
     speed: float
@@ -187,9 +187,9 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
     for name, value in (values | given).items():
         alone = name in per_joint and not isinstance(value, (list, tuple))
         with errors_as(ControllerError, of=RecordError):
-            values[name] = held = rules(Limits)[name](f"safety.{name}", (value,) * vehicle.n if alone else value)
-        if name in per_joint and len(held) != vehicle.n:
-            said = f"safety.{name} = {shown(value)}: {len(held)} values"
+            values[name] = converted = rules(Limits)[name](f"safety.{name}", (value,) * vehicle.n if alone else value)
+        if name in per_joint and len(converted) != vehicle.n:
+            said = f"safety.{name} = {shown(value)}: {len(converted)} values"
             raise ControllerError(f"{said}, must be {vehicle.n} (one per joint)")
     limits = Limits(**values)
     for name, top in (("tilt", STEEPEST), ("trusted_tilt", math.pi), ("climb", float(controller.par.model.gravity))):

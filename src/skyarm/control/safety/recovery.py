@@ -6,6 +6,7 @@ The recovery hovers level where the law was given up, the arm on its way to its 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm import dynamics
@@ -37,7 +38,7 @@ from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.actuators import Command, Mixer, mix
 from skyarm.records.files import errors_as, number, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import Tree, leaves
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -62,21 +63,26 @@ class Confidence:
     calm: Annotated[Scalar, Unit("s", "of calm flight in the recovery so far")]
 
 
-def finite(record: Any) -> Any:
+def finite(record: Tree) -> Scalar:
     """True if every number of a nested dataclass is finite."""
-    fine: Any = True
+    fine: Scalar = True
     for value in leaves(record):
         fine = logical_and(fine, absolute(value) < float("inf"))
     return fine
 
 
-def not_finite(record: Any) -> Scalar:
+def not_finite(record: Tree) -> Scalar:
     """True if any number of a nested dataclass is infinite or NaN."""
     return where(finite(record), False, True)
 
 
 def update_confidence(
-    limits: Limits, confidence: Confidence, measurement: Measurement, joints: Any, failed: Any, dt: Scalar
+    limits: Limits,
+    confidence: Confidence,
+    measurement: Measurement,
+    joints: Sequence[Scalar],
+    failed: Scalar,
+    dt: Scalar,
 ) -> Confidence:
     """State of the failure detection after one measurement.
 
@@ -89,8 +95,8 @@ def update_confidence(
     turning, speed = w.dot(w), v.dot(v)
     upright = measurement.quaternion.rotation().r2.z
     beyond = logical_or(upright < cos(limits.trusted_tilt), turning > limits.trusted_rate * limits.trusted_rate)
-    for q, wanted, most in zip(measurement.joints, joints, limits.trusted_joint_error, strict=True):
-        beyond = logical_or(beyond, absolute(q - wanted) > most)
+    for q, desired, most in zip(measurement.joints, joints, limits.trusted_joint_error, strict=True):
+        beyond = logical_or(beyond, absolute(q - desired) > most)
     outside = where(beyond, confidence.outside + dt, 0.0)
     lost = logical_or(turning > limits.lost_rate * limits.lost_rate, speed > limits.lost_speed * limits.lost_speed)
     for rate, most in zip(measurement.joint_rates, limits.lost_joint_speed, strict=True):
@@ -120,8 +126,8 @@ class Recovery:
     """Constants of the recovery law.
 
     Attributes:
-        gains: of the base. joint_gains: of the joints, on torque.
-        stow: rad or m, pose of the arm. stow_speed: rad/s or m/s, on the way there.
+        gains: gains of the base. joint_gains: gains of the joints, on torque.
+        stow: stowed pose of the arm, rad or m. stow_speed: speed on the way there, rad/s or m/s.
     """
 
     gains: GeometricGains
@@ -135,15 +141,15 @@ def pose_of(stow: Any, links: tuple[Link, ...]) -> tuple[float, ...]:
     listed = stow if isinstance(stow, (str, bytes)) or not hasattr(stow, "__iter__") else list(stow)
     if not isinstance(listed, list) or len(listed) != len(links):
         raise ControllerError(f"safety.stow = {shown(listed)}: must be {len(links)} numbers, one per joint")
-    found = []
+    pose = []
     for i, (value, link) in enumerate(zip(listed, links, strict=True)):
         at, low, high = f"safety.stow[{i}]", float(link.joint.lower), float(link.joint.upper)
         with errors_as(ControllerError):
-            held = number(value, at)
-        if not low <= held <= high:
+            position = number(value, at)
+        if not low <= position <= high:
             raise ControllerError(f"{at} = {value!r}: must be within the joint's limits, {low:g} to {high:g}")
-        found.append(held)
-    return tuple(found)
+        pose.append(position)
+    return tuple(pose)
 
 
 def recover(recovery: Recovery, model: Model, mixer: Mixer, measurement: Measurement, reference: Reference) -> Command:
@@ -169,10 +175,10 @@ def recover(recovery: Recovery, model: Model, mixer: Mixer, measurement: Measure
     alpha = angular_acceleration(recovery.gains, vehicle.base.inertia, steep_error(R, R_d), e_w)
     still = (0,) * vehicle.n
     resting = Motion(ZERO3, R.apply_T(E_Z * model.gravity))
-    weight, held = dynamics.inverse_dynamics(vehicle, measurement.joints, ZERO3, still, resting, still)
+    weight, efforts = dynamics.inverse_dynamics(vehicle, measurement.joints, ZERO3, still, resting, still)
     speeds, _ = mix(mixer, vehicle.base.inertia.apply(alpha) + weight.torque, body_thrust(vehicle.mass, a_d, R))
     pull = joint_pd(recovery.joint_gains, measurement, reference)
-    return Command(rotor_speeds=speeds, efforts=tuple(add(a, b) for a, b in zip(pull, held, strict=True)))
+    return Command(rotor_speeds=speeds, efforts=tuple(add(a, b) for a, b in zip(pull, efforts, strict=True)))
 
 
 def steep_error(R_WB: Mat3, R_d: Mat3) -> Vec3:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, ZERO3_DATA, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, logical_or, where
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.select import choose, choose_each
@@ -53,7 +53,7 @@ class SafetyParameters(LayerParameters):
     """Constants of a law inside the safety layer: limits and recovery law.
 
     Attributes:
-        limits: of references and commands. recovery: law that flies when the other is given up.
+        limits: limits of references and commands. recovery: constants of the recovery law.
     """
 
     limits: Limits
@@ -65,12 +65,12 @@ class SafetyMemory:
     """Internal state of a law with the safety layer: state of the law, limited references, supervisor and last command.
 
     Attributes:
-        inner: memory of the law.
+        inner: state of the law.
         started: 0 before the first step.
-        joints: rad or m, governed references of the law. ramping: 1 where one is on its way.
+        joints: governed references of the law, rad or m. ramping: 1 where one is on its way.
         arm: governed joint references of the recovery.
         sent: the last command.
-        confidence: of the law. hold: m, where the recovery hovers. yaw: rad, its heading.
+        confidence: state of the failure detection. hold: hover position of the recovery, m. yaw: its heading, rad.
     """
 
     inner: Any
@@ -141,7 +141,7 @@ def arbitrate(
     measurement: Measurement,
     governed: Governed,
     desired: Command,
-    failed: Any,
+    failed: Scalar,
     dt: Scalar,
 ) -> SafetyMemory:
     """Choose between the law and the recovery; return the safety layer's next internal state.
@@ -174,22 +174,22 @@ def arbitrate(
     )
 
 
-def _place(before: Any, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Scalar]:
+def _place(before: Scalar, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Scalar]:
     """Hover position and heading of the recovery, which follow the measurement while the law flies."""
     hold = choose(before, memory.hold, measurement.position)
     return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
 
 
 def _hold_reference(
-    par: SafetyParameters, measurement: Measurement, hold: Vec3, yaw: Scalar, arm: Any, dt: Scalar
+    par: SafetyParameters, measurement: Measurement, hold: Vec3, yaw: Scalar, arm: Sequence[Scalar], dt: Scalar
 ) -> Reference:
     """Reference of the recovery: hover in place and stow the arm."""
     still = (0.0,) * len(par.recovery.stow)
     arm_at_rest = resting_arm(len(still)) | {"joints": par.recovery.stow}
-    wanted = Reference(position=hold, velocity=ZERO3, yaw=yaw, **arm_at_rest)
+    hover = Reference(position=hold, velocity=ZERO3, yaw=yaw, **arm_at_rest)
     stiffness, damping = base_stiffness(par.recovery, par.model.vehicle.mass)
     base = govern_base(
-        wanted, measurement, limits=par.limits, stiffness=stiffness, damping=damping, gravity=par.model.gravity
+        hover, measurement, limits=par.limits, stiffness=stiffness, damping=damping, gravity=par.model.gravity
     )
     speeds = par.recovery.stow_speed
     return govern_joints(base, arm, still, speeds, still, dt, model=par.model, limits=par.limits)[0]
@@ -200,12 +200,12 @@ def limit_command(
 ) -> Command:
     """Command within actuator limits, slew rates and the joint barrier."""
     limits = par.limits
-    held = within_efforts(limits, command.efforts)
-    if held:
-        held = within_efforts(limits, apply_joint_barrier(par.model, limits, measurement, held))
+    efforts = within_efforts(limits, command.efforts)
+    if efforts:
+        efforts = within_efforts(limits, apply_joint_barrier(par.model, limits, measurement, efforts))
     turning = reachable(par.model, par.mixer, command.rotor_speeds)
     near = limit_slew(
-        Command(rotor_speeds=turning, efforts=held),
+        Command(rotor_speeds=turning, efforts=efforts),
         memory.sent,
         memory.started,
         limits.rotor_slew,
@@ -309,7 +309,7 @@ def _traced_law(
     par: SafetyParameters,
     inner: Law,
     first: Any,
-    margin: Callable[[Any], Any] | None,
+    margin: Callable[[Quaternion], Scalar] | None,
 ) -> tuple[SafetyMemory, Command]:
     """Step of a control law within the safety layer: limited reference and command, recovery on failure.
 
@@ -322,8 +322,8 @@ def _traced_law(
         failed = logical_or(failed, margin(measurement.quaternion) < 0.0)
     new = arbitrate(par, memory, measurement, governed, desired, failed, dt)
     # the law starts anew when it comes back
-    kept = blend(new.confidence.given_up > 0.5, first, following)
-    new = dataclasses.replace(new, inner=with_applied_command(kept, new.sent))
+    law_memory = blend(new.confidence.given_up > 0.5, first, following)
+    new = dataclasses.replace(new, inner=with_applied_command(law_memory, new.sent))
     seen = finite(measurement)
     return blend(seen, new, memory), blend(seen, new.sent, memory.sent)
 
@@ -337,7 +337,7 @@ def _called_law(
     par: SafetyParameters,
     inner: Law,
     first: Any,
-    margin: Callable[[Any], Any] | None,
+    margin: Callable[[Quaternion], Scalar] | None,
 ) -> tuple[SafetyMemory, Command]:
     """Step, in plain floats, of an untraceable law inside the safety layer."""
     if not finite(measurement):
@@ -357,5 +357,5 @@ def _called_law(
         except FAILURES:
             failed = True
     new = arbitrate(par, memory, measurement, governed, desired, failed, dt)
-    kept = first if new.confidence.given_up > 0.5 else following
-    return dataclasses.replace(new, inner=with_applied_command(kept, new.sent)), new.sent
+    law_memory = first if new.confidence.given_up > 0.5 else following
+    return dataclasses.replace(new, inner=with_applied_command(law_memory, new.sent)), new.sent

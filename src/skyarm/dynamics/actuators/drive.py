@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar
 from skyarm.algebra.scalars import Scalar, add, clip, divide, exp, maximum, mul, sub, tanh
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.vehicle.linkage import Joint
 
@@ -82,11 +83,11 @@ class Drive:
         """Text with the parameters that force a very short integration step; empty if unknown."""
         return ""
 
-    def start(self, position: Scalar) -> Any:
+    def start(self, position: Scalar) -> Tree:
         """Initial state of the drive for a joint at ``position`` (rad or m), as a dataclass or tuple of scalars."""
         return ()
 
-    def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> Any:
+    def begin(self, position: Scalar, setpoint: Scalar, dt: float) -> Tree:
         """Initial state of a drive that also depends on the first setpoint and the control period (s)."""
         return self.start(position)
 
@@ -110,7 +111,7 @@ class Drive:
         """Setpoint that holds a motionless joint before the first command, from the holding torque."""
         return position
 
-    def setpoint(self, memory: Any, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
+    def setpoint(self, memory: Any, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Scalar:
         """Setpoint by which the drive gives a desired torque or force, for control laws that command torque.
 
         The inverse of ``effort`` after ``advance`` from ``memory`` with it, at this position and rate for ``dt`` (s).
@@ -168,7 +169,9 @@ class LaggedTorque(TorqueDrive):
         """Steady state of a lagged torque drive: the torque equals the setpoint."""
         return LaggedTorqueMemory(setpoint, setpoint)
 
-    def advance(self, memory: LaggedTorqueMemory, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
+    def advance(
+        self, memory: LaggedTorqueMemory, setpoint: Scalar, position: Scalar, rate: Scalar, dt: float
+    ) -> LaggedTorqueMemory:
         """Solve the first-order lag exactly over one control period of constant setpoint."""
         share: Scalar = dt / self.time_constant
         left = exp(-share)

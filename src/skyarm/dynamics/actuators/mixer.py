@@ -14,7 +14,7 @@ Source: Furrer et al. 2016 (RotorS), eq. (97)-(103) of the paper; the pseudo-inv
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import ZERO3, Vec3, inner_product, ldl_solve
 from skyarm.algebra.scalars import Scalar, absolute, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
@@ -25,7 +25,7 @@ from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SMALL = 1e-9
-"""Of the largest: the least squared speed per N m of yaw that is reckoned with."""
+"""Least squared speed per N m of yaw in the bounds, relative to the largest."""
 
 ENDLESS = 1e100
 """N: no bound of the thrust."""
@@ -45,33 +45,33 @@ def yaw_bounds(
     per_newton: Sequence[Scalar],
     per_turn: Sequence[Scalar],
     highest: Sequence[Scalar],
-    wanted: Scalar,
+    yaw: Scalar,
     slack: Scalar,
 ) -> list[Bound]:
     """Linear bounds of the yaw torque from the demanded torque and from the limits of each rotor.
 
     Args:
         taken: squared speeds for roll and pitch, (rad/s)^2.
-        per_newton: of each rotor, per N of thrust.
-        per_turn: per N m of yaw torque.
-        highest: squared speeds.
-        wanted: yaw torque, N m.
+        per_newton: squared speed of each rotor per N of thrust.
+        per_turn: squared speed of each rotor per N m of yaw torque.
+        highest: largest squared speeds.
+        yaw: demanded yaw torque, N m.
         slack: N m, by which it may be missed beyond nothing.
     """
     largest: Scalar = 0.0
     for each in per_turn:
         largest = maximum(largest, absolute(each))
     least = mul(SMALL, largest)
-    found = [Bound(minimum(0.0, sub(wanted, slack)), maximum(0.0, add(wanted, slack)), 0.0)]
+    bounds = [Bound(minimum(0.0, sub(yaw, slack)), maximum(0.0, add(yaw, slack)), 0.0)]
     for value, slope, turning, top in zip(taken, per_newton, per_turn, highest, strict=True):
         by = where(absolute(turning) > least, turning, least)
         a, b = divide(0.0 - value, by), divide(top - value, by)
-        rising: Any = by > 0.0
-        found.append(Bound(where(rising, a, b), where(rising, b, a), 0.0 - divide(slope, by)))
-    return found
+        rising = by > 0.0
+        bounds.append(Bound(where(rising, a, b), where(rising, b, a), 0.0 - divide(slope, by)))
+    return bounds
 
 
-def nearest_thrust(bounds: Sequence[Bound], wanted: Scalar) -> Scalar:
+def nearest_thrust(bounds: Sequence[Bound], thrust: Scalar) -> Scalar:
     """Thrust nearest to the demanded one, N, for which some yaw torque lies within all bounds."""
     low: Scalar = -ENDLESS
     high: Scalar = ENDLESS
@@ -84,15 +84,15 @@ def nearest_thrust(bounds: Sequence[Bound], wanted: Scalar) -> Scalar:
             edge = divide(room, where(absolute(steeper) > 0.0, steeper, 1.0))
             high = minimum(high, where(steeper > 0.0, edge, high))
             low = maximum(low, where(steeper < 0.0, edge, low))
-    return minimum(maximum(wanted, low), high)
+    return minimum(maximum(thrust, low), high)
 
 
-def nearest_yaw(bounds: Sequence[Bound], thrust: Scalar, wanted: Scalar) -> Scalar:
+def nearest_yaw(bounds: Sequence[Bound], thrust: Scalar, yaw: Scalar) -> Scalar:
     """Yaw torque nearest to the demanded one, N m, within all bounds at a given thrust."""
     for each in bounds:
         moved = mul(each.slope, thrust)
-        wanted = minimum(maximum(wanted, add(each.low, moved)), add(each.high, moved))
-    return wanted
+        yaw = minimum(maximum(yaw, add(each.low, moved)), add(each.high, moved))
+    return yaw
 
 
 POLICIES = ("clip", "priority", "thrust_before_yaw")
@@ -119,8 +119,8 @@ class Mixer:
         policy: "clip" takes sqrt(max(0, w^2)) as RotorS does (the motor limits the speed later);
             "priority" keeps roll and pitch torque, then thrust, then yaw within the rotors' limits, where thrust makes
             room for roll and pitch; with "thrust_before_yaw" yaw torque does so first (:func:`yaw_bounds`).
-        yaw_slack: N m, by which "thrust_before_yaw" may turn beyond no yaw torque, or beyond the wanted one, to keep
-            the thrust.
+        yaw_slack: N m, by which "thrust_before_yaw" may turn beyond no yaw torque, or beyond the demanded one, to
+            keep the thrust.
         across: one row of two per rotor for the force along body x and y, (rad/s)^2 per N; empty where rotors are not
             asked for one. ``inverse`` then gives none.
     """
@@ -246,20 +246,20 @@ def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> tuple[Scalar, ...
     share = _tilt_share(tilt, per_newton, mixer.highest)
     tilt = [mul(each, share) for each in tilt]
 
-    def with_thrust(held: Scalar) -> list[Scalar]:
-        return [add(mul(each, held), turn) for each, turn in zip(per_newton, tilt, strict=True)]
+    def with_thrust(force: Scalar) -> list[Scalar]:
+        return [add(mul(each, force), turn) for each, turn in zip(per_newton, tilt, strict=True)]
 
     if mixer.policy == "thrust_before_yaw":
         room = yaw_bounds(tilt, per_newton, per_turn, mixer.highest, torque.z, mixer.yaw_slack)
-        held = nearest_thrust(room, thrust)
-        turn = nearest_yaw(room, held, torque.z)
-        kept, yaw = with_thrust(held), [mul(each, turn) for each in per_turn]
+        nearest = nearest_thrust(room, thrust)
+        turn = nearest_yaw(room, nearest, torque.z)
+        fixed, yaw = with_thrust(nearest), [mul(each, turn) for each in per_turn]
     else:
         low, high = _thrust_range(tilt, per_newton, mixer.highest)
-        kept, yaw = with_thrust(minimum(maximum(thrust, low), high)), [mul(each, torque.z) for each in per_turn]
-        yaw_share = _largest_share(kept, yaw, mixer.highest)
+        fixed, yaw = with_thrust(minimum(maximum(thrust, low), high)), [mul(each, torque.z) for each in per_turn]
+        yaw_share = _largest_share(fixed, yaw, mixer.highest)
         yaw = [mul(each, yaw_share) for each in yaw]
-    rows = zip(kept, yaw, mixer.highest, strict=True)
+    rows = zip(fixed, yaw, mixer.highest, strict=True)
     return tuple(minimum(maximum(add(a, b), 0.0), top) for a, b, top in rows)
 
 
@@ -285,19 +285,18 @@ def _thrust_range(
     tilt: Sequence[Scalar], per_newton: Sequence[Scalar], highest: Sequence[Scalar]
 ) -> tuple[Scalar, Scalar]:
     """Smallest and largest thrust (N) at which given roll and pitch torques stay within all rotors' limits."""
-    low: Any = None
-    high: Any = None
-    for value, slope, top in zip(tilt, per_newton, highest, strict=True):
-        at_zero, at_top = divide(0.0 - value, slope), divide(top - value, slope)
-        low = at_zero if low is None else maximum(low, at_zero)
-        high = at_top if high is None else minimum(high, at_top)
+    rows = zip(tilt, per_newton, highest, strict=True)
+    ranges = ((divide(0.0 - value, slope), divide(top - value, slope)) for value, slope, top in rows)
+    low, high = next(ranges)
+    for at_zero, at_top in ranges:
+        low, high = maximum(low, at_zero), minimum(high, at_top)
     return low, high
 
 
-def _largest_share(fixed: Sequence[Scalar], wanted: Sequence[Scalar], highest: Sequence[Scalar]) -> Scalar:
+def _largest_share(fixed: Sequence[Scalar], changes: Sequence[Scalar], highest: Sequence[Scalar]) -> Scalar:
     """Largest share of a change of the squared rotor speeds that stays within their limits, 0 to 1."""
     share: Scalar = 1.0
-    for value, change, top in zip(fixed, wanted, highest, strict=True):
+    for value, change, top in zip(fixed, changes, highest, strict=True):
         up, down = divide(top - value, change), divide(0.0 - value, change)
         limit = where(change > 0.0, up, where(change < 0.0, down, share))
         share = minimum(share, maximum(limit, 0.0))
@@ -325,6 +324,6 @@ def _with_side(
     fits = low <= high
     rows = zip(raw, allowed, side, mixer.highest, strict=True)
     return tuple(
-        minimum(where(fits, add(value, mul(high, change)), add(kept, mul(left, change))), top)
-        for value, kept, change, top in rows
+        minimum(where(fits, add(value, mul(high, change)), add(limited, mul(left, change))), top)
+        for value, limited, change, top in rows
     )

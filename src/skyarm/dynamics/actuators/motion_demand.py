@@ -26,7 +26,7 @@ REACTIONS = 2
 
 
 @immutable
-class Motion:
+class MotionSamples:
     """Motion of base and joints at K instants, as arrays.
 
     Attributes:
@@ -43,7 +43,7 @@ class Motion:
 
 
 @immutable(kw_only=False)
-class Demand:
+class ActuatorDemand:
     """Squared rotor speeds and joint torques of a motion at K instants, as arrays.
 
     Attributes:
@@ -61,10 +61,10 @@ class Demand:
     turning: Array
 
 
-def motion_of(reference: Any, time: Array) -> Motion:
+def motion_of(reference: Any, time: Array) -> MotionSamples:
     """Motion of base and joints at K instants, from a reference of arrays."""
     lanes = partial(stack_values, len(time))
-    return Motion(
+    return MotionSamples(
         time=time,
         acceleration=lanes(reference.acceleration),
         yaw=lanes([reference.yaw])[0],
@@ -77,16 +77,16 @@ def motion_of(reference: Any, time: Array) -> Motion:
 def demand_of_motion(
     vehicle: Vehicle,
     gravity: float,
-    motion: Motion,
+    motion: MotionSamples,
     settled: Callable[[Array], Array] = np.asarray,
-) -> Demand:
+) -> ActuatorDemand:
     """Rotor speeds and joint efforts that follow a motion exactly.
 
     Args:
         vehicle: rigid bodies, rotors and the joints' friction.
         gravity: m/s^2.
         motion: at instants near enough that attitude may be differentiated between them.
-        settled: what the attitude follows of the force (3, K) that it is turned by; all of it if left out.
+        settled: part of the force (3, K) that the attitude follows; all of it if left out.
     """
     a, yaw = motion.acceleration, motion.yaw
     q, qd, qdd = tuple(motion.joints), tuple(motion.rates), tuple(motion.accelerations)
@@ -105,7 +105,7 @@ def demand_of_motion(
     along_thrust = np.einsum("ik,ik->k", R[:, 2], np.einsum("ijk,jk->ik", R, lanes(force.force)))
     squared = inverse @ np.vstack([lanes(force.torque), along_thrust[None]])
     resisting = lanes([friction(link.joint, rate, rate) for link, rate in zip(vehicle.links, qd, strict=True)])
-    return Demand(
+    return ActuatorDemand(
         motion.time,
         np.asarray(squared),
         lanes(efforts) + resisting,

@@ -39,7 +39,7 @@ def rotor_force(rotor: Rotor, speed: Scalar, velocity: Vec3) -> Force:
     Args:
         rotor: pose and coefficients.
         speed: rad/s, unsigned.
-        velocity: of the hub against the air, base axes, m/s.
+        velocity: velocity of the hub against the air, base axes, m/s.
 
     thrust k_f W^2 along the axis; drag torque k_m thrust against the direction of rotation; hub drag -c_d |W| v_perp;
     rolling moment -c_r |W| v_perp, with v_perp the velocity in the rotor's plane.
@@ -58,9 +58,9 @@ def rotor_forces(
     Args:
         rotors: poses and coefficients.
         speeds: rad/s, unsigned.
-        velocity: of the base origin against the air, base axes, m/s.
+        velocity: velocity of the base origin against the air, base axes, m/s.
         rate: angular velocity of the base, base axes, rad/s.
-        effectiveness: of each rotor; all whole if left out.
+        effectiveness: share of each rotor's force that is left; all whole if left out.
     """
     total = Force(ZERO3, ZERO3)
     left = list(zip(rotors, speeds, effectiveness or (1,) * len(rotors), strict=True))
@@ -75,7 +75,7 @@ def rotor_forces(
     return total
 
 
-Turning = tuple[Rotor, Any, Any]
+Turning = tuple[Rotor, Scalar, Scalar]
 """A rotor, its speed (rad/s) and its effectiveness."""
 
 
@@ -105,7 +105,7 @@ def push(rotor: Rotor, speed: Scalar) -> Any:
     return speed * speed if rotor.table is None else rotor.table.push(speed)
 
 
-def speed_of_push(rotor: Rotor, value: Any) -> Scalar:
+def speed_of_push(rotor: Rotor, value: Scalar) -> Scalar:
     """Rotor speed (rad/s) of an effective squared speed, the inverse of :func:`push`."""
     return sqrt(maximum(value, 0.0)) if rotor.table is None else rotor.table.speed_of_push(value)
 
@@ -118,7 +118,7 @@ def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Seq
     gyrostats.
 
     Args:
-        rotors: with their inertia.
+        rotors: axes, directions and inertia.
         speeds: rad/s, now.
         commands: rad/s; empty for rotors that keep their speed.
         rate: angular velocity of the base, base axes, rad/s.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from skyarm.algebra.scalars import Scalar, add, clip, divide, floor, logical_and, maximum, minimum, mul, sub, where
 from skyarm.dynamics.actuators.drive import Drive
@@ -25,7 +25,7 @@ class ServoMemory:
 
     Attributes:
         goal: the setpoint that its loop holds, rad or m, or their rates.
-        integral: of the loop's error, rad s or rad.
+        integral: integral of the loop's error, rad s or rad.
         rounding: rounding error of the encoder's last reading, rad or m.
         waiting: setpoints on their way, oldest first.
     """
@@ -37,7 +37,7 @@ class ServoMemory:
 
 
 NEEDS = {"voltage": ("torque_constant", "resistance"), "current_limit": ("torque_constant",)}
-"""Numbers of a motor without which another one says nothing about its torque."""
+"""Motor constants that turn a limit of voltage or current into one of torque."""
 
 
 @immutable
@@ -228,7 +228,7 @@ class PositionServo(Servo):
         """Setpoint that holds the joint under a torque: joint position plus the loop's spring deflection."""
         return position + divide(effort, self.stiffness)
 
-    def setpoint(self, memory: ServoMemory, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
+    def setpoint(self, memory: ServoMemory, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Scalar:
         """Setpoint by which the position loop gives a desired torque or force."""
         per_error = add(self.stiffness, mul(self.integral, dt))
         return position + divide(effort + self.damping * rate - self.integral * memory.integral, per_error)
@@ -267,7 +267,7 @@ class VelocityServo(Servo):
         """Rate setpoint by which the servo holds a motionless joint."""
         return divide(effort, self.gain)
 
-    def setpoint(self, memory: ServoMemory, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Any:
+    def setpoint(self, memory: ServoMemory, effort: Scalar, position: Scalar, rate: Scalar, dt: float) -> Scalar:
         """Setpoint by which the velocity loop gives a desired torque or force."""
         return rate + divide(effort - self.integral * memory.integral, add(self.gain, mul(self.integral, dt)))
 

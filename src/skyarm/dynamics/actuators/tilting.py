@@ -13,7 +13,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm.algebra.scalars import (
     Scalar,
@@ -95,7 +94,7 @@ WIDEST = math.pi / 4.0
 
 
 @immutable(kw_only=False)
-class Force:
+class TiltedForce:
     """Force of one tilting rotor as squared rotor speed, (rad/s)^2, and tilt angle, rad."""
 
     push: Scalar
@@ -126,9 +125,9 @@ def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
     both = mul(2.0, cos(mul(0.5, sub(high, low))))
     # hub drag is linear in the speeds, of which two make up for one
     share = mul(0.5, sqrt(both))
-    found = []
+    rotors = []
     for mark, angle in (("low", low), ("high", high)):
-        pair = dataclasses.replace(
+        fixed = dataclasses.replace(
             turned_rotor(rotor, angle),
             name=f"{rotor.name} {mark}",
             max_speed=sqrt(divide(push(rotor, rotor.max_speed), both)),
@@ -137,37 +136,37 @@ def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
             inertia=0,
             table=None,
         )
-        found.append(pair)
-    return found
+        rotors.append(fixed)
+    return rotors
 
 
 def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar], angles: Sequence[Scalar]) -> tuple[Scalar, ...]:
     """Speeds (rad/s) of the pairs of fixed rotors that give the force of tilting rotors at given angles."""
-    found: list[Any] = []
+    pair_speeds: list[Scalar] = []
     left = iter(angles)
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
         if rotor.tilt is None:
-            found.append(speed)
+            pair_speeds.append(speed)
             continue
         angle, (low, high) = next(left), ends(rotor.tilt)
         square, between = mul(speed, speed), sin(sub(high, low))
         parts = sin(sub(high, angle)), sin(sub(angle, low))
-        found += [sqrt(maximum(divide(mul(square, part), between), 0.0)) for part in parts]
-    return tuple(found)
+        pair_speeds += [sqrt(maximum(divide(mul(square, part), between), 0.0)) for part in parts]
+    return tuple(pair_speeds)
 
 
-def forces_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar]) -> tuple[Force, ...]:
+def forces_of_pairs(vehicle: Vehicle, speeds: Sequence[Scalar]) -> tuple[TiltedForce, ...]:
     """Squared speeds and tilt angles of tilting rotors, from the speeds (rad/s) of their pairs of fixed rotors."""
-    found, left = [], iter(speeds)
+    forces, left = [], iter(speeds)
     for rotor in vehicle.rotors:
         first = next(left)
         if rotor.tilt is None:
-            found.append(Force(mul(first, first), 0))
+            forces.append(TiltedForce(mul(first, first), 0))
             continue
         second, (low, high) = next(left), ends(rotor.tilt)
         a, b = mul(first, first), mul(second, second)
         along = add(mul(a, cos(low)), mul(b, cos(high)))
         across = add(mul(a, sin(low)), mul(b, sin(high)))
         size = sqrt(add(mul(along, along), mul(across, across)))
-        found.append(Force(size, atan2(across, along)))
-    return tuple(found)
+        forces.append(TiltedForce(size, atan2(across, along)))
+    return tuple(forces)

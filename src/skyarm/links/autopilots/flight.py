@@ -16,7 +16,7 @@ from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
 from skyarm.links.autopilots.autopilot import Autopilot, Goal, Instant, Link, LinkError, model_of, require_rotors
-from skyarm.links.outside.joint_port import JointPortError, JointServer
+from skyarm.links.joint_port import JointPortError, JointServer
 from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.windows import Windows

@@ -33,10 +33,9 @@ from skyarm.links.outside.px4_topics import (
     OUT,
 )  # fmt: skip
 from skyarm.links.outside.state_frames import AutopilotState
-from skyarm.links.ros.message_types import MessageError, decode
 from skyarm.links.ros.node import RosError
 from skyarm.links.ros.ros2_node import MOST_DOMAIN, Ros2Node
-from skyarm.log.ros.messages import encode
+from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
 

@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from skyarm.links.outside.joint_port import FRESH, JointLink, JointPortError, JointReading
+from skyarm.links.joint_port import FRESH, JointLink, JointPortError, JointReading
 from skyarm.records.field_rules import checked
 from skyarm.records.files import needs_extra, shown
 from skyarm.records.immutable import immutable

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from urllib.parse import parse_qs, urlsplit
 
+from skyarm.links.joint_port import JointLink, JointPortError, NoJoints, UdpJoints
 from skyarm.links.outside.dynamixel import DynamixelJoints, ServoBus
-from skyarm.links.outside.joint_port import JointLink, JointPortError, NoJoints, UdpJoints
 from skyarm.records.files import shown
 from skyarm.records.registry.plugins import FROM_FILE, load_plugin
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -17,10 +17,10 @@ from collections.abc import Callable, Iterator
 from typing import Annotated, Any
 
 from skyarm.control.controller import autopilot_of
+from skyarm.links.joint_port import JointLink, JointPortError, JointReading
 from skyarm.links.outside.autopilot_link import AutopilotLink
 from skyarm.links.outside.dds_link import DdsLink
 from skyarm.links.outside.flight_record import FlightRecord, percentiles
-from skyarm.links.outside.joint_port import JointLink, JointPortError, JointReading
 from skyarm.links.outside.motor_commands import MotorSettings, require_full_thrust
 from skyarm.links.outside.offboard_link import OffboardError
 from skyarm.links.outside.outside_law import LoopSettings, OutsideLaw

@@ -12,7 +12,7 @@ from typing import Annotated
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.geometric import yaw_of
-from skyarm.links.outside.joint_port import JointReading
+from skyarm.links.joint_port import JointReading
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.measurement import Measurement

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from skyarm.links.ros.message_types import MessageError
+from skyarm.log.ros.message_bytes import MessageError
 from skyarm.log.ros.scene import WORLD
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.reference.redirection import DURATIONS, FIELDS, Redirected, redirectable, shortest_duration

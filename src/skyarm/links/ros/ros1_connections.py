@@ -14,9 +14,8 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 
-from skyarm.links.ros.message_types import checksum, old_definition
 from skyarm.links.ros.node import MOST_WAITING, Inbox
-from skyarm.log.ros.messages import ROS1_CONSTANTS, ROS1_DEFINITIONS
+from skyarm.log.ros.messages import ROS1_DEFINITIONS, checksum, definition
 from skyarm.records.immutable import immutable
 
 PATIENCE = 3.0
@@ -45,7 +44,7 @@ class Identity:
     @property
     def checksum(self) -> str:
         """MD5 checksum of the message type."""
-        return checksum(self.kind, ROS1_DEFINITIONS, ROS1_CONSTANTS)
+        return checksum(self.kind, ROS1_DEFINITIONS)
 
     @property
     def fields(self) -> dict[str, str]:
@@ -55,7 +54,7 @@ class Identity:
             "topic": self.topic,
             "type": self.kind,
             "md5sum": self.checksum,
-            "message_definition": old_definition(self.kind, ROS1_DEFINITIONS, ROS1_CONSTANTS),
+            "message_definition": definition(self.kind, ROS1_DEFINITIONS),
         }
 
     def mismatch(self, header: Mapping[str, str]) -> str:

@@ -2,7 +2,8 @@
 
 A topic ``/odom`` of ROS 2 is the DDS topic ``rt/odom``, its type ``nav_msgs/msg/Odometry`` the DDS type
 ``nav_msgs::msg::dds_::Odometry_`` (design.ros2.org/articles/topic_and_service_names.html). The DDS types are made of
-the definitions in :mod:`skyarm.log.ros.messages`; messages go in and out as the bytes that are made and read there.
+the definitions in :mod:`skyarm.log.ros.messages`; messages go in and out as the bytes of
+:mod:`skyarm.log.ros.message_bytes`.
 """
 
 from __future__ import annotations
@@ -15,9 +16,8 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from skyarm.links.ros.message_types import PART
 from skyarm.links.ros.node import LOOPBACK, MOST_WAITING, RosError
-from skyarm.log.ros.messages import DEFINITIONS
+from skyarm.log.ros.messages import DEFINITIONS, Field, fields
 from skyarm.records.files import needs_extra, shown
 
 DOMAIN = "ROS_DOMAIN_ID"
@@ -187,23 +187,19 @@ class DdsTypes:
     def of(self, kind: str) -> Any:
         """DDS type of a message type such as nav_msgs/Odometry."""
         if kind not in self._made:
-            from skyarm.log.ros.messages import fields
-
             package, _, name = kind.partition("/")
-            parts = {field: self._field(part) for part, field in fields(self._definitions[kind])}
+            parts = {field.name: self._field(field) for field in fields(self._definitions[kind])}
             made = self._make(name, f"{package}::msg::dds_::{name}_", parts)
             made.serialize, made.deserialize = _content, classmethod(_message)
             self._made[kind] = made
         return self._made[kind]
 
-    def _field(self, part: str) -> Any:
-        match = PART.fullmatch(part)
-        assert match is not None
-        kind, length = match.groups()
+    def _field(self, field: Field) -> Any:
+        _, kind, length = field
         one = str if kind == "string" else bool if kind == "bool" else getattr(self._types, kind, None) or self.of(kind)
         if length is None:
             return one
-        return self._types.array[one, int(length)] if length else self._types.sequence[one]
+        return self._types.array[one, length] if length else self._types.sequence[one]
 
 
 def _domain_of_environment() -> int:

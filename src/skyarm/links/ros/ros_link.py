@@ -21,10 +21,10 @@ import numpy as np
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
 from skyarm.links.ros.goals import base_goal, changes_to, check_reach, goal_paths, joint_goal, takes_goals, with_goals
-from skyarm.links.ros.message_types import MessageError, decode
 from skyarm.links.ros.node import Node
 from skyarm.log.log_columns import names_of
-from skyarm.log.ros.messages import FLIGHT, encode
+from skyarm.log.ros.message_bytes import MessageError, decode, encode
+from skyarm.log.ros.messages import FLIGHT
 from skyarm.log.ros.scene import Part
 from skyarm.log.ros.topics import FlightTopics, Topic, every_of
 from skyarm.records.arrays import Array

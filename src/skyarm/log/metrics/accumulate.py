@@ -13,88 +13,18 @@ from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, asin, atan2, clip, maximum, minimum, sqrt, where
-from skyarm.dynamics import State
-from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics import interaction
-from skyarm.log.metrics.metric import Metric
+from skyarm.log.metrics.metric import Goal, Instant, Metric
 from skyarm.records import coerce
 from skyarm.records.files.user_code import place_of
-from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, named_parts, rebuild
 from skyarm.records.registry import RegistryError, find
-from skyarm.records.registry.class_signatures import class_mistake
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.records.registry.class_signatures import class_mistake, refuse_mistake
 
 HUGE = 1e300
 
 CONTINUOUS = "_continuous"
 """Suffix of what is measured against the continuous reference; without it, against the held samples."""
-
-
-@immutable
-class Goal:
-    """Reference of the metrics: base position (m), joint positions, and tip position (m) at a level base."""
-
-    position: Vec3
-    joints: tuple[Scalar, ...]
-    tool: Vec3
-
-
-@immutable
-class Limits:
-    """Limits of a vehicle's actuators.
-
-    Attributes:
-        speeds: largest speed of each rotor, rad/s. efforts: largest torque or force of each joint, N m or N; inf of a
-            joint that is passive or takes setpoints.
-    """
-
-    speeds: tuple[Scalar, ...]
-    efforts: tuple[Scalar, ...]
-
-    @classmethod
-    def of(cls, vehicle: Vehicle, setpoints: Sequence[bool]) -> Limits:
-        """Limits of a vehicle, of whose joints the marked ones take setpoints."""
-        joints = zip((link.joint for link in vehicle.links), setpoints, strict=True)
-        return cls(
-            speeds=tuple(rotor.max_speed for rotor in vehicle.rotors),
-            efforts=tuple(
-                math.inf if setpoint else where(joint.effort_limit > 0.0, joint.effort_limit, math.inf)
-                for joint, setpoint in joints
-            ),
-        )
-
-
-@immutable
-class Instant:
-    """Simulation quantities at one control instant, from which metrics are computed.
-
-    Attributes:
-        state: of the plant. tool: its tip, world, m.
-        command: issued now. before: rotor speeds commanded a period ago; those of now at the first instant.
-        held, continuous: the reference. lag: s, of the law's governed reference behind it.
-        phase: number of the task's phase, where phases wait. time: s.
-        push: commanded push of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
-        parts: (name, numbers) of each array of the flight's components, and of their constants.
-        limits: of the plant's actuators; None where the vehicle is unknown.
-    """
-
-    state: State
-    tool: Vec3
-    command: Command
-    before: tuple[Scalar, ...]
-    held: Goal
-    continuous: Goal
-    lag: Scalar = 0.0
-    phase: Scalar = 0.0
-    time: Scalar = 0.0
-    push: tuple[Scalar, ...] = ()
-    parts: tuple[tuple[str, tuple[Scalar, ...]], ...] = ()
-    limits: Limits | None = None
-
-    def part(self, name: str) -> tuple[Scalar, ...]:
-        """Values of an array logged by a wind, force or contact model at this instant; () if it does not exist."""
-        return next((numbers for each, numbers in self.parts if each == name), ())
 
 
 def joint_norm(joints: tuple[Scalar, ...], wanted: tuple[Scalar, ...]) -> Scalar:
@@ -211,9 +141,7 @@ def added_metric(name: str) -> Metric:
     if name in interaction.TOTALS:
         return interaction.TOTALS[name]
     kind = find("metric", name)
-    mistake = class_mistake(kind) if isinstance(kind, type) else None
-    if mistake is not None:
-        raise RegistryError(f"{mistake[0]}: metric {name!r}: {mistake[1]}")
+    refuse_mistake(class_mistake(kind) if isinstance(kind, type) else None, "metric", name)
     made = kind()
     if not isinstance(made, Metric):
         raise RegistryError(f"metric {name!r}: must be registered as a subclass of Metric")

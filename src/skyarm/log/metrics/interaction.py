@@ -10,18 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import reduce
 from operator import add
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, atan2, cos, logical_and, maximum, sin, where
-from skyarm.log.metrics.metric import Metric
+from skyarm.dynamics.kinematics import out_of_axis
+from skyarm.log.metrics.metric import Instant, Metric
 from skyarm.records.immutable import immutable
-from skyarm.reference.tip_motion import out_of_axis
-
-if TYPE_CHECKING:
-    from skyarm.log.metrics.accumulate import Instant
 
 BOUNCES = 0.3
 """s after the first touch in which a loss of contact belongs to the impact."""

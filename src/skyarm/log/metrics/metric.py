@@ -1,11 +1,86 @@
-"""Base class of user-defined metrics, computed during a flight or from a log by the same functions."""
+"""Base class of user-defined metrics, and the quantities of one control instant from which they are computed.
+
+During a flight and from a log the same functions compute them.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+import math
+from collections.abc import Sequence
+from typing import Any, ClassVar
 
-if TYPE_CHECKING:
-    from skyarm.log.metrics.accumulate import Instant
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar, where
+from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
+from skyarm.records.immutable import immutable
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@immutable
+class Goal:
+    """Reference of the metrics: base position (m), joint positions, and tip position (m) at a level base."""
+
+    position: Vec3
+    joints: tuple[Scalar, ...]
+    tool: Vec3
+
+
+@immutable
+class Limits:
+    """Limits of a vehicle's actuators.
+
+    Attributes:
+        speeds: largest speed of each rotor, rad/s. efforts: largest torque or force of each joint, N m or N; inf of a
+            joint that is passive or takes setpoints.
+    """
+
+    speeds: tuple[Scalar, ...]
+    efforts: tuple[Scalar, ...]
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, setpoints: Sequence[bool]) -> Limits:
+        """Limits of a vehicle, of whose joints the marked ones take setpoints."""
+        joints = zip((link.joint for link in vehicle.links), setpoints, strict=True)
+        return cls(
+            speeds=tuple(rotor.max_speed for rotor in vehicle.rotors),
+            efforts=tuple(
+                math.inf if setpoint else where(joint.effort_limit > 0.0, joint.effort_limit, math.inf)
+                for joint, setpoint in joints
+            ),
+        )
+
+
+@immutable
+class Instant:
+    """Simulation quantities at one control instant, from which metrics are computed.
+
+    Attributes:
+        state: of the plant. tool: its tip, world, m.
+        command: issued now. before: rotor speeds commanded a period ago; those of now at the first instant.
+        held, continuous: the reference. lag: s, of the law's governed reference behind it.
+        phase: number of the task's phase, where phases wait. time: s.
+        push: commanded push of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
+        parts: (name, numbers) of each array of the flight's components, and of their constants.
+        limits: of the plant's actuators; None where the vehicle is unknown.
+    """
+
+    state: State
+    tool: Vec3
+    command: Command
+    before: tuple[Scalar, ...]
+    held: Goal
+    continuous: Goal
+    lag: Scalar = 0.0
+    phase: Scalar = 0.0
+    time: Scalar = 0.0
+    push: tuple[Scalar, ...] = ()
+    parts: tuple[tuple[str, tuple[Scalar, ...]], ...] = ()
+    limits: Limits | None = None
+
+    def part(self, name: str) -> tuple[Scalar, ...]:
+        """Values of an array logged by a wind, force or contact model at this instant; () if it does not exist."""
+        return next((numbers for each, numbers in self.parts if each == name), ())
 
 
 class Metric:

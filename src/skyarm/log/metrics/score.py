@@ -16,7 +16,8 @@ from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_at
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import names_of
-from skyarm.log.metrics.accumulate import CONTINUOUS, Goal, Instant, Limits, advance_totals, first_totals, quantity
+from skyarm.log.metrics.accumulate import CONTINUOUS, advance_totals, first_totals, quantity
+from skyarm.log.metrics.metric import Goal, Instant, Limits
 from skyarm.log.metrics.metric_catalogue import metric_names, required_totals, values
 from skyarm.log.metrics.windows import Window, Windows, windows_of
 from skyarm.log.sensor_data import COMPONENTS

@@ -1,25 +1,17 @@
-"""ROS message definitions, and fast encoding of many messages of one type as CDR bytes.
+"""ROS message types: definitions, the fields that they declare, and the checksums of ROS 1.
 
 Definitions: ros2/common_interfaces, ros2/geometry2 and ros2/rcl_interfaces, branch humble, without comments and
 constants. They are written into every file, so that a reader needs no ROS. ROS 1 has the same types but for
-:data:`ROS1_DEFINITIONS`.
-
-Bytes: OMG DDS-XTypes 1.3, section 7.4.3: plain CDR version 1, little endian: primitives lie at multiples of their size,
-counted behind the four bytes of the encapsulation header; texts have their length and a closing zero. Within a channel
-texts and the lengths of lists stay, so that every message has its numbers at the same places: a template is laid out
-once, and the numbers are copied into its copies column by column. The serializers of rosbags and mcap-ros2-support make
-one message at a time, 20 times slower. Messages of ROS 1 are the same fields without padding, header and closing zeros
-(wiki.ros.org/ROS/Connection Header, msg).
+:data:`ROS1_DEFINITIONS`. Bytes are written and read by them in :mod:`skyarm.log.ros.message_bytes`.
 """
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
-
-import numpy as np
-import numpy.typing as npt
+from functools import lru_cache
+from typing import NamedTuple
 
 from skyarm.log.log_columns import Column
 
@@ -76,34 +68,55 @@ DEFINITIONS: Mapping[str, str] = {
 }
 """Type, without the ``/msg/`` in its name, -> its fields."""
 
-ROS1_DEFINITIONS: Mapping[str, str] = {
-    **DEFINITIONS,
+_BUILT_IN = {"builtin_interfaces/Time": "time", "builtin_interfaces/Duration": "duration"}
+"""Types that ROS 1 has without a package."""
+
+_MARKERS = "ARROW CUBE SPHERE CYLINDER LINE_STRIP LINE_LIST CUBE_LIST SPHERE_LIST POINTS TEXT_VIEW_FACING MESH_RESOURCE"
+
+_CONSTANTS = (
+    *((name, number) for number, name in enumerate([*_MARKERS.split(), "TRIANGLE_LIST"])),
+    *(("ADD", 0), ("MODIFY", 0), ("DELETE", 2), ("DELETEALL", 3)),
+)
+"""Constants of a marker, which its checksum covers in ROS 1."""
+
+_DIFFERENT: Mapping[str, str] = {
     "std_msgs/Header": "uint32 seq\nbuiltin_interfaces/Time stamp\nstring frame_id",
-    "visualization_msgs/Marker": (
+    "visualization_msgs/Marker": "".join(f"uint8 {name}={number}\n" for name, number in _CONSTANTS)
+    + (
         "std_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\ngeometry_msgs/Pose pose\n"
         "geometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\nbuiltin_interfaces/Duration lifetime\n"
         "bool frame_locked\ngeometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\nstring text\n"
         "string mesh_resource\nbool mesh_use_embedded_materials"
     ),
 }
-"""The same for ROS 1 (branch noetic): its header counts, its markers have fewer fields."""
+"""Types of ROS 1 (branch noetic) that differ: its header counts, its markers have fewer fields."""
 
-_MARKERS = "ARROW CUBE SPHERE CYLINDER LINE_STRIP LINE_LIST CUBE_LIST SPHERE_LIST POINTS TEXT_VIEW_FACING MESH_RESOURCE"
-
-_ACTIONS = (("ADD", 0), ("MODIFY", 0), ("DELETE", 2), ("DELETEALL", 3))
-
-ROS1_CONSTANTS: Mapping[str, str] = {
-    "visualization_msgs/Marker": "\n".join(
-        f"uint8 {name}={value}"
-        for name, value in (*((name, i) for i, name in enumerate([*_MARKERS.split(), "TRIANGLE_LIST"])), *_ACTIONS)
-    )
+ROS1_DEFINITIONS: Mapping[str, str] = {
+    _BUILT_IN.get(kind, kind): re.sub("|".join(_BUILT_IN), lambda match: _BUILT_IN[match[0]], text)
+    for kind, text in {**DEFINITIONS, **_DIFFERENT}.items()
 }
-"""Constants of a ROS 1 type, which its checksum covers."""
+"""The same for ROS 1, with the constants that a checksum covers."""
 
 FLIGHT = "skyarm_msgs/Flight"
 """Type of our own: every number of a log at one control instant, a field a column."""
 
-LINE = "=" * 80
+
+class Field(NamedTuple):
+    """Field of a message: name, type, and length of a list, 0 where the message states it; None for one value."""
+
+    name: str
+    kind: str
+    length: int | None
+
+
+_FIELD = re.compile(r"^([\w/]+)(\[(\d*)\])? +(\w+) *(?:#.*)?$", re.MULTILINE)
+
+
+@lru_cache(maxsize=256)
+def fields(text: str) -> tuple[Field, ...]:
+    """Fields of a ROS message definition, without its constants."""
+    rows = _FIELD.findall(text)
+    return tuple(Field(name, kind, int(length or 0) if bracket else None) for kind, bracket, length, name in rows)
 
 
 def full_name(kind: str) -> str:
@@ -120,140 +133,28 @@ def flight_definition(columns: Sequence[Column]) -> str:
 
 
 def definition(kind: str, definitions: Mapping[str, str]) -> str:
-    """Definition of a ROS message type followed by those of its nested types, as MCAP requires."""
-    found = list(dict.fromkeys(_inner(kind, definitions)))
-    parts = (f"{LINE}\nMSG: {each}\n{definitions[each]}\n" for each in found)
+    """Definition of a ROS message type followed by those of its nested types, as MCAP and ROS 1 require."""
+    nested = dict.fromkeys(_nested_types(kind, definitions))
+    parts = (f"{'=' * 80}\nMSG: {each}\n{definitions[each]}\n" for each in nested)
     return "".join([f"{definitions[kind]}\n", *parts])
 
 
-def _inner(kind: str, definitions: Mapping[str, str]) -> Iterator[str]:
-    for part, _ in fields(definitions[kind]):
+def _nested_types(kind: str, definitions: Mapping[str, str]) -> Iterator[str]:
+    for field in fields(definitions[kind]):
+        if "/" in field.kind:
+            yield field.kind
+            yield from _nested_types(field.kind, definitions)
+
+
+def checksum(kind: str, definitions: Mapping[str, str]) -> str:
+    """MD5 checksum of a ROS 1 message type, by which two nodes compare their definitions.
+
+    It is that of its constants and fields, where each nested type stands as its own checksum. Source: ROS/Technical
+    Overview of wiki.ros.org, roslib/gentools.
+    """
+    rows = []
+    for line in definitions[kind].splitlines():
+        part, _, name = line.partition(" ")
         inner = part.partition("[")[0]
-        if inner in definitions:
-            yield inner
-            yield from _inner(inner, definitions)
-
-
-def fields(text: str) -> list[tuple[str, str]]:
-    """List type and name of each field in a ROS message definition."""
-    lines = (line.partition("#")[0].split() for line in text.splitlines())
-    return [(line[0], line[1]) for line in lines if line]
-
-
-Bytes = npt.NDArray[np.uint8]
-Values = Mapping[str, Any]
-
-HEADER = b"\x00\x01\x00\x00"
-"""Encapsulation: plain CDR, little endian."""
-
-PRIMITIVES = {
-    "bool": "|u1",
-    "uint8": "|u1",
-    "int8": "|i1",
-    "uint16": "<u2",
-    "int32": "<i4",
-    "uint32": "<u4",
-    "uint64": "<u8",
-    "float32": "<f4",
-    "float64": "<f8",
-}
-
-TIME = "builtin_interfaces/Time"
-
-_TYPE = re.compile(r"([\w/]+)(?:\[(\d*)\])?")
-
-NANO = 1_000_000_000
-
-
-class Template:
-    """Byte template of many ROS messages of one type, with offsets of the numbers that vary.
-
-    Args:
-        definitions: of the types.
-        packed: bytes of ROS 1: no encapsulation, no padding, texts without a closing zero.
-    """
-
-    def __init__(self, definitions: Mapping[str, str], *, packed: bool = False) -> None:
-        self._definitions, self._packed = definitions, packed
-        self._bytes = bytearray(b"" if packed else HEADER)
-        self._numbers: list[tuple[int, Any]] = []
-
-    def record(self, kind: str, values: Values) -> None:
-        """Append all fields of a message type to the template; missing values become zero or empty."""
-        for part, name in fields(self._definitions[kind]):
-            self._field(part, values.get(name))
-
-    def _field(self, part: str, value: Any) -> None:
-        match = _TYPE.fullmatch(part)
-        assert match is not None
-        kind, length = match.groups()
-        if length is None:
-            self._one(kind, value)
-        elif kind in PRIMITIVES:
-            self._list(kind, int(length) if length else None, value)
-        else:
-            items = list(value or ())
-            self._numbers_at("<u4", len(items))
-            for item in items:
-                self._one(kind, item)
-
-    def _one(self, kind: str, value: Any) -> None:
-        if kind == "string":
-            content = (value or "").encode() + (b"" if self._packed else b"\0")
-            self._numbers_at("<u4", len(content))
-            self._bytes += content
-        elif kind in PRIMITIVES:
-            self._numbers_at(PRIMITIVES[kind], 0 if value is None else value)
-        elif kind == TIME and value is not None:
-            self._numbers_at("<i4", np.asarray(value) // NANO)
-            self._numbers_at("<u4", np.asarray(value) % NANO)
-        else:
-            self.record(kind, value or {})
-
-    def _list(self, kind: str, length: int | None, value: Any) -> None:
-        """Append a list of numbers to the template: (k,) for all messages, or (N, k)."""
-        given = np.zeros(length or 0) if value is None else np.asarray(value)
-        if length is None:
-            self._numbers_at("<u4", given.shape[-1])
-        if given.shape[-1]:
-            self._numbers_at(PRIMITIVES[kind], given, row=True)
-
-    def _numbers_at(self, form: str, value: Any, row: bool = False) -> None:
-        """Append a number or list to the template: its bytes if constant, else a gap to be filled per message."""
-        array, size = np.asarray(value).astype(form, copy=False), int(form[2:])
-        if not self._packed:
-            self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % size)
-        if array.ndim == int(row):
-            self._bytes += array.tobytes()
-            return
-        columns = array if row else array[:, None]
-        self._numbers.append((len(self._bytes), columns))
-        self._bytes += bytes(size * columns.shape[1])
-
-    def messages(self, count: int) -> Bytes:
-        """Return all encoded messages as bytes (count, size)."""
-        rows = np.empty((count, len(self._bytes)), dtype=np.uint8)
-        rows[:] = np.frombuffer(bytes(self._bytes), dtype=np.uint8)
-        for start, array in self._numbers:
-            content = np.ascontiguousarray(array).view(np.uint8)
-            rows[:, start : start + content.shape[1]] = content
-        return rows
-
-
-def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int, *, packed: bool = False) -> Bytes:
-    """Encode many ROS messages of one type as CDR bytes, or as those of ROS 1.
-
-    Args:
-        kind: key of ``definitions``.
-        definitions: of it and of all types in it.
-        values: fields by name: texts and lists of texts as they are; numbers for all messages, or arrays (count,), and
-            (count, k) for lists of numbers; records as tables in turn; a Time in ns. What is left out is zero.
-        count: of messages.
-        packed: bytes of ROS 1.
-
-    Returns:
-        (count, size): the bytes of each.
-    """
-    template = Template(definitions, packed=packed)
-    template.record(kind, values)
-    return template.messages(count)
+        rows.append(f"{checksum(inner, definitions) if '/' in inner else part} {name}")
+    return hashlib.md5("\n".join(rows).encode(), usedforsecurity=False).hexdigest()

@@ -9,7 +9,7 @@ import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.dynamics.kinematics import every_joint, joint_placement
-from skyarm.log.ros.messages import NANO
+from skyarm.log.ros.message_bytes import NANO
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
 from skyarm.vehicle.linkage import BASE
@@ -43,11 +43,6 @@ class Part:
         """Fields of a std_msgs/Header: time stamps and frame name."""
         stamps = self.stamps if time is None else nanoseconds(np.nan_to_num(time))
         return {"stamp": stamps, "frame_id": frame}
-
-
-def unit(wxyz: Array) -> Array:
-    """Quaternions wxyz (N, 4) normalized to unit length."""
-    return np.asarray(wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True))
 
 
 def nanoseconds(time: Array) -> IntArray:

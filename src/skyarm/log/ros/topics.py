@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra.frames import to_base
+from skyarm.algebra.frames import to_base, unit_rows
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_at
 from skyarm.log.log_columns import Names, columns, names_of, word
-from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, Bytes, encode, flight_definition
+from skyarm.log.ros.message_bytes import Bytes, encode
+from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, flight_definition
 from skyarm.log.ros.scene import (
     BASE_LINK,
     BASE_REFERENCE,
@@ -26,7 +27,6 @@ from skyarm.log.ros.scene import (
     markers,
     quaternion,
     transform,
-    unit,
     xyz,
 )
 from skyarm.log.sensor_data import ESTIMATE, Source, sources_of
@@ -139,7 +139,7 @@ def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
 
     def moving(part: Part) -> dict[str, Any]:
         goal = yaw_quaternion(part["yaw_reference"])
-        base = transform(part.stamps, WORLD, BASE_LINK, part["position"], unit(part["quaternion"]))
+        base = transform(part.stamps, WORLD, BASE_LINK, part["position"], unit_rows(part["quaternion"]))
         reference = transform(part.stamps, WORLD, BASE_REFERENCE, part["position_reference"], goal)
         links = [] if frames is None else frames.moving(part.stamps, part["joints"])
         return {"transforms": [base, reference, *links]}
@@ -170,7 +170,7 @@ JOINT_FIELDS = {"joints": "position", "joint_rates": "velocity", "efforts": "eff
 
 
 def _odometry(read: Fields) -> dict[str, Any]:
-    attitude = unit(read["quaternion"])
+    attitude = unit_rows(read["quaternion"])
     twist = {"linear": xyz(to_base(attitude, read["velocity"])), "angular": xyz(read["rate"])}
     return {"pose": {"pose": _pose(read["position"], attitude)}, "twist": {"twist": twist}}
 

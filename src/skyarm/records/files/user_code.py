@@ -7,10 +7,11 @@ import hashlib
 import linecache
 import os
 import types
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from traceback import walk_tb
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from skyarm.records.files.messages import one_line, shown
 
@@ -49,25 +50,34 @@ def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
         return _code_of_class(thing if isinstance(thing, type) else type(thing))
     if is_own(code, str(getattr(thing, "__module__", ""))):
         return code
-    for cell in getattr(thing, "__closure__", None) or ():
-        try:
-            held = cell.cell_contents
-        except ValueError:
-            continue  # not yet filled
+    for held in closed_over(thing):
         if callable(held) and (found := own_code(held, depth - 1)) is not None:
             return found
     return None
+
+
+def closed_over(function: object) -> Iterator[object]:
+    """Values that a function is closed over, without those that are not assigned yet."""
+    for cell in getattr(function, "__closure__", None) or ():
+        with suppress(ValueError):
+            yield cell.cell_contents
+
+
+def codes_of(methods: Iterable[object]) -> Iterator[types.CodeType]:
+    """Code objects of methods, properties and functions of a class."""
+    for held in methods:
+        # of the methods that dataclasses write some have no file, others are Python's own
+        code = getattr(getattr(held, "fget", None) or getattr(held, "__func__", held), "__code__", None)
+        if isinstance(code, types.CodeType):
+            yield code
 
 
 def _code_of_class(kind: type) -> types.CodeType | None:
     """Code object of the first method of a class or its bases that a user wrote; None without any."""
     for each in kind.__mro__:
         methods = vars(each)
-        for held in (methods.get("__call__"), *methods.values()):
-            method = getattr(held, "fget", None) or getattr(held, "__func__", held)
-            code = getattr(method, "__code__", None)
-            # of the methods that dataclasses write some have no file, others are Python's own
-            if isinstance(code, types.CodeType) and is_own(code, each.__module__):
+        for code in codes_of((methods.get("__call__"), *methods.values())):
+            if is_own(code, each.__module__):
                 return code
     return None
 
@@ -145,10 +155,10 @@ def own_failure(error: BaseException) -> str:
         if inner is not error and str(inner) not in str(error):
             return ""
         frames = _frames(inner)
-        own = [k for k, (whose, _, _) in enumerate(frames) if whose == "own"]
-        if own and all(whose != "ours" for whose, _, _ in frames[own[-1] :]):
-            checks_record = inner is not error and frames[own[0]][1] == "__post_init__"
-            commanded = isinstance(inner, SystemExit) and frames[own[0] - 1][2].startswith(COMMAND_LINE)
+        own = [k for k, frame in enumerate(frames) if frame.own]
+        if own and own[-1] == len(frames) - 1:
+            checks_record = inner is not error and frames[own[0]].function == "__post_init__"
+            commanded = isinstance(inner, SystemExit) and frames[own[0] - 1].module.startswith(COMMAND_LINE)
             return "" if checks_record or commanded else failure(inner)
         inner = inner.__cause__ or inner.__context__
     return ""
@@ -158,25 +168,29 @@ COMMAND_LINE = f"{os.path.basename(os.path.dirname(PACKAGE))}.cli."
 """The room whose modules call commands, one's own too."""
 
 
-def _frames(error: BaseException) -> list[tuple[str, str, str]]:
-    """Owner (user or library), function and module of each stack frame of an error."""
+class Frame(NamedTuple):
+    """Frame of an error's stack, of the user's code or of the library: function, module, file and line."""
+
+    own: bool
+    function: str
+    module: str
+    place: str
+
+
+def _frames(error: BaseException) -> list[Frame]:
+    """Stack frames of an error in the user's code and in the library, the outermost first."""
     found = []
-    for frame, _ in walk_tb(error.__traceback__):
+    for frame, line in walk_tb(error.__traceback__):
         code, module = frame.f_code, str(frame.f_globals.get("__name__", ""))
-        if code.co_filename.startswith(PACKAGE):
-            found.append(("ours", code.co_name, module))
-        elif is_own(code, module):
-            found.append(("own", code.co_name, module))
+        own = is_own(code, module)
+        if own or code.co_filename.startswith(PACKAGE):
+            found.append(Frame(own, code.co_name, module, f"{code.co_filename}:{line}"))
     return found
 
 
 def place_of_error(error: BaseException) -> str:
     """File and line of the innermost user code in an error's stack trace; empty without any."""
-    found = ""
-    for frame, line in walk_tb(error.__traceback__):
-        if is_own(frame.f_code, str(frame.f_globals.get("__name__", ""))):
-            found = f"{frame.f_code.co_filename}:{line}"
-    return found
+    return next((frame.place for frame in reversed(_frames(error)) if frame.own), "")
 
 
 MISSING = "missing"

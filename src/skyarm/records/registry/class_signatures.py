@@ -13,6 +13,7 @@ from importlib import import_module
 from skyarm.records.files import shown
 from skyarm.records.files.user_code import own_code, place_of
 from skyarm.records.leaves import field_names
+from skyarm.records.registry.registrations import RegistryError
 
 PACKAGE = __name__.partition(".")[0]
 """The library's own name: bases whose module begins with it say how methods are called."""
@@ -91,6 +92,16 @@ def _functions_mistake(thing: object, made: str, *calls: str) -> tuple[str, str]
         if words:
             return place_of(held), words
     return None
+
+
+def refuse_mistake(mistake: tuple[str, str] | None, kind: str, name: str) -> None:
+    """Refuse a registered object that has an error.
+
+    Raises:
+        RegistryError: one line with file, line, kind and name.
+    """
+    if mistake is not None:
+        raise RegistryError(f"{mistake[0]}: {kind} {name!r}: {mistake[1]}")
 
 
 def thing_mistake(kind: str, thing: object) -> tuple[str, str] | None:

@@ -30,7 +30,7 @@ from skyarm.records.files.user_code import (
     number_duplicates,
 )
 from skyarm.records.immutable import immutable
-from skyarm.records.registry.class_signatures import thing_mistake
+from skyarm.records.registry.class_signatures import refuse_mistake, thing_mistake
 from skyarm.records.registry.registrations import (
     API,
     KINDS,
@@ -257,9 +257,8 @@ def _require_right(source: str) -> None:
     """Raise an error if an object that a plugin registered does not have the required signature."""
     for kind in KINDS:
         for row in registrations(kind).values():
-            mistake = thing_mistake(kind, row.target) if row.source == source else None
-            if mistake is not None:
-                raise RegistryError(f"{mistake[0]}: {kind} {row.name!r}: {mistake[1]}")
+            if row.source == source:
+                refuse_mistake(thing_mistake(kind, row.target), kind, row.name)
 
 
 FROM_FILE = re.compile(r"(?P<file>.+\.py):(?P<maker>[A-Za-z_]\w*)")

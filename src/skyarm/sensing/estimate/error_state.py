@@ -20,13 +20,16 @@ from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, add, atan2, cos, data, divide, mul, neg, sin, sqrt, sub, total, where
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
-from skyarm.sensing.sensor_kinds import HeadingReading, ImuReading, PoseReading
+from skyarm.sensing.sensor_kinds import HeadingReading, ImuReading, PoseReading, PositionReading
+
+Aid = PoseReading | PositionReading | HeadingReading
+"""Reading that corrects the inertial unit's."""
 
 POSITION, VELOCITY, ATTITUDE, GYRO_BIAS, ACCELEROMETER_BIAS, PUSH = 0, 3, 6, 9, 12, 15
 """First component of each part of the error."""
 
-Covariance = tuple[tuple[Any, ...], ...]
-Row = Mapping[int, Any]
+Covariance = tuple[tuple[Scalar, ...], ...]
+Row = Mapping[int, Scalar]
 """Entries of a row of a matrix that are not zero by structure."""
 
 
@@ -35,7 +38,7 @@ def diagonal(variances: Sequence[Scalar]) -> Covariance:
     return tuple(tuple(data(v) if i == j else 0.0 for j in range(i + 1)) for i, v in enumerate(variances))
 
 
-def entry(P: Covariance, i: int, j: int) -> Any:
+def entry(P: Covariance, i: int, j: int) -> Scalar:
     """Element P[i][j] of a symmetric matrix that is stored as its lower triangle."""
     return P[i][j] if j <= i else P[j][i]
 
@@ -50,7 +53,7 @@ def transition(R_WB: Mat3, force_W: Vec3, dt: Scalar, *, modelled: bool = False)
         R_WB: attitude.
         force_W: specific force less its bias, or the modelled one, world axes, m/s^2.
         dt: s.
-        modelled: whether the force comes from a model.
+        modelled: True if the force comes from a model.
 
     Source: Sola 2017, equation 311 with the attitude's error in world axes (section 7.1).
     """
@@ -82,15 +85,15 @@ def predict_covariance(P: Covariance, F: Sequence[Row], variances: Sequence[Scal
 
 def update_by_scalar(
     P: Covariance, error: Sequence[Scalar], H: Row, innovation: Scalar, variance: Scalar
-) -> tuple[Covariance, list[Any], Any]:
+) -> tuple[Covariance, list[Scalar], Scalar]:
     """Kalman update by one scalar measurement: covariance, mean error and normalised squared innovation.
 
     Args:
-        P: before.
+        P: covariance before the update.
         error: mean of the error, as measurements of the same instant have made it so far.
         H: derivative of the measurement by the error.
         innovation: measurement minus its prediction by the nominal state.
-        variance: of the measurement's noise.
+        variance: variance of the measurement's noise.
     """
     PH = [total(mul(entry(P, i, j), c) for j, c in H.items()) for i in range(len(P))]
     spread = total(mul(PH[i], c) for i, c in H.items()) + variance
@@ -106,7 +109,7 @@ def scaled_covariance(P: Covariance, factor: Scalar) -> Covariance:
     return tuple(tuple(each * factor for each in row) for row in P)
 
 
-def gate_of(deviations: Scalar, count: int) -> Any:
+def gate_of(deviations: Scalar, count: int) -> Scalar:
     """Innovation gate: largest accepted normalised squared innovation of ``count`` scalars.
 
     The quantile of chi-square with ``count`` degrees of freedom whose probability is that of a normal number below
@@ -115,7 +118,7 @@ def gate_of(deviations: Scalar, count: int) -> Any:
     Source: Wilson, Hilferty 1931.
     """
     share = 2.0 / (9.0 * count)
-    root = 1.0 - share + deviations * share**0.5
+    root: Scalar = 1.0 - share + deviations * share**0.5
     return root * root * root * count
 
 
@@ -132,7 +135,7 @@ class Navigated:
 
 
 def navigate(
-    now: Navigated, before: ImuReading, after: ImuReading, gravity: Any, dt: Any, modelled: Vec3 | None = None
+    now: Navigated, before: ImuReading, after: ImuReading, gravity: Any, dt: Scalar, modelled: Vec3 | None = None
 ) -> tuple[Navigated, Vec3]:
     """Inertial navigation step: next nominal state, and mean specific force without bias (world axes, m/s^2).
 
@@ -188,27 +191,27 @@ class ScalarInnovation:
     """Innovation of one scalar measurement: Jacobian row, innovation and noise variance."""
 
     H: Row
-    value: Any
-    variance: Any
+    value: Scalar
+    variance: Scalar
 
 
 def innovations(
-    belief: Navigated, reading: Any, position: Scalar, attitude: Scalar, heading: Scalar
+    belief: Navigated, reading: Aid, position: Scalar, attitude: Scalar, heading: Scalar
 ) -> list[ScalarInnovation]:
     """Innovations of a pose, position or heading reading; the other arguments are noise standard deviations."""
     if isinstance(reading, HeadingReading):
         return [_of_heading(belief.quaternion.rotation(), reading.heading, heading * heading)]
     off = enumerate(reading.position - belief.position)
-    found = [ScalarInnovation(H={POSITION + i: 1}, value=c, variance=position * position) for i, c in off]
+    rows = [ScalarInnovation(H={POSITION + i: 1}, value=c, variance=position * position) for i, c in off]
     if isinstance(reading, PoseReading):
         turns = enumerate(turn_between(belief.quaternion, reading.quaternion))
-        found += [ScalarInnovation(H={ATTITUDE + i: 1}, value=c, variance=attitude * attitude) for i, c in turns]
-    return found
+        rows += [ScalarInnovation(H={ATTITUDE + i: 1}, value=c, variance=attitude * attitude) for i, c in turns]
+    return rows
 
 
 def turn_between(believed: Quaternion, read: Quaternion) -> tuple[Scalar, Scalar, Scalar]:
     """Rotation vector (rad, world axes, to second order) from the estimated to the measured attitude."""
-    turn = read * Quaternion(believed.w, -believed.x, -believed.y, -believed.z)
+    turn = read * believed.conjugate()
     factor = where(turn.w < 0.0, -2.0, 2.0)
     return turn.x * factor, turn.y * factor, turn.z * factor
 
@@ -232,12 +235,12 @@ def of_specific_force(belief: Navigated, measured: Vec3, modelled: Vec3, varianc
     """
     R = belief.quaternion.rotation()
     off = measured - modelled - R.apply_T(belief.push) - belief.accelerometer_bias
-    found = []
+    rows = []
     for i, value in enumerate(off):
         axis = R.column(i)
         # row i of R^T S(d) is axis^T S(d) = (axis x d)^T
         turned = enumerate(axis.cross(belief.push))
-        H: dict[int, Any] = {ATTITUDE + j: c for j, c in turned}
+        H: dict[int, Scalar] = {ATTITUDE + j: c for j, c in turned}
         H |= {ACCELEROMETER_BIAS + i: 1, **{PUSH + j: c for j, c in enumerate(axis)}}
-        found.append(ScalarInnovation(H=H, value=value, variance=variance))
-    return found
+        rows.append(ScalarInnovation(H=H, value=value, variance=variance))
+    return rows

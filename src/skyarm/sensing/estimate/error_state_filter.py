@@ -128,8 +128,8 @@ class ErrorStateFilter(FilterNumbers):
         # servos of tilting rotors count as at their commanded angles
         leaning = tilting.turn_rotors(self.vehicle, command.tilts) if command.tilts else self.vehicle
         force = modelled_force(leaning, velocity, rate, joints.joints, joints.rates, (old, speeds), command.efforts)
-        kept = tuple(blend(started, each, force) for each in memory.modelled[1:])
-        return replace(memory, rotor_speeds=speeds, modelled=(*kept, force))
+        queue = tuple(blend(started, each, force) for each in memory.modelled[1:])
+        return replace(memory, rotor_speeds=speeds, modelled=(*queue, force))
 
     def _predict(self, memory: FilterMemory, before: ImuReading) -> FilterMemory:
         """Predict estimate and covariance over one inertial reading, to the filter's delayed instant."""
@@ -154,11 +154,11 @@ class ErrorStateFilter(FilterNumbers):
             due, reading = in_turn(queue, after, memory.inertial[0].time)
             rows = innovations(belief, reading, self.position, self.attitude, self.heading)
             allowed = where(self.gate > 0.0, gate_of(self.gate, len(rows)), float("inf"))
-            belief, updated, found = _apply_innovations(belief, P, rows, due, allowed)
-            passed, failed = logical_and(due, found < allowed), logical_and(due, logical_not(found < allowed))
+            belief, updated, test_value = _apply_innovations(belief, P, rows, due, allowed)
+            passed, failed = logical_and(due, test_value < allowed), logical_and(due, logical_not(test_value < allowed))
             P = scaled_covariance(updated, where(failed, self.inflation, 1.0))
             taken, refused = taken + where(passed, 1.0, 0.0), refused + where(failed, 1.0, 0.0)
-            surprise = where(due, found, surprise)
+            surprise = where(due, test_value, surprise)
         return replace(memory, belief=belief, covariance=P, taken=taken, refused=refused, surprise=surprise)
 
     def _measurement(self, memory: FilterMemory, imu: ImuReading, encoders: EncoderReading) -> Measurement:
@@ -187,10 +187,11 @@ class ErrorStateFilter(FilterNumbers):
 
 def _apply_innovations(
     belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Scalar, allowed: Scalar
-) -> tuple[Navigated, Covariance, Any]:
+) -> tuple[Navigated, Covariance, Scalar]:
     """Kalman update by the innovations of a reading if it is due and passes the gate; returns the test value too."""
-    error: list[Any] = [0] * len(P)
-    after, surprise = P, 0
+    error: list[Scalar] = [0] * len(P)
+    surprise: Scalar = 0
+    after = P
     for row in rows:
         after, error, part = update_by_scalar(after, error, row.H, row.value, row.variance)
         surprise = surprise + part

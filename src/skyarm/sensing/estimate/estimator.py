@@ -7,7 +7,9 @@ from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -50,19 +52,19 @@ class Estimator:
             ValueError: one line with field, value and what is allowed.
         """
 
-    def require_torques(self, vehicle: str, drives: Mapping[str, Any]) -> None:
+    def require_torques(self, vehicle: str, drives: Mapping[str, Drive]) -> None:
         """Refuse joint drives whose efforts the estimator cannot predict; ``vehicle``: name for the message."""
 
-    def start(self, vehicle: Vehicle) -> Any:
+    def start(self, vehicle: Vehicle) -> Tree:
         """Initial internal state, a dataclass or tuple of scalars; ``vehicle`` is the controller's model."""
         return ()
 
-    def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:
+    def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Tree, Measurement]:
         """Return the next internal state and the measurement of the control law, once per control period.
 
         Args:
-            memory: after the last period.
-            readings: by the sensor's name, as they have arrived; a slow sensor's reading stays until its next.
+            memory: internal state after the last period.
+            readings: arrived readings by the sensor's name; a slow sensor's reading stays until its next.
             command: the one that acts now.
             dt: control period, s.
         """
@@ -73,10 +75,9 @@ class Estimator:
 class PassThrough(Estimator):
     """Estimator that passes the full-state reading to the control law unchanged."""
 
-    def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:
+    def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Tree, Measurement]:
         """Return the full-state reading as the measurement, and the internal state unchanged."""
-        measurement: Measurement = readings[FULL_STATE]
-        return memory, measurement
+        return memory, readings[FULL_STATE]
 
 
 PASS_THROUGH = PassThrough()

@@ -8,12 +8,13 @@ from typing import Annotated, Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, logical_and, logical_or, mul, sqrt
+from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend
 from skyarm.records.units import Unit
-from skyarm.sensing.estimate.error_state import ATTITUDE, Covariance, Navigated, diagonal, level_attitude
+from skyarm.sensing.estimate.error_state import ATTITUDE, Aid, Covariance, Navigated, diagonal, level_attitude
 from skyarm.sensing.estimate.estimator import Estimator
 from skyarm.sensing.estimate.filter_models import FilteredJoints
 from skyarm.sensing.sensor import Sensor
@@ -41,7 +42,7 @@ _ORIGIN = Vec3(0.0, 0.0, 0.0)
 _LEVEL = Quaternion(1.0, 0.0, 0.0, 0.0)
 
 BLANK_INERTIAL = ImuReading(time=0.0, rate=_ORIGIN, specific_force=_ORIGIN)
-BLANK_READINGS: dict[type, Any] = {
+BLANK_READINGS: dict[type, Aid] = {
     PoseReading: PoseReading(time=0.0, position=_ORIGIN, quaternion=_LEVEL),
     PositionReading: PositionReading(time=0.0, position=_ORIGIN),
     HeadingReading: HeadingReading(time=0.0, heading=0.0),
@@ -62,8 +63,8 @@ class FilterMemory:
         aiding: for each kind of aiding reading what has arrived since then, oldest first.
         modelled: specific force of the nominal vehicle over the period that ends with each of ``inertial``, m/s^2,
             base axes; nothing where the force is measured.
-        joints: of the encoders. rotor_speeds: of the nominal vehicle's motors, rad/s.
-        taken, refused: how many readings passed the innovation test, and how many did not.
+        joints: filtered readings of the encoders. rotor_speeds: speeds of the nominal vehicle's motors, rad/s.
+        taken, refused: numbers of readings that passed the innovation test, and that did not.
         surprise: normalised squared innovation of the last reading; for a matched filter its mean is the number of the
             reading's components.
     """
@@ -72,7 +73,7 @@ class FilterMemory:
     belief: Navigated
     covariance: Covariance
     inertial: tuple[ImuReading, ...]
-    aiding: tuple[tuple[Any, ...], ...]
+    aiding: tuple[tuple[Aid, ...], ...]
     joints: FilteredJoints
     modelled: tuple[Vec3, ...]
     rotor_speeds: tuple[Scalar, ...]
@@ -91,18 +92,18 @@ class FilterMemory:
         return sqrt(self.covariance[ATTITUDE + 2][ATTITUDE + 2])
 
     @property
-    def time(self) -> Any:
+    def time(self) -> Scalar:
         """Time of the filter's state and covariance, s."""
         return self.inertial[0].time
 
 
-def in_turn(queue: Sequence[Any], after: Scalar, until: Scalar) -> tuple[Any, Any]:
+def in_turn(queue: Sequence[Aid], after: Scalar, until: Scalar) -> tuple[Scalar, Aid]:
     """Find the reading in a queue whose time stamp is in (after, until]; returns a flag and the reading."""
-    reading, found = queue[0], due_between(queue[0].time, after, until)
+    reading, any_due = queue[0], due_between(queue[0].time, after, until)
     for each in queue[1:]:
         due = due_between(each.time, after, until)
-        found, reading = logical_or(found, due), blend(due, each, reading)
-    return found, reading
+        any_due, reading = logical_or(any_due, due), blend(due, each, reading)
+    return any_due, reading
 
 
 def due_between(time: Scalar, after: Scalar, until: Scalar) -> Scalar:
@@ -143,7 +144,7 @@ class FilterNumbers(Estimator):
         first_velocity, first_tilt, first_heading, first_gyro_bias, first_accelerometer_bias, first_push: deviations of
             what the first readings do not determine. start_heading: rad, without a heading reading.
         joint_bandwidth: rad/s, of the filter of the encoders; 0 takes positions and rates as they are read.
-        gravity: m/s^2; that of the controller's belief if left out. vehicle: that of its belief, given by the loop.
+        gravity: m/s^2; that of the controller's model if left out. vehicle: nominal vehicle, given by the loop.
     """
 
     aiding: str = "pose"
@@ -191,7 +192,7 @@ class FilterNumbers(Estimator):
         """
         self.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
         lag = self.delay_periods / rate
-        found = dict[type, str]()
+        name_of = dict[type, str]()
         needed = (Imu, *NEEDED[self.aiding], *((Encoders,) if vehicle.n else ()))
         for kind in needed:
             names = [name for name, sensor in sensors.items() if isinstance(sensor, kind)]
@@ -201,19 +202,19 @@ class FilterNumbers(Estimator):
                     f"estimator: needs one sensor of kind {word!r} ([sensors.NAME] with kind = {word!r}); "
                     f"there are {len(names)} of kind {word!r}"
                 )
-            found[kind], sensor = names[0], sensors[names[0]]
+            name_of[kind], sensor = names[0], sensors[names[0]]
             if kind in NEEDED[self.aiding] and sensor.latency > lag + 1e-9:
                 raise ValueError(
                     f"estimator.delay_periods: lags {lag:g} s, must be at least sensors.{names[0]}.latency = "
                     f"{sensor.latency:g} s, or those readings are never used"
                 )
-            if kind in NEEDED[self.aiding] and sensor.latency < sensors[found[Imu]].latency - 1e-9:
+            if kind in NEEDED[self.aiding] and sensor.latency < sensors[name_of[Imu]].latency - 1e-9:
                 raise ValueError(
-                    f"sensors.{found[Imu]}.latency = {sensors[found[Imu]].latency:g} s: must be at most sensors."
+                    f"sensors.{name_of[Imu]}.latency = {sensors[name_of[Imu]].latency:g} s: must be at most sensors."
                     f"{names[0]}.latency = {sensor.latency:g} s, or the filter never uses those readings"
                 )
 
-    def require_torques(self, vehicle: str, drives: Mapping[str, Any]) -> None:
+    def require_torques(self, vehicle: str, drives: Mapping[str, Drive]) -> None:
         """Refuse the modelled specific force for joints whose drives take no torque setpoint.
 
         Raises:
@@ -246,7 +247,7 @@ class FilterNumbers(Estimator):
 
     def added_variances(self, belief: Navigated, reading: ImuReading, dt: Scalar) -> list[Scalar]:
         """Process noise variances of one step, per error component; zero for position (third order in dt)."""
-        added: list[Any] = [0] * 3
+        added: list[Scalar] = [0] * 3
         noise = 0 if self.uses_model else self.accelerometer * self.accelerometer
         for density in (noise, *(each * each for each in (self.gyro, self.gyro_walk, self.accelerometer_walk))):
             added += [mul(density, dt)] * 3

@@ -14,7 +14,7 @@ Source: Brookner 1998, "Tracking and Kalman filtering made easy", section 1.2.6 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Vec3
@@ -33,7 +33,7 @@ class FilteredJoints:
     """Filtered joint positions and rates with the instants to which they belong.
 
     Attributes:
-        joints, rates: at the instant ``now``.
+        joints, rates: positions and rates at the instant ``now``.
         read: instant of the last encoder reading that was used, s.
         heard: instant of the inertial unit's last reading, s. now: instant of ``joints`` and ``rates``, s.
     """
@@ -84,7 +84,7 @@ def modelled_force(
     rate: Vec3,
     joints: Sequence[Scalar],
     joint_rates: Sequence[Scalar],
-    speeds: tuple[Sequence[Any], Sequence[Any]],
+    speeds: tuple[Sequence[Scalar], Sequence[Scalar]],
     efforts: Sequence[Scalar],
 ) -> Vec3:
     """Specific force of the base by the vehicle model in still air, mean over a period, base axes, m/s^2.
@@ -95,10 +95,10 @@ def modelled_force(
         vehicle: nominal one, of the controller's model.
         velocity_B: m/s, base axes.
         rate: rad/s, base axes.
-        joints: at the end of the period.
-        joint_rates: at the end of the period.
-        speeds: of the rotors at the beginning and at the end, rad/s; thrust goes with the mean of their squares.
-        efforts: of the joints over the period, N m or N: setpoints of drives that give torques.
+        joints: rad or m, at the end of the period.
+        joint_rates: rad/s or m/s, at the end of the period.
+        speeds: speeds of the rotors at the beginning and at the end, rad/s; thrust goes with the mean of their squares.
+        efforts: efforts of the joints over the period, N m or N: setpoints of drives that give torques.
     """
     mean = [sqrt(0.5 * (a * a + b * b)) for a, b in zip(*speeds, strict=True)]
     # rotor by rotor: sums over alike rotors would round otherwise where their numbers are parameters

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from skyarm.dynamics.actuators import make_mixer
-from skyarm.dynamics.actuators.motion_demand import Demand, demand_of_motion, motion_of
-from skyarm.records.arrays import Array
+from skyarm.dynamics.actuators.motion_demand import ActuatorDemand, demand_of_motion, motion_of
+from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.arm_poses import Allocation, ArmPoses, lanes
+from skyarm.studies.assess.arm_poses import Allocation, ArmPoses
 from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding
 from skyarm.studies.assess.flight_loads import FlightPart, flight_parts, reference_at
 from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos
@@ -42,7 +42,7 @@ class Followed:
         demand: of rotors and joints. rotors, joints: shares (rotors or n, K) of their limits.
     """
 
-    demand: Demand
+    demand: ActuatorDemand
     rotors: Array
     joints: Array
 
@@ -70,10 +70,10 @@ def follow(parts: Sequence[FlightPart]) -> Followed:
     """Rotor speeds and joint efforts for exact tracking of a scenario's reference, as shares of their limits."""
     with np.errstate(over="ignore", invalid="ignore"):  # a demand that is no number becomes a fault, not a warning
         pieces = [_stretch(part, time) for part in parts for time in _sample_times(part, parts[-1].stop)]
-    names = field_names(Demand) or ()
+    names = field_names(ActuatorDemand) or ()
     demands = [piece.demand for piece in pieces]
     return Followed(
-        Demand(*(np.concatenate([getattr(piece, name) for piece in demands], axis=-1) for name in names)),
+        ActuatorDemand(*(np.concatenate([getattr(piece, name) for piece in demands], axis=-1) for name in names)),
         np.concatenate([piece.rotors for piece in pieces], axis=1),
         np.concatenate([piece.joints for piece in pieces], axis=1),
     )
@@ -88,14 +88,14 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
     loaded = [part for part in parts if part.words]
     for part in sorted(loaded, key=lambda each: -float(each.vehicle.mass)):
         reference = reference_at(part.scenario, np.linspace(part.start, part.stop, POSES_HELD, endpoint=False))
-        joints, gravity = lanes(reference.joints, POSES_HELD).T, float(part.scenario.plant.gravity)
+        joints, gravity = stack_values(POSES_HELD, reference.joints).T, float(part.scenario.plant.gravity)
         poses = ArmPoses.only(part.vehicle, joints, gravity, part.words)
         for each in thrust_margin(poses):
             answers.setdefault(each.question.removesuffix(part.words), []).append(each)
     return [max(each, key=lambda finding: LEVELS.index(finding.level)) for each in answers.values()]
 
 
-def _effort_shares(part: FlightPart, demand: Demand) -> Array:
+def _effort_shares(part: FlightPart, demand: ActuatorDemand) -> Array:
     """Joint efforts (n, K) as shares of the limits of joints and servos at the reference's joint rates."""
     vehicle = part.scenario.plant.vehicle
     limits = np.repeat(effort_limits(vehicle)[:, None], len(demand.time), axis=1)
@@ -139,7 +139,7 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
     return Followed(demand, demand.squared / top, _effort_shares(part, demand))
 
 
-def _joint_limits(scenario: Scenario, demand: Demand) -> list[Finding]:
+def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
     found = []
     for i, link in enumerate(scenario.plant.vehicle.links):
         joint, q = link.joint, demand.joints[i]
@@ -163,7 +163,7 @@ def _joint_limits(scenario: Scenario, demand: Demand) -> list[Finding]:
 
 
 def _saturation(
-    question: str, demand: Demand, share: Array, parts: list[tuple[str, str]], reversed_: Any = None
+    question: str, demand: ActuatorDemand, share: Array, parts: list[tuple[str, str]], reversed_: Any = None
 ) -> Finding:
     """Check result for all rotors or all joints: which saturates first, when, and for what share of the flight."""
     within = share <= 1.0  # false for what is no number

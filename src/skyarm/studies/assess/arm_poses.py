@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -14,19 +13,13 @@ from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.mixer import Mixer
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle, undriven_joints
 
 WRENCH = 4
 """Rows of a wrench that the mixer reads: torque x, y, z (N m, about the base origin) and force along z (N)."""
-
-
-def lanes(values: Iterable[Any], count: int) -> Array:
-    """Stack scalars and arrays into one array (values, K), each broadcast to length K."""
-    rows = [np.broadcast_to(np.asarray(v, dtype=float), count) for v in values]
-    return np.stack(rows) if rows else np.zeros((0, count))
 
 
 def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
@@ -40,7 +33,7 @@ def hover_efforts(vehicle: Vehicle, gravity: float, joints: Array) -> Array:
     still = (0.0,) * vehicle.n
     level = Motion(ZERO3, E_Z * gravity)
     force, efforts = dynamics.inverse_dynamics(vehicle, tuple(joints.T), ZERO3, still, level, still)
-    return lanes((*force.torque, force.force.z, *efforts), len(joints))
+    return stack_values(len(joints), (*force.torque, force.force.z, *efforts))
 
 
 @immutable(kw_only=False)

@@ -12,13 +12,12 @@ import numpy as np
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, Mask, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.reference.path_time import governed_reference
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.arm_poses import lanes
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -129,4 +128,4 @@ def _along(scenario: Scenario, frame: str, time: Array) -> Array:
         joint_rates=(0.0,) * vehicle.n,
     )
     motion = PointMotion(vehicle, state)
-    return lanes(motion.position(*motion.frame(frame or None)), len(time))
+    return stack_values(len(time), motion.position(*motion.frame(frame or None)))

@@ -8,9 +8,9 @@ import numpy as np
 
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.dynamics.kinematics import Pose, link_poses
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, stack_values
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, lanes
+from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -113,4 +113,4 @@ def tip_places(vehicle: Vehicle, joints: Array) -> Array:
     """Tip positions (poses, 3) in base axes, m."""
     frame = vehicle.frame()
     place = link_poses(vehicle, tuple(joints.T))[frame.link] @ Pose(frame.rotation, frame.position)
-    return lanes(place.p, len(joints)).T
+    return stack_values(len(joints), place.p).T

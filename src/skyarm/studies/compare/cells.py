@@ -1,4 +1,4 @@
-"""Flights of a controller comparison: the work of one controller in one case and condition, and its cell of results.
+"""Flights of a comparison, by controller, case and condition: their work, its cell of results, and its statistics.
 
 A law that can be traced flies all episodes of a cell as one batch; others, and every law on MuJoCo's plant, fly one
 episode after the other, about a thousand times slower.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.perturbed_plants import draw
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Rows, Work
+from skyarm.studies.sweep.intervals import bootstrap_mean, quantiles, wilson
 
 JITTER, LIMITED = "rotor_jitter", "rotor_saturation"
 """Metrics that every table shows beside the tip's error: RMS change of a rotor command per control period, rad/s, and
@@ -43,6 +44,12 @@ ONE_BY_ONE = 8
 
 TILTED = math.radians(80.0)
 """rad: a flight that leans further is lost, even where it comes to its end."""
+
+Record = Mapping[str, Any]
+"""Plain data of a results file."""
+
+Document = dict[str, Any]
+"""The same while it is written."""
 
 NAMES = ("condition", "case", "law")
 """Columns of the rows that name a cell."""
@@ -178,3 +185,60 @@ class Flights:
         """
         efforts = (f"tau{i + 1}_rms" for i, each in enumerate(setpoints) if not each)
         return (*METRICS, *efforts, *sorted(registered("metric", shipped=False)), *self.further_metrics)
+
+
+SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max_continuous", 0.020
+"""A success flew to its end with the tip within 20 mm of its reference all through the last 5 s."""
+
+
+def summary(cell: Cell) -> Document:
+    """Statistics of repeated flights: success rate, and mean, tail and confidence interval of each metric.
+
+    Metrics are those of the episodes that flew to their end; null where none did. Peaks along an axis count by their
+    size: of two flights that swing either way the mean is no small peak.
+    """
+    whole = cell.completed
+    good = successes(cell)
+    count = int(whole.size)
+    return {
+        "episodes": count,
+        "completed": int(whole.sum()),
+        "success": int(good.sum()),
+        "success_rate": float(good.mean()) if count else None,
+        "success_interval": list(wilson(int(good.sum()), count)),
+        "endings": {str(name): int((cell.status == name).sum()) for name in np.unique(cell.status)},
+        "metrics": {name: _spread(magnitudes(name, values[whole])) for name, values in cell.metrics.items()},
+    }
+
+
+def magnitudes(name: str, values: Array) -> Array:
+    """Values of a metric, absolute for signed peaks along an axis."""
+    return np.abs(values) if "peak" in name else values
+
+
+def successes(cell: Cell) -> Mask:
+    """True for each flight that ended with the tip within 20 mm of its reference."""
+    with np.errstate(invalid="ignore"):
+        return cell.completed & (cell.metrics[SUCCESS_METRIC] < SUCCESS_LIMIT)
+
+
+def _spread(values: Array) -> Document | None:
+    finite = np.asarray(values, dtype=float)
+    finite = finite[np.isfinite(finite)]
+    if not finite.size:
+        return None
+    low, high = bootstrap_mean(finite) if finite.size > 1 else (float(finite[0]),) * 2
+    return {
+        "mean": float(finite.mean()),
+        "mean_interval": [low, high],
+        "p95": quantiles(finite, [0.95])[0],
+        "max": float(finite.max()),
+    }
+
+
+def table(cells: Mapping[tuple[str, str, str], Cell]) -> Document:
+    """Nested dictionary of flight statistics by condition, case and controller."""
+    found: Document = {}
+    for (condition, case, entrant), cell in cells.items():
+        found.setdefault(condition, {}).setdefault(case, {})[entrant] = summary(cell)
+    return found

@@ -9,13 +9,14 @@ from typing import Any
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.studies.compare.cells import Document
 from skyarm.studies.compare.comparison import SUITE, Comparison
 from skyarm.studies.compare.contact_suite import CONTACT, ContactSuite
 from skyarm.studies.compare.contact_tasks import OWN
 from skyarm.studies.compare.entrants import chosen_entrants, chosen_laws
 from skyarm.studies.compare.envelope import ENVELOPE, Envelope
 from skyarm.studies.compare.own_scenario import OwnScenario
-from skyarm.studies.compare.run_suite import Document, Suite, fly_suite
+from skyarm.studies.compare.run_suite import Suite, fly_suite
 from skyarm.studies.flights.executor import Progress
 from skyarm.view.pages import Report, section
 
@@ -62,14 +63,28 @@ def compare(
     Raises:
         ValueError: one line. OSError: a file cannot be written.
     """
-    kind = SUITES.get(str(what))
-    if laws is not None:
-        names = [laws] if isinstance(laws, str) else laws
-        if what == SUITE:
-            options["entrants"] = chosen_entrants(names, "laws")
-        else:
-            # of an own scenario any controller flies
-            options["laws"] = chosen_laws(names, "laws", OWN if what == CONTACT else () if kind else names)
-    suite: Suite[Any] = OwnScenario(scenario=what, **options) if kind is None else kind(**options)
+    names = [laws] if isinstance(laws, str) else laws
+    suite = suite_of(what, names, "laws", **options)
     document = fly_suite(suite, out, workers=workers, on=on, progress=progress)
     return ComparisonResults(folder=Path(out), document=document, report=suite.report(document))
+
+
+def suite_of(what: Scenario | PathLike, names: Sequence[str] | None, field: str, /, **options: Any) -> Suite[Any]:
+    """Comparison of laws on a scenario or on a suite of trials, to be flown.
+
+    Args:
+        what: a scenario, the name or path of one, or a name of ``SUITES``.
+        names: of controllers; None for the usual ones of the comparison, or those of ``options``.
+        field: of the names, in messages.
+        options: fields of the comparison.
+
+    Raises:
+        ValueError: one line: a name of no law, or two names of one.
+    """
+    kind = SUITES.get(str(what))
+    if names is not None and kind is Comparison:
+        options["entrants"] = chosen_entrants(names, field)
+    elif names is not None:
+        # of an own scenario any controller flies
+        options["laws"] = chosen_laws(names, field, OWN if what == CONTACT else () if kind else names)
+    return OwnScenario(scenario=what, **options) if kind is None else kind(**options)

@@ -6,10 +6,8 @@ behind the believed surface, and its press waits for no force; all else is the s
 
 from __future__ import annotations
 
-import dataclasses
 import tomllib
 from collections.abc import Mapping
-from importlib import resources
 from typing import Any
 
 from skyarm.control.controller import presses
@@ -17,10 +15,10 @@ from skyarm.records.immutable import immutable
 from skyarm.records.registry.shipped import TUNED as TUNED_GAINS
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
-from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.scenario.scenario_record import Delays, Scenario, with_words
 from skyarm.studies.compare.entrants import TUNED
 from skyarm.studies.compare.envelope_setting import PAPER
-from skyarm.studies.compare.suite import NOISE, force_wind
+from skyarm.studies.compare.suite import NOISE, force_wind, library_rows
 
 Range = tuple[float, float]
 
@@ -91,17 +89,7 @@ class Task:
     stands: float | None = None
 
 
-def _plain(value: Any) -> Any:
-    """Convert an array read from a file to a tuple; return other values unchanged."""
-    return tuple(value) if isinstance(value, list) else value
-
-
-TASKS: Mapping[str, Task] = {
-    row["name"]: Task(**{key: _plain(value) for key, value in row.items()})
-    for row in tomllib.loads(
-        (resources.files("skyarm.studies.compare") / "library" / "contact_tasks.toml").read_text("utf-8")
-    )["tasks"]
-}
+TASKS: Mapping[str, Task] = {row["name"]: Task(**row) for row in library_rows("contact_tasks")}
 """By name, in the order of the tables."""
 
 
@@ -157,15 +145,8 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
     if task.push and not presses(found.controller.par):
         led = scenario_from(as_positions(task, document))
         found = led.with_controller(found.controller)
-    return dataclasses.replace(
-        found,
-        name=task.name,
-        seed=seed,
-        agent=dataclasses.replace(
-            found.agent, noise=NOISE if noisy else found.noise, delays=Delays(longest_command=DELAY)
-        ),
-        environment=dataclasses.replace(found.environment, wind=force_wind(found)),
-    )
+    noise, delays = NOISE if noisy else found.noise, Delays(longest_command=DELAY)
+    return with_words(found, name=task.name, seed=seed, noise=noise, delays=delays, wind=force_wind(found))
 
 
 def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field
-from importlib import resources
 from typing import Any
 
 from skyarm.control.catalogue import (
@@ -27,7 +25,7 @@ from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.registry.plugins import law_of_file_name
 from skyarm.records.registry.registrations import SHIPPED, registrations
-from skyarm.studies.compare.suite import DELAY
+from skyarm.studies.compare.suite import DELAY, library_rows
 
 PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}
 """Every step of the ladder flies with the paper's gains; only the law differs."""
@@ -122,10 +120,5 @@ def _entrant(row: dict[str, Any]) -> Entrant:
     return Entrant(options={**gains, **options}, **row)
 
 
-ENTRANTS: Mapping[str, Entrant] = {
-    row["name"]: _entrant(row)
-    for row in tomllib.loads(
-        (resources.files("skyarm.studies.compare") / "library" / "entrants.toml").read_text("utf-8")
-    )["entrants"]
-}
+ENTRANTS: Mapping[str, Entrant] = {row["name"]: _entrant(row) for row in library_rows("entrants")}
 """By name, in the order of the tables."""

@@ -1,4 +1,4 @@
-"""Performance envelope of controllers: one trial parameter at a time is increased until the vehicle crashes.
+"""Performance envelope of controllers, and its tables: one trial parameter at a time is increased until the crash.
 
 A law flies an axis as one batch where the axis' values are data of one scenario, value by value where they are not.
 """
@@ -6,29 +6,28 @@ A law flies an axis as one batch where the axis' values are data of one scenario
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import ONE_BY_ONE, Cell, Flights
+from skyarm.studies.compare.cells import JITTER, LIMITED, ONE_BY_ONE, Cell, Document, Flights, Record
 from skyarm.studies.compare.entrants import TUNED, Entrant
-from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, Axis, plants_at
-from skyarm.studies.compare.envelope_report import (
-    axis_record,
-    envelope_picture,
-    envelope_report,
-    points_of,
-)
+from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, TIP, TIP_MAX, Axis, plants_at
 from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
-from skyarm.studies.compare.run_suite import Document, Record, Refused, Suite
+from skyarm.studies.compare.run_suite import DPI, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.view.pages import Report
+from skyarm.view.figures.comparison_figures import envelope_figure
+from skyarm.view.figures.style import image_bytes
+from skyarm.view.pages import DASH, Report, Section, Table, image, number
 
 ENVELOPE = "envelope-suite"
 
@@ -148,12 +147,8 @@ class Envelope(Suite[AxisFlights]):
     plant: str = "rigid_body"
     quick: bool = False
 
-    name, file = ENVELOPE, "envelope"
-
-    @property
-    def options(self) -> Document:
-        """Settings of the envelope as plain data: vehicle, seed, plant, and whether it is a quick one."""
-        return {"vehicle": self.vehicle, "seed": self.seed, "plant": self.plant, "quick": self.quick}
+    name, file, folder = ENVELOPE, "envelope", "out/envelope"
+    settings = ("vehicle", "seed", "plant", "quick")
 
     @property
     def setting(self) -> Setting:
@@ -213,3 +208,242 @@ class Envelope(Suite[AxisFlights]):
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Envelope report: a summary, and a table for each difficulty axis."""
         return envelope_report(found, (pictures or {}).get("envelope.png"))
+
+
+LEVELS = (0.010, 0.100)
+"""m: how far along an axis the error stays within these says where a law is good and where it still serves."""
+
+MEASURED = {
+    **{"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "tilt_max"},
+    **{"jitter": JITTER, "limited": LIMITED},
+}
+"""Key of a point -> metric, m, s, rad, rad/s and a share."""
+
+NEAR = 0.020
+"""m: a plant whose tip stays within this all through its window counts as held; the comparison's success."""
+
+OF_PLANTS = f"plants that keep the tip within {1e3 * NEAR:g} mm, tip of all: median of means / largest"
+"""The same of an axis of wrong plants."""
+
+JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base; time with the tip over 5 cm away"}
+"""What the numbers of an axis are, in words."""
+
+
+def points_of(cell: Cell, axis: Axis, values: int | None = None) -> list[Document]:
+    """Results along a difficulty axis as plain data: errors in m, tilt in rad, status, crashed or not.
+
+    Of an axis of plants one for each of so many ``values``.
+    """
+    found = _lanes(cell, axis)
+    if not axis.plants:
+        return found
+    count = len(found) // (values or 1)
+    return [point_of_plants(found[k : k + count]) for k in range(0, len(found), count)]
+
+
+def _lanes(cell: Cell, axis: Axis) -> list[Document]:
+    found = []
+    for k, status in enumerate(cell.status):
+        numbers = {
+            name: _finite(cell.metrics[metric][k]) for name, metric in (("judged", axis.metric), *MEASURED.items())
+        }
+        lost = not cell.tracked_to_end[k] or numbers["judged"] is None
+        found.append({**numbers, "status": str(status), "lost": bool(lost)})
+    return found
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def point_of_plants(flights: Sequence[Record]) -> Document:
+    """Combine the results of all perturbed plants at one axis value into one result.
+
+    It is judged by the largest mean error of the plants that fly to their end, and lost where one plant is. Its mean
+    is the median of the plants' means, all else the largest of theirs. ``plants`` has them one by one.
+    """
+    kept = [each for each in flights if not each["lost"]]
+    found: Document = {key: _over(kept, key, max) for key in ("judged", "tip_max", "outside", "jitter", "limited")}
+    found |= {"tip_mean": _over(kept, "tip_mean", np.median), "tilt": _over(flights, "tilt", max)}
+    gone = [each["status"] for each in flights if each["lost"]]
+    held = sum(each["tip_max"] <= NEAR for each in kept)
+    counts = {"of": len(flights), "held": held, "lost": len(gone)}
+    each = [{"judged": one["judged"], "lost": one["lost"]} for one in flights]
+    return {**found, "status": gone[0] if gone else "completed", "lost": bool(gone), "plants": {**counts, "each": each}}
+
+
+def _over(flights: Sequence[Record], key: str, how: Any) -> float | None:
+    numbers = [each[key] for each in flights if each[key] is not None]
+    found = float(how(numbers)) if numbers else math.nan
+    return found if math.isfinite(found) else None
+
+
+def axis_record(axis: Axis, setting: Setting) -> Document:
+    """Description of a difficulty axis as plain data, without results; values in display units."""
+    return {
+        "title": axis.title,
+        "unit": axis.unit,
+        "values": [float(f"{value * axis.shown:.6g}") for value in axis.of(setting)],
+        "judged": OF_PLANTS if axis.plants else JUDGED[axis.metric],
+        "noisy": axis.noisy,
+        "window_s": [axis.start, setting.duration],
+        "laws": {},
+    }
+
+
+def within(points: Sequence[Record], level: float) -> int:
+    """Number of difficulty values in a row that a controller completes with an error below a level, m."""
+    count = 0
+    for point in points:
+        if point["lost"] or point["judged"] > level:
+            break
+        count += 1
+    return count
+
+
+def lost_at(points: Sequence[Record]) -> list[int]:
+    """Indices of the difficulty values at which the vehicle crashes or diverges."""
+    return [k for k, point in enumerate(points) if point["lost"]]
+
+
+LOST = "lost"
+COMMANDS = "Rotor jitter (RMS change of a command per period), rad/s; periods with a rotor at its limit"
+CAPTION = "Error of every law along every axis, mm. A cross in the band at the top is a law that is lost there"
+
+MEANING = (
+    "Errors are distances of the tip from where a level base on its reference would carry it: mean / largest, mm; of "
+    "steps the base's overshoot. A law is lost where its flight ended early, tilted by over 80 degrees or "
+    "was, in the mean over its last 5 s, over 0.5 m off. After the semicolon the largest jitter of its other flights "
+    "(RMS change of a rotor command per period, rad/s), and the largest share of periods with a rotor at its limit."
+)
+
+HOW = (
+    "Trials of {seconds}; motions grow from rest between 2 and 5 s. Perfect state, or where an axis is noisy "
+    "1 mm, 1 cm/s, 2 mrad, 0.01 rad/s, joints 1 mrad, and measurements 5 ms old, of which laws that can are told. "
+    "Another vehicle than the paper's is given forces and loads by its weight, accelerations by its thrust margin "
+    "where that is smaller, and swings of the arm by its joints' limits."
+)
+
+
+def envelope_picture(found: Record) -> bytes:
+    """PNG picture of the errors along all difficulty axes."""
+    return image_bytes(envelope_figure(found["axes"], found["laws"]), dpi=DPI)
+
+
+def envelope_report(found: Record, picture: bytes | None = None) -> Report:
+    """Build the envelope report: a summary, and a table for each difficulty axis."""
+    axes, laws = found["axes"], found["laws"]
+    seconds = " and ".join(f"{each:g} s" for each in sorted({axis["window_s"][1] for axis in axes.values()}))
+    counted = [f"{len(each)} {one if len(each) == 1 else many}" for each, one, many in
+               ((laws, "law", "laws"), (axes, "axis", "axes"))]  # fmt: skip
+    return Report(
+        title=f"The envelope of {found['vehicle']}",
+        facts=f"{', '.join(counted)}, seed {found['seed']}, plant {found['plant']}; skyarm {versions()['skyarm']}",
+        sections=[
+            summary_section(found, picture),
+            *(
+                Section(
+                    title=axis_title(name, axis),
+                    remark=HOW.format(seconds=seconds) if name == next(iter(axes)) else "",
+                    tables=[
+                        Table(head=axis_head(axis), rows=axis_rows(axis)),
+                        Table(head=axis_head(axis), rows=command_rows(axis), caption=COMMANDS),
+                    ],
+                )
+                for name, axis in axes.items()
+            ),
+        ],
+    )
+
+
+def summary_section(found: Record, picture: bytes | None = None) -> Section:
+    """Report section with the range of every difficulty axis that each controller tolerates."""
+    axes, laws = found["axes"], found["laws"]
+    words = [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
+    return Section(
+        name="How far each law is good",
+        notes=[MEANING, *words],
+        pictures=image(CAPTION, CAPTION, picture, wide=True) if picture else "",
+        tables=[Table(head=summary_head(laws), rows=summary_rows(axes, laws))],
+    )
+
+
+def cell_text(point: Record, judged: str) -> str:
+    """Table text of an envelope result: mean and largest error, mm, or overshoot, mm; or "lost".
+
+    Of perturbed plants how many keep the tip and how many are lost, the median of their means and the largest error.
+    """
+    if "plants" in point:
+        plants = point["plants"]
+        parts = [f"{plants['held']} of {plants['of']}"]
+        parts += [f"{plants['lost']} lost"] if plants["lost"] else []
+        if plants["lost"] < plants["of"]:
+            parts.append(f"{number(point['tip_mean'], 1e3)} / {number(point['tip_max'], 1e3)}")
+        return "; ".join(parts)
+    if point["lost"]:
+        return LOST
+    if judged == JUDGED[TIP]:
+        return f"{number(point['judged'], 1e3)} / {number(point['tip_max'], 1e3)}"
+    return f"{number(point['judged'], 1e3)}; {number(point['outside'])} s"
+
+
+def axis_head(axis: Record) -> list[str]:
+    """Column headings of a difficulty axis' table: controller, then values with their unit."""
+    return ["law", *(f">{value:g} {axis['unit']}" for value in axis["values"])]
+
+
+def axis_rows(axis: Record) -> list[list[str]]:
+    """Rows of a difficulty axis' table of errors, one per controller."""
+    return [[law, *(cell_text(point, axis["judged"]) for point in points)] for law, points in axis["laws"].items()]
+
+
+def command_rows(axis: Record) -> list[list[str]]:
+    """Rows of a difficulty axis' table of rotor jitter and saturation, one per controller."""
+    return [[law, *map(command_text, points)] for law, points in axis["laws"].items()]
+
+
+def command_text(point: Record) -> str:
+    """Table text of the rotor commands: jitter, rad/s, and share of periods at a limit, %; of plants the largest."""
+    if point["jitter"] is None or (point["lost"] and "plants" not in point):
+        return LOST
+    return f"{number(point['jitter'])}; {number(point['limited'], 1e2)} %"
+
+
+def axis_title(name: str, axis: Record) -> str:
+    """Section title of a difficulty axis: its name, its trial, whether sensors are noisy, and the error metric."""
+    return f"{name.replace('_', ' ')}: {axis['title']}{', with noise' if axis['noisy'] else ''} ({axis['judged']}, mm)"
+
+
+def reach_text(axis: Record, points: Sequence[Record]) -> str:
+    """Text with the axis values up to which a controller's error stays low, and where it crashes.
+
+    Then the largest rotor jitter where it flies, rad/s, and the largest share of periods with a rotor at its limit.
+    """
+    values, gone = axis["values"], lost_at(points)
+    counts = [within(points, level) for level in LEVELS]
+    good = " / ".join(f"{values[count - 1]:g}" if count else DASH for count in counts)
+    if gone:
+        last = len(gone) > 1 and gone[0] + len(gone) == len(values)
+        good += f", lost from {values[gone[0]]:g}" if last else f", lost at {', '.join(f'{values[k]:g}' for k in gone)}"
+    flown = [point for point in points if not point["lost"]]
+    if not flown:
+        return good
+    jitter, limited = (max(point[key] or 0.0 for point in flown) for key in ("jitter", "limited"))
+    return f"{good}; {jitter:.2g}" + (f", {100.0 * limited:.2g} %" if limited else "")
+
+
+def summary_rows(axes: Record, laws: Sequence[str]) -> list[list[str]]:
+    """Rows of the envelope's summary: range of each difficulty axis, and how far each controller gets."""
+    rows = []
+    for name, axis in axes.items():
+        values, unit = axis["values"], axis["unit"]
+        span = f"{values[0]:g} to {values[-1]:g} {unit}"
+        cells = [reach_text(axis, axis["laws"][law]) if law in axis["laws"] else DASH for law in laws]
+        rows.append([f"{name.replace('_', ' ')}, {span}", *cells])
+    return rows
+
+
+def summary_head(laws: Sequence[str]) -> list[str]:
+    """Column headings of the envelope's summary table."""
+    levels = " / ".join(f"{1e3 * level:g}" for level in LEVELS)
+    return [f"within {levels} mm up to", *(f">{law}" for law in laws)]

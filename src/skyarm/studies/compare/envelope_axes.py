@@ -19,7 +19,7 @@ from skyarm.reference import Constant, Product, Pulses, Ramp, Signal, Sine, Sum,
 from skyarm.reference.splines import uniform_curve
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import LATE
-from skyarm.scenario.scenario_record import PERFECT_SENSORS, Change, Delays, JointDrive, Scenario
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Change, Delays, JointDrive, Scenario, with_words
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
@@ -129,7 +129,7 @@ class Axis:
         built = self.build(setting, value) if self.numbers is None else self.build(setting)
         if self.noisy and built.noise == PERFECT_SENSORS:
             delays = dataclasses.replace(built.delays, measurement=built.delays.measurement or DELAY)
-            built = dataclasses.replace(built, agent=dataclasses.replace(built.agent, noise=NOISE, delays=delays))
+            built = with_words(built, noise=NOISE, delays=delays)
         return built if self.numbers is None else with_numbers(built, self.numbers(setting, value))
 
 
@@ -169,15 +169,13 @@ def circle(setting: Setting, radius: float = 1.0, speed: float = 1.0) -> Scenari
 
 def slow_circle(setting: Setting, delays: Delays = ON_TIME, noise: SensorNoise = PERFECT_SENSORS) -> Scenario:
     """Envelope trial: slow horizontal circle, used for delays, lags, payloads and noise."""
-    flight = circle(setting, *SLOW)
-    return dataclasses.replace(flight, agent=dataclasses.replace(flight.agent, delays=delays, noise=noise))
+    return with_words(circle(setting, *SLOW), delays=delays, noise=noise)
 
 
 def slow_circle_with_onset(setting: Setting) -> Scenario:
     """Envelope trial: slow circle on which commands, on time before, are late from 8 s on."""
     late = Change(at=ONSET, path=LATE, value=LATEST)
-    flight = slow_circle(setting, Delays(measurement=DELAY, longest_command=LATEST))
-    return dataclasses.replace(flight, changes=(late,))
+    return with_words(slow_circle(setting), delays=Delays(measurement=DELAY, longest_command=LATEST), changes=(late,))
 
 
 def figure(setting: Setting) -> Scenario:
@@ -219,9 +217,7 @@ def vertical(setting: Setting) -> Scenario:
 
 def pushed_hover(setting: Setting, **force: Any) -> Scenario:
     """Envelope trial: hover under a given disturbance force."""
-    return dataclasses.replace(
-        setting.hover, environment=dataclasses.replace(setting.hover.environment, forces=(Disturbance(**force),))
-    )
+    return with_words(setting.hover, forces=(Disturbance(**force),))
 
 
 def turning_wind(setting: Setting) -> Scenario:
@@ -231,10 +227,7 @@ def turning_wind(setting: Setting) -> Scenario:
                         for axis, phase in (("x", 0.5 * math.pi), ("y", 0.0))})
         for size in (2.0 * setting.weight, 2.0)
     )  # fmt: skip
-    pushed = pushed_hover(setting, force=force)
-    return dataclasses.replace(
-        pushed, environment=dataclasses.replace(pushed.environment, air=(AirSignals(velocity_W=air),))
-    )
+    return with_words(pushed_hover(setting, force=force), air=(AirSignals(velocity_W=air),))
 
 
 def turbulence(setting: Setting, mean: float) -> Scenario:
@@ -243,13 +236,7 @@ def turbulence(setting: Setting, mean: float) -> Scenario:
     sigma, length = Vec3(*(0.5 * mean,) * 3), Vec3(*(SCALE_LENGTH,) * 3)
     gusts = Dryden(intensity=sigma, scale_length=length, airspeed=mean, direction_W=E_X)
     plant = dataclasses.replace(setting.hover.plant, vehicle=dataclasses.replace(setting.truth, drag=drag))
-    return dataclasses.replace(
-        setting.hover,
-        agent=dataclasses.replace(setting.hover.agent, plant=plant),
-        environment=dataclasses.replace(
-            setting.hover.environment, wind=MovingAir(velocity_W=Vec3(mean, 0, 0), turbulence=gusts)
-        ),
-    )
+    return with_words(setting.hover, plant=plant, wind=MovingAir(velocity_W=Vec3(mean, 0, 0), turbulence=gusts))
 
 
 def wind_steps(setting: Setting) -> Scenario:
@@ -272,15 +259,13 @@ def lagging_joints(setting: Setting) -> Scenario:
     """Envelope trial: slow circle with a first-order lag on the joint torques."""
     lagged = LaggedTorque(time_constant=LONGEST)
     drives = tuple(JointDrive(joint=link.joint.name, drive=lagged) for link in setting.truth.links)
-    flight = slow_circle(setting)
-    return dataclasses.replace(flight, agent=dataclasses.replace(flight.agent, drives=drives))
+    return with_words(slow_circle(setting), drives=drives)
 
 
 def wrong_plants(setting: Setting, times: float) -> Scenario:
     """Envelope trial: joints swing by 0.5 rad on a perturbed plant with an unmodelled command delay."""
     delays = Delays(longest_command=WIDEST * Spread().delay)
-    late = swinging(setting, 0.5).with_delays(delays)
-    return dataclasses.replace(late, environment=dataclasses.replace(late.environment, wind=ForceWind()))
+    return with_words(swinging(setting, 0.5), delays=delays, wind=ForceWind())
 
 
 def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *, seed: int) -> dict[str, Array]:

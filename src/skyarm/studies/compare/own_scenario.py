@@ -15,12 +15,11 @@ from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.draws import draws_needed
-from skyarm.studies.compare.cells import JITTER, LIMITED, Flights
-from skyarm.studies.compare.comparison_report import BASE, JOINT, TOOL, title_of
+from skyarm.studies.compare.cells import JITTER, LIMITED, Document, Flights, Record
+from skyarm.studies.compare.comparison import BASE, JOINT, TOOL, title_of
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import Document, Record, Refused
+from skyarm.studies.compare.run_suite import Refused, SummarySuite
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.studies.compare.summary import SummarySuite
 from skyarm.view.pages import Report, Section, Table, number
 
 OWN = "own"
@@ -77,11 +76,6 @@ class OwnScenario(SummarySuite[GivenFlights]):
     def name(self) -> str:  # type: ignore[override]
         """Name of the compared scenario, as in its file."""
         return self.plan_cells()[0][0].case.name
-
-    @property
-    def options(self) -> Document:
-        """Settings of the comparison as plain data: seed and plant."""
-        return {"seed": self.seed, "plant": self.plant}
 
     def plan_cells(self) -> tuple[list[GivenFlights], Refused]:
         """Flights of each controller, and an empty mapping, since no controller is excluded.

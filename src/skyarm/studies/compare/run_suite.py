@@ -12,12 +12,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.records.files import PathLike, needs_extra, require_writable, taken_back, write_atomically
 from skyarm.records.registry.plugins import identities
-from skyarm.studies.compare.cells import NAMES, Cell, Flights
+from skyarm.studies.compare.cells import NAMES, Cell, Document, Flights, Record, table
 from skyarm.studies.flights import Crew, Store
 from skyarm.studies.flights.executor import Progress
 from skyarm.studies.flights.store import ROWS, concatenate, files_by_label, unpack_rows
@@ -25,12 +25,6 @@ from skyarm.view.pages import Report
 
 DPI = 160
 PAGE = "report.html"
-Record = Mapping[str, Any]
-"""Plain data of a results file."""
-
-Document = dict[str, Any]
-"""The same while it is written."""
-
 F = TypeVar("F", bound=Flights)
 
 Refused = Mapping[str, str]
@@ -41,16 +35,19 @@ class Suite(ABC, Generic[F]):
     """Base class of controller benchmarks: the flights to simulate, their evaluation and report.
 
     Attributes:
-        name: of the suite. file: name of its results, without the suffix.
+        name: of the suite. file: name of its results, without the suffix. folder: usual one of its files.
+        settings: fields that determine its report.
     """
 
     name: str
     file: str
+    folder: ClassVar[str] = "out/compare"
+    settings: ClassVar[tuple[str, ...]] = ("seed", "plant")
 
     @property
-    @abstractmethod
     def options(self) -> Document:
         """Settings that determine a benchmark's report, as plain data."""
+        return {name: getattr(self, name) for name in self.settings}
 
     @abstractmethod
     def plan_cells(self) -> tuple[Sequence[F], Refused]:
@@ -67,6 +64,15 @@ class Suite(ABC, Generic[F]):
     @abstractmethod
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Build the report of a benchmark from its results."""
+
+
+class SummarySuite(Suite[F]):
+    """Base of benchmarks whose results are the statistics of each controller, case and condition."""
+
+    def judge(self, todo: Sequence[F], cells: Sequence[Cell], refused: Refused) -> Document:
+        """Statistics of the metrics for every controller, case and condition, as plain data."""
+        named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
+        return {"summaries": table(named)}
 
 
 def fly_suite(

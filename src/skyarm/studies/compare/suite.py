@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Iterator, Mapping
+from importlib import resources
+from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.scenario.scenario_record import Delays, Scenario, with_words
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.world import ForceWind
@@ -23,6 +26,14 @@ DELAY = 0.005
 
 GROUND = False
 """The suite measures tracking; a flight that sinks below z = 0 goes on and shows its error."""
+
+
+def library_rows(name: str) -> Iterator[dict[str, Any]]:
+    """Rows of a table of the comparisons' library, such as its entrants; their lists as tuples."""
+    file = resources.files("skyarm.studies.compare") / "library" / f"{name}.toml"
+    (rows,) = tomllib.loads(file.read_text("utf-8")).values()
+    for row in rows:
+        yield {key: tuple(each) if isinstance(each, list) else each for key, each in row.items()}
 
 
 @immutable
@@ -49,14 +60,8 @@ class Case:
         world = found.plant
         if self.payload:
             world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
-        return dataclasses.replace(
-            found,
-            name=self.name,
-            agent=dataclasses.replace(found.agent, plant=world),
-            environment=dataclasses.replace(
-                found.environment, wind=turn_wind(force_wind(found), self.wind), ground=GROUND
-            ),
-        )
+        wind = turn_wind(force_wind(found), self.wind)
+        return with_words(found, name=self.name, plant=world, wind=wind, ground=GROUND)
 
 
 def force_wind(scenario: Scenario) -> ForceWind:
@@ -121,10 +126,7 @@ class Condition:
         delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
         if self.spread and self.spread.delay:
             delays = Delays(longest_command=self.spread.delay)
-        return dataclasses.replace(
-            scenario,
-            agent=dataclasses.replace(scenario.agent, delays=delays, noise=NOISE if self.noisy else scenario.noise),
-        )
+        return with_words(scenario, delays=delays, noise=NOISE if self.noisy else scenario.noise)
 
 
 def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
@@ -138,21 +140,12 @@ def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
     found = (
         Condition(name="perfect", title="perfect state", noisy=False, episodes=1, cases=every),
         Condition(name="noisy", title="noise and one period of delay", noisy=True, episodes=seeds, cases=every),
-        Condition(
-            name="plants",
-            title="perturbed plants, perfect state, delay 0 to 10 ms that nobody knows of",
-            noisy=False,
-            episodes=plants,
-            cases=PAPER_CASES,
-            spread=Spread(),
-        ),
-        Condition(
-            name="plants_noisy",
-            title="perturbed plants, noise, delay 0 to 10 ms",
-            noisy=True,
-            episodes=plants,
-            cases=PAPER_CASES,
-            spread=Spread(),
+        *(
+            Condition(name=name, title=title, noisy=noisy, episodes=plants, cases=PAPER_CASES, spread=Spread())
+            for name, title, noisy in (
+                ("plants", "perturbed plants, perfect state, delay 0 to 10 ms that nobody knows of", False),
+                ("plants_noisy", "perturbed plants, noise, delay 0 to 10 ms", True),
+            )
         ),
     )
     return {each.name: each for each in found}

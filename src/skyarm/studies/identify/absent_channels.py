@@ -15,7 +15,7 @@ import numpy as np
 from skyarm.flight_data.flight_data import Channel
 from skyarm.records.arrays import Array
 from skyarm.studies.identify.window_errors import WindowErrors
-from skyarm.studies.identify.window_fit import WindowFit, reduce
+from skyarm.studies.identify.window_fit import WindowFit, loose_with, reduce, variances_of
 from skyarm.studies.identify.windows import Clocked
 
 NOISE, PERIOD = {"position": 0.001, "quaternion": 0.002}, 0.01
@@ -34,13 +34,12 @@ def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[s
         rows: (K, P) slopes of the reported numbers in the searched ones.
     """
     prior = np.array([each.spread for each in errors.unknowns])
-    loose = errors.loose.copy()
-    loose[errors.wrench] = fit.spread
+    loose = loose_with(errors, fit.spread)
 
     def widths(errors: WindowErrors, noise: Array, loose: Array) -> Array:
         _, _, normal = errors.normal(fit.values, fit.states, noise, outlier=math.inf)
         total = reduce(normal, fit.states.beside, loose, prior).total
-        return np.asarray(np.sqrt(np.einsum("kp,pq,kq->k", rows, np.linalg.inv(total), rows)))
+        return np.sqrt(variances_of(rows, np.asarray(np.linalg.inv(total))))
 
     absent = [name for name in NOISE if not any(name in each.channels for each in errors.windows.flights)]
     if "quaternion" not in absent and any("velocity" in each.channels for each in errors.windows.flights):

@@ -217,7 +217,7 @@ def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[Change]:
 def _base_turned(up: Quaternion, own: Channels, degrees: float) -> Channels:
     """Channels in base axes that are turned: by a quaternion that puts z up, then about z."""
     turn = Quaternion.of_rotation_vector(Vec3(0.0, 0.0, math.radians(degrees))) * up
-    back, found = Quaternion(turn.w, -turn.x, -turn.y, -turn.z), dict[str, Channel]()
+    back, found = turn.conjugate(), dict[str, Channel]()
     for name, each in own.items():
         if name == "quaternion":
             values = np.stack([*Quaternion(*each.values.T) * back], axis=1)

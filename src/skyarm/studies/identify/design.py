@@ -25,7 +25,7 @@ from skyarm.studies.identify.logged_commands import highest_speeds
 from skyarm.studies.identify.multisines import BASE_AXES, Axes, Segment, draw_segment, mutate_segment
 from skyarm.studies.identify.required_flight import RequiredFlight, arm_clearance, required_flight
 from skyarm.studies.identify.window_errors import WindowErrors
-from skyarm.studies.identify.window_fit import reduce
+from skyarm.studies.identify.window_fit import loose_with, reduce
 from skyarm.studies.identify.windows import on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -141,9 +141,7 @@ def measured_noise(flight: FlightData, vehicle: Vehicle) -> Measured:
     """
     search = search_of([flight], vehicle)
     errors, fit = first_fits(search)
-    loose = errors.loose.copy()
-    loose[errors.wrench] = fit.spread
-    return Measured(flight=flight, search=search, plant=errors, noise=fit.noise, loose=loose)
+    return Measured(flight=flight, search=search, plant=errors, noise=fit.noise, loose=loose_with(errors, fit.spread))
 
 
 def information_of(flight: FlightData, measured: Measured) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from itertools import islice, product
 
 import numpy as np
@@ -14,6 +14,18 @@ from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.series import rotations_between
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
+from skyarm.studies.identify.held_out_errors import (
+    CURVE,
+    HOLD,
+    IDENTIFIED,
+    ORDER,
+    PAST,
+    SHORTEST,
+    START,
+    HeldOut,
+    HorizonErrors,
+    OneStep,
+)
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identified_parts import surroundings_with
 from skyarm.studies.identify.identify_windows import USUAL, SearchOptions, distinct_flights
@@ -30,27 +42,20 @@ from skyarm.studies.identify.open_loop import (
 )
 from skyarm.studies.identify.unknowns import THRUST
 from skyarm.studies.identify.window_errors import Normal, WindowErrors, WindowStates
-from skyarm.studies.identify.window_fit import Reduced, first_noise, new_noise, new_spread, reduce, student_quantile
+from skyarm.studies.identify.window_fit import (
+    Reduced,
+    first_noise,
+    loose_with,
+    new_noise,
+    new_spread,
+    reduce,
+    student_quantile,
+)
 from skyarm.studies.identify.windows import Windows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
-HORIZONS = (0.01, 0.1, 0.5, 1.0)
-"""s, of the reported errors."""
-
-SHORTEST = HORIZONS[0]
-"""s, of a horizon: all others are its multiples, and whole steps of the clock."""
-
-CURVE = (SHORTEST, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
-"""s, horizons of a figure; those of a table are among them."""
-
 APART = 0.1
 """s from begin to begin."""
-
-IDENTIFIED, PAST, START, HOLD = "identified", "with past", "start vehicle", "hold"
-"""Predictors; with the past, what the commands do not explain is estimated from the flight until then."""
-
-ORDER = (IDENTIFIED, PAST, START, HOLD)
-"""Of tables and figures."""
 
 LEARNT, ONCE = 300, 2000
 """Begins at most of predictions in the flights of the fit that show how a past counts, and of those of one step."""
@@ -76,58 +81,6 @@ so that they cannot show it: in others battery, wind and trim may be different.
 
 ROUNDS = 4
 """Rounds in which the noises of the sensors and the spread of the wrench are found."""
-
-
-@immutable
-class HorizonErrors:
-    """Root mean square errors of a prediction over one horizon.
-
-    Attributes:
-        horizon: s. begins: number of predictions.
-        position: m. velocity: m/s. attitude: rad, angle of the rotation between both. rate: rad/s.
-    """
-
-    horizon: float
-    begins: int
-    position: float
-    velocity: float
-    attitude: float
-    rate: float
-
-
-@immutable
-class OneStep:
-    """Root mean square errors of the mean accelerations over one period.
-
-    Attributes:
-        specific_force: m/s^2. angular_acceleration: rad/s^2; both of the vector's length.
-    """
-
-    specific_force: float
-    angular_acceleration: float
-
-
-@immutable
-class HeldOut:
-    """Errors of predictions of flights that no fit has seen.
-
-    Attributes:
-        flights: names.
-        period: s, of the one step: that of the accelerometer's samples, in whole steps of the clock.
-        horizons: s.
-        errors: predictor -> errors over each horizon; position, velocity and attitude are NaN if ``has_poses`` is not.
-        one_step: predictor -> errors of accelerations; of holding, the spread of what is measured about its mean.
-        has_poses: some flight measures position or velocity, and attitude.
-        notes: how poses were made, a line each.
-    """
-
-    flights: tuple[str, ...]
-    period: float
-    horizons: tuple[float, ...]
-    errors: Mapping[str, Sequence[HorizonErrors]]
-    one_step: Mapping[str, OneStep]
-    has_poses: bool
-    notes: tuple[str, ...]
 
 
 def predict_held_out(
@@ -428,9 +381,7 @@ def _turn(
 ) -> tuple[Array, Mask, Normal, Reduced, WindowStates]:
     """One Gauss-Newton step of the states and wrenches of windows whose vehicle is known."""
     found, there, normal = before.normal(NONE, states, noise)
-    loose = before.loose.copy()
-    loose[before.wrench] = spread
-    reduced = reduce(normal, states.beside, loose, NONE)
+    reduced = reduce(normal, states.beside, loose_with(before, spread), NONE)
     return found, there, normal, reduced, states.moved_by(-reduced.shift)
 
 
@@ -494,8 +445,3 @@ def _length(rows: Array) -> float:
 
 def _rate_only(errors: HorizonErrors) -> HorizonErrors:
     return dataclasses.replace(errors, position=math.nan, velocity=math.nan, attitude=math.nan)
-
-
-def table_horizons(held_out: HeldOut) -> list[int]:
-    """Places of the horizons of a table among those that were predicted."""
-    return [k for k, horizon in enumerate(held_out.horizons) if horizon in HORIZONS]

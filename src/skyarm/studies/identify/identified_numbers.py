@@ -9,19 +9,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
+from skyarm.studies.identify.held_out_errors import HeldOut
 from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
-from skyarm.studies.identify.window_fit import NORMAL, WindowFit
+from skyarm.studies.identify.window_fit import NORMAL, WindowFit, variances_of
 from skyarm.vehicle.vehicle_records import Vehicle
-
-if TYPE_CHECKING:
-    from skyarm.studies.identify.held_out import HeldOut
 
 NOT_SHOWN = "not in this data"
 """Reason of a number of which the flights tell less than what was known before."""
@@ -231,8 +228,8 @@ def disagreement(found: WindowFit, scale: Scale, after: Array, flights: Sequence
         own = [k for k, each in enumerate(flights) if each == name]
         spread = np.linalg.inv(found.stretch_information[own].sum(axis=0) + known)
         off.append(-scale.rows @ spread @ (found.stretch_scores[own].sum(axis=0) + pulled))
-        variances.append(np.einsum("kp,pq,kq->k", scale.rows, spread, scale.rows))
-    noise = after / np.einsum("kp,pq,kq->k", scale.rows, found.curvature, scale.rows)
+        variances.append(variances_of(scale.rows, spread))
+    noise = after / variances_of(scale.rows, found.curvature)
     variance = np.stack(variances) * noise
     weights = np.where(1.0 - variance / scale.before >= SHOWN, 1.0 / variance, 0.0)
     total, freedom = np.maximum(weights.sum(axis=0), 1e-300), (weights > 0.0).sum(axis=0) - 1
@@ -290,7 +287,7 @@ def condition_on_start(
     """
     values, spread, off = values.copy(), spread.copy(), off.copy()
     first = spread.copy()
-    told = (1.0 - shares) * before / np.maximum(np.einsum("kp,pq,kq->k", rows, spread, rows), 1e-300)
+    told = (1.0 - shares) * before / np.maximum(variances_of(rows, spread), 1e-300)
     replaced, beside = list[int](), dict[int, int]()
     for group in groups:
         left = [i for i in group if shares[i] < SHOWN]

@@ -16,7 +16,7 @@ from skyarm.flight_data.series import rates_note
 from skyarm.records.files import printable
 from skyarm.records.immutable import immutable
 from skyarm.records.text_tables import Row, aligned_lines, shown_number
-from skyarm.studies.identify.held_out import HOLD, IDENTIFIED, PAST, START, HeldOut, table_horizons
+from skyarm.studies.identify.held_out_errors import HOLD, IDENTIFIED, PAST, START, HeldOut, table_horizons
 from skyarm.studies.identify.identified_file import VOLTAGE, identified_file
 from skyarm.studies.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, Identified, IdentifiedNumber
 from skyarm.studies.identify.log_checks import Fault

@@ -10,7 +10,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.own_log import SIMULATED
 from skyarm.flight_data.quantities import GRAVITY, ONE_G, QUANTITIES
@@ -18,7 +17,7 @@ from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.files.messages import one_line
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.logged_commands import SETTLING, command_samples, commanded_speeds, flying_spans
+from skyarm.studies.identify.logged_commands import SETTLING, command_samples, commanded_speeds, flying_spans, lift
 from skyarm.vehicle.vehicle_records import Vehicle
 
 REFUSED, WARNED = "refused", "warned"
@@ -245,9 +244,7 @@ def _ground(flight: FlightData, start: Vehicle, spans: Sequence[tuple[float, flo
     speeds, gyro = commanded_speeds(flight, start), flight["gyro"]
     rows = np.concatenate([speeds.section(*each).values for each in spans]) if spans else speeds.values
     rows = rows[np.median(np.abs(rows), axis=1) > 0.0]
-    pairs = zip(start.rotors, rows.T, strict=True)
-    lift = sum(float(rotor.thrust_coefficient) * push(rotor, speed) for rotor, speed in pairs)
-    share = float(np.median(lift)) / weight if len(rows) else 0.0
+    share = float(np.median(lift(start, rows))) / weight if len(rows) else 0.0
     size = max(2, round(0.5 * gyro.rate))
     pieces = [gyro.values[i : i + size].std(axis=0).max() for i in range(0, max(1, gyro.time.size - size), size)]
     rests = float(np.median(pieces)) < MOVING

@@ -131,13 +131,18 @@ def period_note(flight: FlightData, start: Vehicle) -> str:
     )
 
 
+def lift(vehicle: Vehicle, speeds: Array) -> Array:
+    """Thrust (N,) of all rotors at speeds (N, rotors), rad/s, as if their axes were parallel; N."""
+    pairs = zip(vehicle.rotors, speeds.T, strict=True)
+    return np.asarray(sum(float(rotor.thrust_coefficient) * push(rotor, speed) for rotor, speed in pairs))
+
+
 def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]:
     """Spans of time (s) in which the start vehicle's rotors lift a good part of its weight."""
     step = 0.02
     time = np.arange(commands.time[0], commands.time[-1], step)
     speeds = commands.values[np.searchsorted(commands.time, time, side="right") - 1]
-    thrust = sum(float(r.thrust_coefficient) * push(r, w) for r, w in zip(start.rotors, speeds.T, strict=True))
-    flies = _moving_mean(np.asarray(thrust), round(SETTLING / step) | 1) > AIRBORNE * GRAVITY * float(start.mass)
+    flies = _moving_mean(lift(start, speeds), round(SETTLING / step) | 1) > AIRBORNE * GRAVITY * float(start.mass)
     spans = [(float(time[a]) + SETTLING, float(time[b - 1]) - SETTLING) for a, b in runs_of(flies)]
     return [(a, b) for a, b in spans if b > a]
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.reference.signal_tables import signal_from
+from skyarm.reference.signals import signal_from
 from skyarm.studies.tune.excitation import rest_and_size
 from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle

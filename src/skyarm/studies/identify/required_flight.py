@@ -8,28 +8,29 @@ and torques the rotors' speeds. Air drag is left out.
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Motion, Quaternion, Vec3
+from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import center_of_mass, inverse_dynamics
-from skyarm.dynamics.actuators.rotor import rotor_forces, speed_of_push
+from skyarm.dynamics.actuators.drive import friction
+from skyarm.dynamics.actuators.mixer import allocation_matrix
+from skyarm.dynamics.actuators.motion_demand import attitude
+from skyarm.dynamics.actuators.rotor import speed_of_push
 from skyarm.dynamics.kinematics import link_poses
 from skyarm.dynamics.state import State
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
-from skyarm.flight_data.series import unit_rows
-from skyarm.records.arrays import Array
+from skyarm.flight_data.series import columns_at
+from skyarm.records.arrays import Array, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.multisines import BASE_AXES
 from skyarm.studies.identify.unknowns import USUAL_DELAY
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
 
 TURNS = 4
 """Of attitude and centre of mass: an arm moves the centre by a small part of what gravity asks of the attitude."""
@@ -97,8 +98,8 @@ class RequiredFlight:
             for name, rows in every.items():
                 if name in like and rows.size:
                     instants = np.arange(0.0, times[-1], 1.0 / like[name].rate)
-                    columns = [np.interp(instants + late, times, column) for column in rows.T]
-                    channels[name] = Channel(time=instants, values=np.stack(columns, axis=1), source="required")
+                    values = columns_at(instants + late, times, rows)
+                    channels[name] = Channel(time=instants, values=values, source="required")
         return FlightData(name="required", file="required", channels=channels)
 
 
@@ -122,11 +123,12 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
         joints=q,
         joint_rates=tuple(zero for _ in range(n)),
     )
-    com = _vectors_of(center_of_mass(vehicle, still), size)
+    # in the order of memory in which einsum sums as over a row
+    com = np.ascontiguousarray(stack_values(size, center_of_mass(vehicle, still)).T)
     linear = second[:3].T + np.array([0.0, 0.0, GRAVITY])
     needed = linear
     for _ in range(TURNS):
-        turned = _attitude(_smooth(needed, period), value[3])
+        turned = np.moveaxis(attitude(_smooth(needed, period).T, value[3]), 2, 0)
         moved = np.einsum("kij,kj->ki", turned, com)
         needed = linear + np.gradient(np.gradient(moved, period, axis=0), period, axis=0)
     skew = np.einsum("kji,kjl->kil", turned, np.gradient(turned, period, axis=0))
@@ -134,14 +136,10 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
     felt = np.einsum("kji,kj->ki", turned, linear)
     base = Motion(Vec3(*np.gradient(rate, period, axis=0).T), Vec3(*felt.T))
     force, torques = inverse_dynamics(vehicle, q, Vec3(*rate.T), qd, base, qdd)
-    wrench = _vectors_of((force.force.z, *force.torque), size)
-    allocation = np.linalg.pinv(wrench_of_pushes(vehicle.rotors)[2:])
-    shares = wrench.T[:, :, None] * allocation.T[:, None, :]
-    friction = [
-        link.joint.damping * x + link.joint.coulomb * np.tanh(x / float(link.joint.coulomb_rate))
-        for link, x in zip(vehicle.links, qd, strict=True)
-    ]
-    efforts = [zero + a + b for a, b in zip(torques, friction, strict=True)]
+    wrench = stack_values(size, (force.force.z, *force.torque))
+    *moments, thrust = np.array(allocation_matrix(vehicle), dtype=float)
+    shares = wrench[:, :, None] * np.linalg.pinv(np.array([thrust, *moments])).T[:, None, :]
+    resisting = [friction(link.joint, x, x) for link, x in zip(vehicle.links, qd, strict=True)]
     pushes = np.maximum(shares.sum(axis=0), 0.0)
     return RequiredFlight(
         period=period,
@@ -149,24 +147,12 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
         velocity=first[:3].T,
         turned=turned,
         rate=rate,
-        speeds=_vectors_of((speed_of_push(*each) for each in zip(vehicle.rotors, pushes.T, strict=True)), size),
+        speeds=stack_values(size, (speed_of_push(*each) for each in zip(vehicle.rotors, pushes.T, strict=True))).T,
         shares=shares,
         joints=value[BASE_AXES:].T,
         joint_rates=first[BASE_AXES:].T,
-        efforts=np.stack(efforts, axis=1) if n else np.zeros((size, 0)),
+        efforts=(stack_values(size, torques) + stack_values(size, resisting)).T,
     )
-
-
-def wrench_of_pushes(rotors: Sequence[Rotor]) -> Array:
-    """Allocation matrix (6, rotors): force and torque at the base origin, base axes, per (rad/s)^2 of each rotor.
-
-    Of rotors with a thrust table it is per (rad/s)^2 of their push.
-    """
-    found, rotors = [], [dataclasses.replace(each, table=None) for each in rotors]
-    for i in range(len(rotors)):
-        force = rotor_forces(rotors, [float(k == i) for k in range(len(rotors))], ZERO3, ZERO3)
-        found.append([float(each) for each in (*force.force, *force.torque)])
-    return np.array(found).T
 
 
 def _smooth(rows: Array, period: float) -> Array:
@@ -175,14 +161,6 @@ def _smooth(rows: Array, period: float) -> Array:
     window = np.hanning(2 * half + 3)[1:-1]
     padded = np.concatenate([np.repeat(rows[:1], half, axis=0), rows, np.repeat(rows[-1:], half, axis=0)])
     return np.stack([np.convolve(column, window / window.sum(), "valid") for column in padded.T], axis=1)
-
-
-def _attitude(needed: Array, heading: Array) -> Array:
-    """Rotation (N, 3, 3), base to world axes, whose upright axis lies along a force (N, 3), with a heading (N,)."""
-    upright = unit_rows(needed)
-    ahead = np.stack([np.cos(heading), np.sin(heading), 0.0 * heading], axis=1)
-    left = unit_rows(np.cross(upright, ahead))
-    return np.stack([np.cross(left, upright), left, upright], axis=2)
 
 
 def arm_clearance(vehicle: Vehicle, joints: Array) -> tuple[Array, Array]:
@@ -206,7 +184,7 @@ def arm_clearance(vehicle: Vehicle, joints: Array) -> tuple[Array, Array]:
     axes = np.array([[float(c) for c in each.axis] for each in vehicle.rotors])
     radius = _radius(hubs)
     for each in points:
-        at = _vectors_of(each, size)
+        at = stack_values(size, each).T
         distance, height = np.minimum(distance, np.linalg.norm(at, axis=1)), np.minimum(height, at[:, 2])
         for hub, axis in zip(hubs, axes, strict=True):
             off = at - hub
@@ -222,8 +200,3 @@ def _radius(hubs: Array) -> float:
         float(np.linalg.norm(a - b)) for i, a in enumerate(hubs) for b in hubs[:i] if np.hypot(*(a - b)[:2]) > 1e-3
     ]
     return 0.5 * min(apart, default=0.0)
-
-
-def _vectors_of(parts: Iterable[Any], count: int) -> Array:
-    """Vectors (count, k) of k components, each a number or an array (count,)."""
-    return np.stack([each + np.zeros(count) for each in parts], axis=1)

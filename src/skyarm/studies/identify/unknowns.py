@@ -214,10 +214,18 @@ def _of_link(link: Link, moves: bool) -> list[Unknown]:
         found += [
             _loss(f"{name}.joint.damping", f"{unit} s/{angle}", joint.damping, dry / swing),
             _loss(f"{name}.joint.coulomb", unit, joint.coulomb, dry),
-            _above(f"{name}.joint.coulomb_rate", f"{angle}/s", joint.coulomb_rate if joint.coulomb else 0, 1.5),
-            _above(f"{name}.joint.armature", "kg m^2" if joint.turns else "kg", joint.armature, 0.7),
+            *_of_moved_joint(link),
         ]
     return found
+
+
+def _of_moved_joint(link: Link) -> list[Unknown]:
+    """Numbers of a joint that shows its motion, whatever moves it."""
+    name, joint = f"links.{link.name}.joint", link.joint
+    return [
+        _above(f"{name}.coulomb_rate", f"{joint.units[0]}/s", joint.coulomb_rate if joint.coulomb else 0, 1.5),
+        _above(f"{name}.armature", "kg m^2" if joint.turns else "kg", joint.armature, 0.7),
+    ]
 
 
 def _of_servo(vehicle: Vehicle, joint: int) -> list[Unknown]:
@@ -233,13 +241,7 @@ def _of_servo(vehicle: Vehicle, joint: int) -> list[Unknown]:
         _above(f"{name}.integral", f"{effort}/({angle} s)", servo.integral, 0.7),
         _any(f"{name}.latency", "s", servo.latency, DELAY_SPREAD, 0.0),
         _any(f"links.{link.name}.joint.coulomb", effort, link.joint.coulomb, usual, 0.0),
-        _above(
-            f"links.{link.name}.joint.coulomb_rate",
-            f"{angle}/s",
-            link.joint.coulomb_rate if link.joint.coulomb else 0,
-            1.5,
-        ),
-        _above(f"links.{link.name}.joint.armature", "kg m^2" if link.joint.turns else "kg", link.joint.armature, 0.7),
+        *_of_moved_joint(link),
     ]
     if math.isfinite(float(servo.speed_limit)):
         found.append(_above(f"{name}.speed_limit", f"{angle}/s", servo.speed_limit, 0.7))

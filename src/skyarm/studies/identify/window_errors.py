@@ -473,7 +473,7 @@ def _error(
     flown = now if whole else before + share * (now - before)
     if name != "quaternion":
         return measured - flown, (now[:, 0] - before[:, 0]) / step
-    w, *turn = Quaternion(*(flown * np.array([1.0, -1.0, -1.0, -1.0])[:, None, None])) * Quaternion(*measured)
+    w, *turn = Quaternion(*flown).conjugate() * Quaternion(*measured)
     size = np.sqrt(w**2 + turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
     return np.stack(turn) * (2.0 * np.sign(w) / size), rate
 

@@ -92,6 +92,11 @@ def student_quantiles(influence: Array, information: Array) -> Array:
     return np.asarray(student(np.maximum(freedom * (blocks - 1) / blocks, 1.0), 0.975))
 
 
+def variances_of(rows: Array, covariance: Array) -> Array:
+    """Variances (K,) of sums (K, P) of numbers with a covariance (P, P)."""
+    return np.asarray(np.einsum("kp,pq,kq->k", rows, covariance, rows))
+
+
 @immutable(kw_only=False, eq=False)
 class WindowFit:
     """Estimate of P vehicle parameters with its covariance and the noise of the sensors.
@@ -127,9 +132,7 @@ class WindowFit:
 
         Few blocks hardly tell that errors are the noise alone, and it counts by Student's t, too.
         """
-        blocks, noise = (
-            np.sqrt(np.einsum("kp,pq,kq->k", rows, each, rows)) for each in (self.covariance, self.curvature)
-        )
+        blocks, noise = (np.sqrt(variances_of(rows, each)) for each in (self.covariance, self.curvature))
         students = student_quantiles(rows @ self.curvature, self.block_information)
         few = len(self.block_information) < MANY
         return np.asarray(np.maximum(students * blocks, (students if few else NORMAL) * noise))
@@ -219,8 +222,7 @@ def _search(
     for turn in range(turns):
         errors.take_samples(values)
         found, there, normal = errors.normal(values, states, noise, memory=memory)
-        loose = errors.loose.copy()
-        loose[errors.wrench] = spread
+        loose = loose_with(errors, spread)
         reduced = reduce(normal, states.beside, loose, prior)
         uphill = reduced.scores.sum(axis=0) + (values - start) / prior**2
         step = bounded_step(reduced.total, uphill, least - values)
@@ -316,6 +318,13 @@ def reduce(normal: Normal, beside: Array, loose: Array, prior: Array) -> Reduced
     information = normal.common - normal.mixed.transpose(0, 2, 1) @ slopes
     scores = normal.push - np.einsum("wxp,wx->wp", normal.mixed, shift)
     return Reduced(information, scores, information.sum(axis=0) + np.diag(prior**-2.0), slopes, shift, inverse)
+
+
+def loose_with(errors: WindowErrors, spread: Array) -> Array:
+    """Standard deviations (x,) of the free numbers of windows before, with those (6,) of the wrench."""
+    loose = errors.loose.copy()
+    loose[errors.wrench] = spread
+    return loose
 
 
 def first_noise(errors: WindowErrors) -> Array:

@@ -12,9 +12,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from skyarm.algebra.frames import unit_rows
 from skyarm.dynamics.actuators.rotor import speed_after
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.series import continuous, unit_rows
+from skyarm.flight_data.series import columns_at, continuous
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_parts import with_changes
@@ -240,7 +241,7 @@ def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) 
     sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values[:-1] * np.diff(time)[:, None], axis=0)])
 
     def integral(when: Array) -> Array:
-        inner = np.stack([np.interp(when, time, column) for column in sums.T], axis=1)
+        inner = columns_at(when, time, sums)
         inner += np.minimum(when - time[0], 0.0)[:, None] * values[0]
         return np.asarray(inner + np.maximum(when - time[-1], 0.0)[:, None] * values[-1])
 

@@ -12,7 +12,7 @@ from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import Tree, leaves
-from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError, with_words
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 from skyarm.world import Component, MovingAir
@@ -50,12 +50,7 @@ def nominal(scenario: Scenario) -> Scenario:
         for each in scenario.joint_drives
     )
     (air, _), (forces, _) = (_split(scenario, field) for field in ("air", "forces"))
-    begun = scenario.as_begun
-    return dataclasses.replace(
-        begun,
-        agent=dataclasses.replace(begun.agent, noise=PERFECT_SENSORS, drives=drives),
-        environment=dataclasses.replace(begun.environment, wind=calm, air=air, forces=forces),
-    )
+    return with_words(scenario.as_begun, noise=PERFECT_SENSORS, drives=drives, wind=calm, air=air, forces=forces)
 
 
 def disturbances(scenario: Scenario) -> tuple[str, ...]:
@@ -108,8 +103,7 @@ def _without_tilts(scenario: Scenario) -> Scenario:
         raise ScenarioError("controller.sideways: must be left out of margins, which do not reckon rotors that tilt")
     fixed = dataclasses.replace(vehicle, rotors=tuple(dataclasses.replace(r, tilt=None) for r in vehicle.rotors))
     first = None if scenario.initial is None else dataclasses.replace(scenario.initial, tilts=())
-    world = dataclasses.replace(scenario.plant, vehicle=fixed)
-    return dataclasses.replace(scenario, agent=dataclasses.replace(scenario.agent, plant=world, initial=first))
+    return with_words(scenario, plant=dataclasses.replace(scenario.plant, vehicle=fixed), initial=first)
 
 
 def without_adaptation(scenario: Scenario) -> Scenario:
@@ -160,8 +154,8 @@ def with_lag(scenario: Scenario, share: Any) -> Scenario:
     par = scenario.controller.par
     model = dataclasses.replace(par.model, vehicle=with_one_lag(par.model.vehicle))
     controller = dataclasses.replace(scenario.controller, par=dataclasses.replace(par, model=model))
-    world = dataclasses.replace(scenario.plant, vehicle=with_one_lag(scenario.plant.vehicle))
-    return dataclasses.replace(scenario, agent=dataclasses.replace(scenario.agent, controller=controller, plant=world))
+    plant = dataclasses.replace(scenario.plant, vehicle=with_one_lag(scenario.plant.vehicle))
+    return with_words(scenario, controller=controller, plant=plant)
 
 
 def require_no_memory(scenario: Scenario, first: LoopState) -> None:

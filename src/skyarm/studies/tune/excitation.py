@@ -23,7 +23,7 @@ from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned
-from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, Rates, Scenario
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, Rates, Scenario, with_words
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
@@ -221,36 +221,25 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
     noisy = scenario.noise != PERFECT_SENSORS or scenario.sensors or scenario.estimator != PASS_THROUGH
     longest = float(scenario.delays.command) + UNKNOWN_DELAY
     delays = dataclasses.replace(scenario.delays, longest_command=longest)
-    begun = scenario.as_begun
-    found = dataclasses.replace(
-        begun,
-        solver=dataclasses.replace(begun.solver, kind="rigid_body"),
-        agent=dataclasses.replace(
-            begun.agent,
-            noise=scenario.noise if noisy else NOISE,
-            delays=delays,
-            faults=(),
-            payloads=(),
-            initial=None,
-            tracking_start=0,
-        ),
-        environment=dataclasses.replace(
-            begun.environment,
-            ground=False,
-            world=None,
-            forces=(*scenario.forces, ForceWind(gusts=(_gust(scenario),))),
-        ),
+    words = {} if own_motion else {
+        "duration": UNSEEN.stop if unseen else DURATION,
+        "windows": Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
+        "reference": (unseen_motion if unseen else motion)(scenario.plant.vehicle),
+        "path_time": None,
+    }  # fmt: skip
+    return with_words(
+        scenario.as_begun.with_kind("rigid_body"),
+        noise=scenario.noise if noisy else NOISE,
+        delays=delays,
+        faults=(),
+        payloads=(),
+        initial=None,
+        tracking_start=0,
+        ground=False,
+        world=None,
+        forces=(*scenario.forces, ForceWind(gusts=(_gust(scenario),))),
+        **words,
     )
-    if not own_motion:
-        found = dataclasses.replace(
-            found,
-            duration=UNSEEN.stop if unseen else DURATION,
-            windows=Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
-            agent=dataclasses.replace(
-                found.agent, reference=(unseen_motion if unseen else motion)(scenario.plant.vehicle), path_time=None
-            ),
-        )
-    return found
 
 
 def _gust(scenario: Scenario) -> Gust:

@@ -187,12 +187,8 @@ def exponent(knob: Knob) -> float:
 
 def _bounds(knobs: Sequence[Knob]) -> Array:
     """Bounds on the logarithm of each gain factor (gains, 2); a gain that is a fraction stays at most one."""
-    highs = [min(BOX, -math.log(max(knob.values))) if _is_share(knob) else BOX for knob in knobs]
-    return np.array([[-BOX, high + 1e-9] for high in highs])
-
-
-def _is_share(knob: Knob) -> bool:
-    return knob.path.endswith("share") and max(knob.values) <= 1.0
+    mosts = [max(knob.values) if knob.path.endswith("share") else math.inf for knob in knobs]
+    return np.array([[-BOX, (min(BOX, -math.log(most)) if most <= 1.0 else BOX) + 1e-9] for most in mosts])
 
 
 def _strategy(mean: Array, step: float, population: int, seed: int, bounds: Array) -> Any:

@@ -14,11 +14,10 @@ from skyarm.compile.machine_code import missing_extra
 from skyarm.control.controller import Controller
 from skyarm.records.arrays import Array
 from skyarm.records.leaves import replace_at
-from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.stability.along import Instant
+from skyarm.scenario.scenario_record import Scenario, with_words
+from skyarm.studies.stability.along import Instant, SettledHover
 from skyarm.studies.stability.closed_loop import OpenLoop, radius
 from skyarm.studies.stability.frozen_scenario import LAGS
-from skyarm.studies.stability.settled_hover import SettledHover
 from skyarm.studies.tune.front import LoopMargins, Required
 from skyarm.studies.tune.law_knobs import Knob
 
@@ -68,11 +67,7 @@ def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[flo
 def calm(flight: Scenario) -> Scenario:
     """Tuning flight without the drawn wind and without unmodelled delay."""
     delays = dataclasses.replace(flight.delays, longest_command=None)
-    return dataclasses.replace(
-        flight,
-        agent=dataclasses.replace(flight.agent, delays=delays),
-        environment=dataclasses.replace(flight.environment, forces=flight.forces[:-1]),
-    )
+    return with_words(flight, delays=delays, forces=flight.forces[:-1])
 
 
 def margins_of(hover: Instant | None) -> LoopMargins:

@@ -93,7 +93,11 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
     par = part(controller.par, layers)
     listed = tuned_factors().get(law)
     found = [_knob_at(par, path) for path in listed] if listed else [*_gains_within(par, (), NUMBER, False)]
-    knobs = tuple(_below(layers, each) for each in found if each is not None)
+    knobs = tuple(
+        dataclasses.replace(each, numbers=tuple(((*layers, *at), value) for at, value in each.numbers))
+        for each in found
+        if each is not None
+    )
     if not knobs:
         raise KnobError(f"controller = {shown(controller.name)}: has no gains: no positive number of its constants")
     if chosen is None:
@@ -106,11 +110,7 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
 
 
 def _is_meant(word: str, path: str) -> bool:
-    return path == word or path.startswith(f"{word}.")
-
-
-def _below(layers: Place, knob: Knob) -> Knob:
-    return dataclasses.replace(knob, numbers=tuple(((*layers, *at), value) for at, value in knob.numbers))
+    return f"{path}.".startswith(f"{word}.")
 
 
 def _knob_at(par: Any, path: str) -> Knob | None:

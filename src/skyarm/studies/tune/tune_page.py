@@ -1,4 +1,4 @@
-"""Results of a tuning: gain files for scenarios, and a page with a slider from calm to stiff."""
+"""Results of a tuning: gain files for scenarios, lines of text, and a page with a slider from calm to stiff."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 from skyarm.records.files.toml import toml_key, toml_value
 from skyarm.records.identity import identity
 from skyarm.records.leaves import part, walk
+from skyarm.records.text_tables import Row, aligned_lines
 from skyarm.studies.tune.front import RULE, LoopMargins, Point
 from skyarm.studies.tune.hover_margins import with_gains
 from skyarm.studies.tune.law_knobs import inner_place
@@ -68,7 +69,7 @@ def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Map
     lines += _table("about.after", plain_point(point))
     for name, each in tuning.aside.items():
         lines += _table(f"about.aside.{toml_key(name)}", plain_aside(each))
-    lines += _table("about.required", {"delay_margin_s": tuning.required.delay, "gain_margin": tuning.required.gain})
+    lines += _table("about.required", plain_required(tuning))
     return "\n".join(lines) + "\n"
 
 
@@ -161,3 +162,61 @@ def tune_page(found: Tuning) -> str:
         key=toml_key,
     )
     return plain_page(f"{plan.label} for {vehicle.name}", facts, body)
+
+
+def front_lines(found: Tuning, seconds: float) -> list[str]:
+    """Lines of text with the Pareto front of a tuning, and a check on plants and a path not used for tuning.
+
+    Args:
+        found: result.
+        seconds: that the tuning took.
+    """
+    plan, vehicle = found.plan, found.plan.flight.plant.vehicle
+    error = error_words(vehicle)
+    rows: list[Row] = [("", error, "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")]
+    for i, point in enumerate((found.before, *found.points)):
+        mark = "before" if i == 0 else "pick" if i - 1 == found.picked else ""
+        numbers = (f"{1e3 * point.tip:.3g} mm", f"{point.jitter:.3g}", f"{point.effort:.3g}", f"{point.lost:.0%}")
+        rows.append((mark, *numbers, f"{point.saturated:.1%}", *_margins(point.margins)))
+    if not vehicle.n:  # nothing of joints that there are not
+        rows = [(*row[:3], *row[4:-1]) for row in rows]
+    aside = [
+        (name, f"{1e3 * x.tip:.3g} mm", f"{x.jitter:.3g}", f"{x.lost:.1%}", "yes" if x.meets else "no")
+        for name, x in found.aside.items()
+    ]
+    return [
+        f"{plan.label} for {vehicle.name}, from calm to stiff",
+        *aligned_lines(rows),
+        f"{plan.effort.candidates} candidates on {plan.effort.plants} wrong plants, the front on {plan.unseen} others: "
+        f"{seconds:.0f} s",
+        f"on {ASIDE} plants and a path by which nothing was chosen:",
+        *aligned_lines([("", error, "jitter", "lost", "meets all"), *aside]),
+    ]
+
+
+def _margins(margins: LoopMargins) -> tuple[str, str, str]:
+    """Format delay and gain margins for a table row; dashes if they are missing."""
+    if margins.why_none:
+        return "-", "-", "-"
+    rotors, joints = ("-".join(f"{k:.2f}" for k in pair) for pair in (margins.rotors, margins.joints))
+    return f"{1e3 * margins.delay:.3g} ms", rotors, joints
+
+
+def plain_tuning(found: Tuning) -> dict[str, Any]:
+    """Result of a tuning as plain data."""
+    return {
+        "controller": found.plan.label,
+        "scenario": found.plan.check.name,
+        "about": about(found),
+        "before": plain_point(found.before),
+        "front": [plain_point(point) | {"gains": gains_of(found, point)} for point in found.points],
+        "picked": found.picked,
+        "aside": {name: plain_aside(each) for name, each in found.aside.items()},
+        "meets_constraints": found.meets,
+        "required": plain_required(found),
+    }
+
+
+def plain_required(found: Tuning) -> dict[str, float]:
+    """Margins that the gains must have, as plain data."""
+    return {"delay_margin_s": found.required.delay, "gain_margin": found.required.gain}

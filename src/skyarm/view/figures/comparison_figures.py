@@ -107,7 +107,7 @@ def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
 
     Args:
         axes: name -> values, unit, and of each law a point for every value
-            (:mod:`skyarm.studies.compare.envelope_report`).
+            (:mod:`skyarm.studies.compare.envelope`).
         laws: in the order of the legend.
     """
     looks, low = _line_styles(laws), _lower_limit(axes)

@@ -27,7 +27,8 @@ from skyarm.view.figures.flight_facts import (
 from skyarm.view.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, Panel, measured_flights, panels_of
 from skyarm.view.figures.projection import SIDE, TOP, View, outline
 from skyarm.view.figures.style import PAPER, Handles, Picture, Style, limits, save_picture
-from skyarm.world.scene.scene import Instants, Line, Scene, scene_in_log
+from skyarm.world.scene.component_scenes import scene_in_log
+from skyarm.world.scene.scene import Instants, Line, Scene
 from skyarm.world.scene.shapes import Solid
 
 HEIGHT = 3.0

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from skyarm.log.flight_log import Log
-from skyarm.plant.loads import wind_at
 from skyarm.records.arrays import Array, Pixels
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.leaves import leaves
@@ -142,7 +141,7 @@ class EpisodePictures:
         if all(abs(number) < FARTHEST for number in leaves(now.agent.state)):
             self._last = now.agent.state
         state, around = self._last, self._stages.surroundings(now.components, now.agent.drives, time)
-        wind, numbers = wind_at(around, scenario.plant, state), np.array([leaves(state)], dtype=float)
+        wind, numbers = self._stages.wind(around, state), np.array([leaves(state)], dtype=float)
         whole = self._whole = self._whole or self._reference(numbers.size, wind)
         log = instant_log(self._inputs, row, numbers, wind)
         # just before the end of the record, so that what touches is drawn

@@ -16,7 +16,8 @@ from skyarm.records.immutable import immutable
 from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_facts import applied_force, desired_push, end_time, flight_labels
-from skyarm.world.scene.scene import PATCH, Instants, Scene, scene_in_log
+from skyarm.world.scene.component_scenes import scene_in_log
+from skyarm.world.scene.scene import PATCH, Instants, Scene
 from skyarm.world.scene.shapes import RGBA, Solid
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns, shape_rotation, vehicle_shapes
 

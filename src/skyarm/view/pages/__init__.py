@@ -11,10 +11,24 @@ from skyarm.view.pages.markup import (
     section,
     table,
 )
-from skyarm.view.pages.sections import DASH, Mark, Report, Section, Table, markdown, number
+from skyarm.view.pages.sections import (
+    DASH,
+    Facts,
+    Line,
+    Mark,
+    Report,
+    Section,
+    Table,
+    heading,
+    markdown,
+    number,
+    table_of,
+)
 
 __all__ = [
     "DASH",
+    "Facts",
+    "Line",
     "Mark",
     "Report",
     "Section",
@@ -22,6 +36,7 @@ __all__ = [
     "bullets",
     "details",
     "grouped_table",
+    "heading",
     "image",
     "markdown",
     "number",
@@ -30,4 +45,5 @@ __all__ = [
     "render_template",
     "section",
     "table",
+    "table_of",
 ]

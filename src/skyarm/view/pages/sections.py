@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 from skyarm.view.pages.markup import grouped_table, page, paragraph, section
 
@@ -16,7 +17,7 @@ class Mark:
 
     Attributes:
         text: of the cell. value: its whole number, for machines.
-        strong: set bold. title: explanation of the text. href: file that it leads to.
+        strong: set bold. title: explanation of the text, or the level of a finding. href: file that it leads to.
     """
 
     text: str
@@ -25,8 +26,11 @@ class Mark:
     title: str = ""
     href: str = ""
 
+    def __str__(self) -> str:
+        return self.text
 
-Row = Sequence[str]
+
+Row = Sequence[str | Mark]
 Groups = Sequence[tuple[str, Sequence[Row]]]
 
 
@@ -43,7 +47,7 @@ def markdown(head: Iterable[str], rows: Iterable[Row]) -> str:
     names = list(head)
     rules = ["---:" if name[:1] == ">" else "---" for name in names]
     lines = [[name.removeprefix(">") for name in names], rules, *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -70,6 +74,23 @@ class Table:
     def html(self) -> str:
         """HTML of the table."""
         return grouped_table(self.head, self.groups or [("", self.rows)], self.caption)
+
+
+Facts: TypeAlias = dict[str, Any]
+"""Facts of a report as plain data, for a document."""
+
+Line: TypeAlias = str | Mark | Table
+"""Line of a report that is printed: text, text with emphasis, or a table."""
+
+
+def heading(text: str) -> Mark:
+    """Line of bold text."""
+    return Mark(text=text, strong=True)
+
+
+def table_of(head: Sequence[str], rows: Iterable[Row], *, left: int = 1, title: str = "") -> Table:
+    """Table that is printed, with a title; the first ``left`` columns hold text, the others numbers."""
+    return Table(head=[name if i < left else f">{name}" for i, name in enumerate(head)], rows=[*rows], caption=title)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

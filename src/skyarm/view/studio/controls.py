@@ -1,4 +1,4 @@
-"""Buttons, menus, sliders and live plots of the studio's web page."""
+"""Clock buttons, sliders and live plots of the studio's web pages."""
 
 from __future__ import annotations
 
@@ -6,23 +6,15 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from skyarm.records.arrays import Array
-from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.view.studio.clock import SPEEDS, Clock
-from skyarm.view.studio.fleet import BLOW, GUST, MOST, Flight, law_names
+from skyarm.view.studio.fleet import Flight
 from skyarm.view.studio.knobs import Knob
 from skyarm.view.studio.picture import COLORS
-
-if TYPE_CHECKING:
-    from skyarm.view.studio.page import Page
-
-NO_LAW = "none"
-NO_CASE = "choose"
-DIRECTIONS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
 
 CLOCK: dict[str, Callable[[Clock], None]] = {
     "play / pause": lambda clock: setattr(clock, "playing", not clock.playing),
@@ -45,48 +37,6 @@ def add_clock(gui: Any, do: Callable[[Callable[[Clock], None]], None], longest: 
     time = gui.add_slider("time (s)", 0.0, longest, 0.005, 0.0, hint="scrub back, and forward again")
     on_user_input(time, lambda value: do(lambda clock: clock.go_to_time(value)))
     return time
-
-
-class Controls:
-    """Buttons and menus of the studio's web page: clock, pushes, controllers and scenarios.
-
-    Args:
-        gui: of viser.
-        page: executes their commands.
-        laws: that fly at first.
-    """
-
-    def __init__(self, gui: Any, page: Page, laws: list[str]) -> None:
-        self.status = gui.add_markdown("Machine code is being made ...")
-        self.time = add_clock(gui, page.do, 30.0)
-        direction = gui.add_dropdown("push towards", tuple(DIRECTIONS), initial_value="+x")
-        pushes = {f"push ({BLOW[0] * BLOW[1]:g} N s)": BLOW, f"gust ({GUST[0]:g} N, {GUST[1]:g} s)": GUST}
-
-        def push(value: str) -> None:
-            towards = DIRECTIONS[direction.value]
-            page.do(lambda fleet: fleet.push(towards, *pushes[value]))
-
-        on_user_input(gui.add_button_group("disturb", tuple(pushes)), push)
-        self.tabs = gui.add_tab_group()
-        # the two last ones are filled anew with the flights; they stay, and so does the one that is chosen
-        self.plots, menus, self.world, self.laws = map(self.tabs.add_tab, ("plots", "scenario", "world", "laws"))
-        with menus:
-            with gui.add_folder("laws"):
-                for place in range(MOST):
-                    self._law(gui, page, place, laws[place] if place < len(laws) else NO_LAW)
-            with gui.add_folder("cases"):
-                menu = gui.add_dropdown("case", (NO_CASE, *list_scenarios()), initial_value=NO_CASE)
-                on_user_input(menu, page.choose_case)
-                save = gui.add_button("Save flights", hint="logs, with every change by hand at its control period")
-                on_user_input(save, lambda _: page.save())
-            box = gui.add_checkbox("follow", False, hint="the camera goes along with the first vehicle")
-            on_user_input(box, page.follow)
-
-    def _law(self, gui: Any, page: Page, place: int, first: str) -> None:
-        """Create the menu that chooses one of up to three controllers."""
-        names = dict.fromkeys([first, *law_names(), *([NO_LAW] if place else [])])
-        menu = gui.add_dropdown(f"law {place + 1}", tuple(names), initial_value=first)
-        on_user_input(menu, lambda value: page.choose_law(place, None if value == NO_LAW else value))
 
 
 def on_user_input(handle: Any, work: Callable[[Any], None]) -> None:

@@ -18,14 +18,15 @@ from skyarm.records.arrays import Array
 from skyarm.records.files import require_writable, shown
 from skyarm.scenario.save import save_scenario
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, with_words
 from skyarm.simulate.session import Session, Snapshot, open_session
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.knobs import LONGEST_DELAY, Knob, knobs_of
 from skyarm.view.studio.sights import Sight, goal_of, poses_of, sight
 from skyarm.world import NO_WIND, Fault, ForceWind, Gust
-from skyarm.world.scene.scene import Scene, instant_of, scene_now
+from skyarm.world.scene.component_scenes import scene_now
+from skyarm.world.scene.scene import Scene, instant_of
 from skyarm.world.scene.vehicle_shapes import Placed
 
 MOST = 3
@@ -61,14 +62,12 @@ def adjustable(plain: Scenario) -> Scenario:
     delays = plain.delays
     if plain.kind == "rigid_body" and plain.controller.compiled and delays.longest_command is None:
         delays = dataclasses.replace(delays, longest_command=max(delays.longest, LONGEST_DELAY))
-    return dataclasses.replace(
+    return with_words(
         plain,
-        agent=dataclasses.replace(plain.agent, faults=(*plain.faults, *faults), delays=delays),
-        environment=dataclasses.replace(
-            plain.environment,
-            wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
-            forces=(*plain.forces, ForceWind(gust=Gust(duration=0.1))),
-        ),
+        faults=(*plain.faults, *faults),
+        delays=delays,
+        wind=ForceWind() if plain.wind == NO_WIND else plain.wind,
+        forces=(*plain.forces, ForceWind(gust=Gust(duration=0.1))),
     )
 
 

@@ -16,7 +16,8 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.fleet import Flight
 from skyarm.view.studio.scene_nodes import STILL, Arrows, LineNodes, Paint, SolidNodes, VehicleNodes, segments
 from skyarm.view.studio.sights import goal_of, poses_of
-from skyarm.world.scene.scene import OBSTACLES, Arrow, Scene, first_memories, hidden_share, instant_of, scene_now
+from skyarm.world.scene.component_scenes import first_memories, scene_now
+from skyarm.world.scene.scene import OBSTACLES, Arrow, Scene, hidden_share, instant_of
 from skyarm.world.scene.shapes import RGBA, Solid, floats
 from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, rotor_turns
 

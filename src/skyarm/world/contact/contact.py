@@ -35,6 +35,7 @@ from skyarm.world.contact.gripper import UNCHANGED, Grasps, Grip, Gripper
 from skyarm.world.contact.material import RECOVERY
 from skyarm.world.contact.mechanism import Mechanism
 from skyarm.world.contact.meetings import Meeting, meetings_of, misses
+from skyarm.world.contact.standing_bristles import standing_bristles
 from skyarm.world.contact.surface import Surface
 
 if TYPE_CHECKING:
@@ -150,7 +151,12 @@ class Contact(Force[ContactMemory]):
         touched = self.surfaces if self.points or not carriers else ()
         own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
         inner = [(f"mechanism {c.name!r}", c.largest_step) for c in carriers if c.largest_step is not None]
-        return (*own, *steps_of_carriers(self), *self.grasps.steps(), *inner)
+        return (
+            *own,
+            *steps_of_carriers(carriers, self.surfaces, points=bool(self.points)),
+            *self.grasps.steps(),
+            *inner,
+        )
 
     @property
     def largest_step(self) -> Any:  # type: ignore[override]
@@ -331,9 +337,14 @@ class Contact(Force[ContactMemory]):
 
     def settle(self, memory: ContactMemory, motion: PointMotion, vehicle: bool) -> ContactMemory:
         """Internal state of the contact model in which friction holds what stands at the start."""
-        from skyarm.world.contact.standing_bristles import with_standing_bristles
-
-        return with_standing_bristles(self, memory, motion, vehicle=vehicle)
+        weights = {i: each.mass * motion.gravity for i, each in enumerate(self.objects) if each.standing}
+        if vehicle:
+            weights[NOBODY] = motion.vehicle.mass * motion.gravity
+        if not weights:
+            return memory
+        materials = {each.name: each.material for _, each in self.every_surface}
+        meetings = self.meetings(memory, motion)
+        return replace(memory, bristles=standing_bristles(meetings, memory.bristles, weights, materials))
 
     def act(self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion) -> ContactMemory:
         """Internal state of the contact model after the grippers close, open or slip at a control instant."""
@@ -407,7 +418,7 @@ class Contact(Force[ContactMemory]):
         """Shapes of surfaces and movable bodies, and arrows of contact forces, for pictures."""
         from skyarm.world.contact.contact_scene import contact_scene
 
-        return contact_scene(self, seen)
+        return contact_scene(seen, self.surfaces, self.points, self.objects, self.mechanisms)
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
         """Warnings about steps much shorter than the vehicle's alone, and about balls that hold objects tilted."""

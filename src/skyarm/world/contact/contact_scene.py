@@ -7,7 +7,7 @@ at rest.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,9 @@ from skyarm.algebra import Vec3
 from skyarm.records.arrays import Array
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.contact.contact import Contact
+from skyarm.world.contact.contact_point import ContactPoint
+from skyarm.world.contact.free_object import FreeObject
+from skyarm.world.contact.mechanism import Mechanism
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.scene import PATCH, Arrow, Instants, Scene
 from skyarm.world.scene.shapes import OBJECT, SURFACE, Shape, Solid, floats, shape_between
@@ -29,16 +31,22 @@ LEVEL = 1e-9
 """Largest share of a level plane's normal that is not upwards."""
 
 
-def contact_scene(contact: Contact, seen: Instants) -> Scene:
+def contact_scene(
+    seen: Instants,
+    surfaces: Sequence[Surface],
+    points: Sequence[ContactPoint],
+    objects: Sequence[FreeObject],
+    mechanisms: Sequence[Mechanism],
+) -> Scene:
     """Drawn shapes and force arrows of the contact model at some instants of a flight."""
-    poses, ground = _carrier_poses(contact, seen), ground_of(contact.surfaces)
-    solids = [_surface_solid(each, seen) for each in contact.surfaces if each is not ground]
-    for i, carrier in enumerate(contact.carriers):
-        solids += [_carrier_solid(surface, *poses[i]) for surface in carrier.surfaces]
+    poses, ground = _carrier_poses(objects, mechanisms, seen), ground_of(surfaces)
+    solids = [_surface_solid(each, seen) for each in surfaces if each is not ground]
+    carried = [(surface, *poses[i]) for i, each in enumerate((*objects, *mechanisms)) for surface in each.surfaces]
+    solids += [_carrier_solid(*each) for each in carried]
     return Scene(
         solids=tuple(solids),
-        arrows=tuple(_touch_arrows(contact, seen, poses)),
-        attached=tuple(_point_shapes(contact, seen.vehicle)),
+        arrows=tuple(_touch_arrows(points, surfaces, carried, seen)),
+        attached=tuple(_point_shapes(points, seen.vehicle)),
         ground=None if ground is None else float(ground.position.z),
     )
 
@@ -62,15 +70,15 @@ def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
     return Shape(f"world/{surface.name}", "surface", surface.shape, BASE, halves, mesh=surface.mesh)
 
 
-def _carrier_poses(contact: Contact, seen: Instants) -> Poses:
+def _carrier_poses(objects: Sequence[FreeObject], mechanisms: Sequence[Mechanism], seen: Instants) -> Poses:
     """Rotations (N, 3, 3) and positions (N, 3) of free objects and mechanisms at N instants, by index."""
     poses, count = Poses(), len(seen.times)
-    for i in range(len(contact.objects)):
+    for i in range(len(objects)):
         quaternion = seen.numbers["object_quaternion"][:, 4 * i : 4 * i + 4]
         poses[i] = rotations_of(quaternion), seen.numbers["object_position"][:, 3 * i : 3 * i + 3]
-    for i, mechanism in enumerate(contact.mechanisms):
+    for i, mechanism in enumerate(mechanisms):
         frame = mechanism.frame_at(seen.numbers["mechanism_position"][:, i])
-        poses[len(contact.objects) + i] = matrices(frame.rotation, count), vectors(frame.position, count)
+        poses[len(objects) + i] = matrices(frame.rotation, count), vectors(frame.position, count)
     return poses
 
 
@@ -91,10 +99,10 @@ def _carrier_solid(surface: Surface, rotation: Array, position: Array) -> Solid:
     return Solid(shape, position + rotation @ place, rotation @ matrices(surface.rotation, 1)[0], OBJECT)
 
 
-def _point_shapes(contact: Contact, vehicle: Vehicle) -> Iterator[Shape]:
+def _point_shapes(points: Iterable[ContactPoint], vehicle: Vehicle) -> Iterator[Shape]:
     """Drawn shapes of the contact points: balls, each on a rod from the origin of its body."""
     least = POINT * longest_boom(vehicle)
-    for point in contact.points:
+    for point in points:
         radius = float(point.radius)
         if radius == 0.0 and point.frame and point.frame == vehicle.end_effector:
             continue
@@ -106,12 +114,16 @@ def _point_shapes(contact: Contact, vehicle: Vehicle) -> Iterator[Shape]:
             yield shape_between(f"stalk/{point.name}", "boom", "capsule", body, 0.4 * least, *ends)
 
 
-def _touch_arrows(contact: Contact, seen: Instants, poses: Poses) -> Iterator[Arrow]:
+def _touch_arrows(
+    points: Sequence[ContactPoint],
+    surfaces: Iterable[Surface],
+    carried: Iterable[tuple[Surface, Array, Array]],
+    seen: Instants,
+) -> Iterator[Arrow]:
     """Arrows of the normal forces of each surface on each contact point of the vehicle."""
     still = np.eye(3)[None], np.zeros((1, 3))
-    carried = [(each, *poses[i]) for i, carrier in enumerate(contact.carriers) for each in carrier.surfaces]
-    surfaces = [*((each, *still) for each in contact.surfaces), *carried]
-    pairs = [(*surface, point) for surface in surfaces for point in contact.points]
+    every = [*((each, *still) for each in surfaces), *carried]
+    pairs = [(*surface, point) for surface in every for point in points]
     for i, (surface, turn, origin, point) in enumerate(pairs):
         force = seen.numbers["contact_force"][:, i]
         name = f"touch/{surface.name}/{point.name}"

@@ -2,31 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from skyarm.algebra.scalars import minimum
-from skyarm.world.contact.carrier import both
+from skyarm.world.contact.carrier import Carrier, both
 from skyarm.world.contact.material import LIGHTEST
-
-if TYPE_CHECKING:
-    from skyarm.world.contact.contact import Contact
+from skyarm.world.contact.surface import Surface
 
 
-def steps_of_carriers(contact: Contact) -> Iterator[tuple[str, Any]]:
-    """Longest stable integration step (s) of each kind of contact pair with a movable body."""
-    masses = [1.0 / each.mobility for each in contact.carriers]
-    for i, carrier in enumerate(contact.carriers):
-        others = [(masses[j], each.step_share) for j, each in enumerate(contact.carriers) if j != i and each.spot_count]
+def steps_of_carriers(
+    carriers: Sequence[Carrier], surfaces: Sequence[Surface], *, points: bool
+) -> Iterator[tuple[str, Any]]:
+    """Longest stable integration step (s) of each kind of contact pair with a movable body.
+
+    Args:
+        carriers: movable bodies.
+        surfaces: of the world.
+        points: whether the vehicle has points that may touch them.
+    """
+    masses = [1.0 / each.mobility for each in carriers]
+    for i, carrier in enumerate(carriers):
+        others = [(masses[j], each.step_share) for j, each in enumerate(carriers) if j != i and each.spot_count]
         what, share = f"the mass of {carrier.name!r}", carrier.step_share
         for surface in carrier.surfaces:
-            if contact.points:
+            if points:
                 yield what, share * surface.material.step_of(both(masses[i], LIGHTEST))
             for mass, other in others:
                 yield what, min(share, other) * surface.material.step_of(both(masses[i], mass))
         if carrier.spot_count:
-            for surface in contact.surfaces:
+            for surface in surfaces:
                 yield what, share * surface.material.step_of(masses[i])
 
 

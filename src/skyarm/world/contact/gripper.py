@@ -31,8 +31,7 @@ from skyarm.records.coerce import RecordError, absent
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Name, Unit
-from skyarm.reference.signal_tables import signal_from
-from skyarm.reference.signals import Constant, Signal
+from skyarm.reference.signals import Constant, Signal, signal_from
 from skyarm.world.component import Column, Wrench, select
 from skyarm.world.contact.carrier import CarriedFrame, Carrier, both
 from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, ROUGHEST, euler_step_of

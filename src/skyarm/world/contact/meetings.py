@@ -8,19 +8,16 @@ a memory: points by surface, spots by body and surface, edges.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, maximum, neg, sqrt
 from skyarm.records.immutable import immutable
 from skyarm.world.contact.box_edges import box_of, edge_touches, pairs_with_edges
-from skyarm.world.contact.carrier import NOBODY, CarriedFrame, both
-from skyarm.world.contact.contact_point import Moving, Touch, touch_of
+from skyarm.world.contact.carrier import NOBODY, CarriedFrame, Carrier, both
+from skyarm.world.contact.contact_point import ContactPoint, Moving, Touch, touch_of
 from skyarm.world.contact.material import LIGHTEST
 from skyarm.world.contact.surface import Surface
-
-if TYPE_CHECKING:
-    from skyarm.world.contact.contact import Contact
 
 NEAR, SWIFT = 0.005, 400.0
 """m that a point stays away from a surface at least while longer steps are taken, and m/s^2 that it may accelerate by
@@ -28,6 +25,22 @@ meanwhile: both are the same in 5 ms, longer periods ask for more."""
 
 EDGE = -1
 """Index of a meeting of two edges, in place of that of a spot."""
+
+
+class Bodies(Protocol):
+    """Protocol of what may touch: a :class:`skyarm.world.contact.Contact`."""
+
+    @property
+    def points(self) -> tuple[ContactPoint, ...]:
+        """Points of the vehicle."""
+
+    @property
+    def carriers(self) -> tuple[Carrier, ...]:
+        """Movable bodies."""
+
+    @property
+    def every_surface(self) -> tuple[tuple[int, Surface], ...]:
+        """Surfaces, each with the number of its body; fixed ones have that of the world."""
 
 
 @immutable
@@ -68,7 +81,7 @@ def _depth(
 
 
 def meetings_of(
-    contact: Contact,
+    contact: Bodies,
     memories: Sequence[Any],
     moving: Sequence[Moving],
     clock: Scalar,

@@ -2,41 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 from skyarm.algebra import E_Z, ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, sqrt
-from skyarm.dynamics.point_motion import PointMotion
-from skyarm.world.contact.carrier import NOBODY
-
-if TYPE_CHECKING:
-    from skyarm.world.contact.contact import Contact, ContactMemory
+from skyarm.world.contact.material import Material
+from skyarm.world.contact.meetings import Meeting
 
 _NOTHING = 1e-12
 """N or m in a denominator."""
 
 
-def with_standing_bristles(
-    contact: Contact, memory: ContactMemory, motion: PointMotion, *, vehicle: bool
-) -> ContactMemory:
-    """Internal state of the contact model in which friction holds what stands, each body by itself.
+def standing_bristles(
+    meetings: Sequence[Meeting],
+    bristles: Sequence[Vec3],
+    weights: Mapping[int, Scalar],
+    materials: Mapping[str, Material],
+) -> tuple[Vec3, ...]:
+    """Bristles with which friction holds what stands, each body by itself.
 
     Args:
-        contact: model.
-        memory: at the start.
-        motion: of the vehicle, with gravity.
-        vehicle: whether it stands, too.
+        meetings: contacts at the start.
+        bristles: deflection of the bristle of each of them, m, world axes.
+        weights: of the bodies that stand, N, by number; of the vehicle by ``NOBODY``.
+        materials: of the surfaces, by name.
     """
-    weights: dict[int, Scalar] = {
-        i: each.mass * motion.gravity for i, each in enumerate(contact.objects) if each.standing
-    }
-    if vehicle:
-        weights[NOBODY] = motion.vehicle.mass * motion.gravity
-    if not weights:
-        return memory
-    meetings, bristles = contact.meetings(memory, motion), list(memory.bristles)
-    materials = {each.name: each.material for _, each in contact.every_surface}
+    bent = list(bristles)
     for by, weight in weights.items():
         force, pressed = ZERO3, 0.0
         for each in meetings:
@@ -47,8 +38,8 @@ def with_standing_bristles(
             if each.by == by:
                 material = materials[each.surface]
                 held = across - each.touch.axis * across.dot(each.touch.axis)
-                bent = held * -divide(material.bristle_length, maximum(material.friction * pressed, _NOTHING))
-                size = sqrt(bent.dot(bent) + _NOTHING * _NOTHING)
+                deflection = held * -divide(material.bristle_length, maximum(material.friction * pressed, _NOTHING))
+                size = sqrt(deflection.dot(deflection) + _NOTHING * _NOTHING)
                 share = minimum(divide(material.bristle_length, size), 1.0)
-                bristles[i] = Vec3(*(c * share for c in bent))
-    return replace(memory, bristles=tuple(bristles))
+                bent[i] = Vec3(*(c * share for c in deflection))
+    return tuple(bent)

@@ -6,8 +6,8 @@ for itself (:meth:`skyarm.world.component.Component.shapes`), from the numbers t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -15,14 +15,10 @@ import numpy as np
 
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.arrays import Array, Mask
-from skyarm.records.files.names import distinct
-from skyarm.records.files.user_code import require_result
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Tree
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world.component import Component
-from skyarm.world.scene.shapes import KINDS, RGBA, Shape, Solid
+from skyarm.world.scene.shapes import RGBA, Shape, Solid
 from skyarm.world.scene.vehicle_shapes import Poses, body_poses
 
 PATCH = 1.0
@@ -116,38 +112,6 @@ class Instants:
         return np.asarray(p + R @ np.array([float(c) for c in point]))
 
 
-def scene_in_log(components: Sequence[Component[Tree]], seen: Instants, logged: Callable[[str], Array]) -> Scene:
-    """Drawn solids, lines and arrows of a flight, from its log.
-
-    Args:
-        components: of the scenario, with concrete numbers.
-        seen: the instants, without numbers of a part.
-        logged: array -> its columns (N, k) of all parts at these instants; (N, 0) of one that there is not.
-    """
-    return _scene((part, replace(seen, numbers=own)) for part, own in _own_columns(components, logged))
-
-
-def scene_now(
-    components: Sequence[Component[Tree]], memories: Sequence[Tree], seen: Instants, motion: PointMotion
-) -> Scene:
-    """Drawn solids, lines and arrows of a running flight at the current instant.
-
-    Args:
-        components: of the scenario.
-        memories: one for each.
-        seen: the instant.
-        motion: of the vehicle then.
-    """
-    parts = []
-    for part, memory in zip(components, memories, strict=True):
-        if has_shapes(part):
-            own: dict[str, list[float]] = {}
-            for column, number in zip(part.columns, part.logged(memory, motion), strict=True):
-                own.setdefault(column[0], []).append(float(number))
-            parts.append((part, replace(seen, numbers={name: np.array([row]) for name, row in own.items()})))
-    return _scene(parts)
-
-
 def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
     """Single instant to draw, from the vehicle's present motion."""
     state = motion.state
@@ -158,65 +122,6 @@ def instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
         vehicle=motion.vehicle, times=np.array([time]), position=position, quaternion=quaternion, joints=joints,
         around=around,
     )  # fmt: skip
-
-
-def first_memories(components: Sequence[Component[Tree]], period: float) -> list[Tree]:
-    """Initial internal states of all environment models, with every random number set to 0.5."""
-    return [part.start(period, [0.5] * (2 * part.uniforms)) for part in components]
-
-
-def has_shapes(part: Component[Tree]) -> bool:
-    """True if the environment model draws anything in pictures."""
-    return type(part).shapes is not Component.shapes
-
-
-def _own_columns(
-    components: Sequence[Component[Tree]], logged: Callable[[str], Array]
-) -> Iterator[tuple[Component[Tree], Mapping[str, Array]]]:
-    """Environment models that draw something, each with its columns of the flight log."""
-    begins: dict[str, int] = {}
-    for part in components:
-        own: dict[str, int] = {}
-        for column in part.columns:
-            own[column[0]] = own.get(column[0], 0) + 1
-        if has_shapes(part):
-            found = {name: logged(name)[:, begins.get(name, 0) :][:, :count] for name, count in own.items()}
-            if all(found[name].shape[1] == count for name, count in own.items()):
-                yield part, found
-        for name, count in own.items():
-            begins[name] = begins.get(name, 0) + count
-
-
-def _scene(parts: Iterable[tuple[Component[Tree], Instants]]) -> Scene:
-    """Merge the drawn solids, lines and arrows of all environment models."""
-    scenes = [_drawn(part, seen) for part, seen in parts]
-    solids = [solid for each in scenes for solid in each.solids]
-    lines = [line for each in scenes for line in each.lines]
-    of_solids, of_lines = (distinct(names) for names in ([s.shape.name for s in solids], [s.name for s in lines]))
-    return Scene(
-        solids=tuple(replace(s, shape=replace(s.shape, name=name)) for s, name in zip(solids, of_solids, strict=True)),
-        lines=tuple(replace(line, name=name) for line, name in zip(lines, of_lines, strict=True)),
-        arrows=tuple(arrow for each in scenes for arrow in each.arrows),
-        attached=tuple(shape for each in scenes for shape in each.attached),
-        ground=max((each.ground for each in scenes if each.ground is not None), default=None),
-    )
-
-
-def _drawn(part: Component[Tree], seen: Instants) -> Scene:
-    """Scene of one environment model.
-
-    Raises:
-        ValueError: it cannot be drawn; one line with the method's file.
-    """
-    found, function = part.shapes(seen), part.shapes
-    require_result(function, found, isinstance(found, Scene), "a skyarm.world.scene.Scene")
-    for shape in (*found.attached, *(each.shape for each in found.solids)):
-        require_result(function, shape, shape.kind in KINDS, f"of one of the kinds {', '.join(KINDS)}")
-    for line in found.lines:
-        wanted = f"with places of shape (N, K, 3) at N = {len(seen.times)} instants"
-        size = np.shape(line.places)
-        require_result(function, line, size == (len(seen.times), *size[1:2], 3), wanted)
-    return found
 
 
 def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> float:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
+from skyarm.algebra.frames import unit_rows
 from skyarm.algebra.matrix import axis_rotation
 from skyarm.algebra.scalars import Scalar, divide
 from skyarm.compile import trace
@@ -194,14 +195,12 @@ def quaternions_of(rotations: Array) -> Array:
     """
     products = np.array(quaternion_products(np.moveaxis(rotations, 0, -1)))
     found: Array = products[np.einsum("iin->in", products).argmax(axis=0), :, np.arange(len(rotations))]
-    upper = found * np.where(found[:, :1] < 0.0, -1.0, 1.0)
-    return np.asarray(upper / np.linalg.norm(upper, axis=1, keepdims=True))
+    return unit_rows(found * np.where(found[:, :1] < 0.0, -1.0, 1.0))
 
 
 def rotations_of(quaternions: Array) -> Array:
     """Rotation matrices (N, 3, 3) of quaternions (N, 4) wxyz of any non-zero length."""
-    unit = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
-    return matrices(Quaternion(*unit.T).rotation(), len(unit))
+    return matrices(Quaternion(*unit_rows(quaternions).T).rotation(), len(quaternions))
 
 
 def vectors(v: Vec3, count: int) -> Array:

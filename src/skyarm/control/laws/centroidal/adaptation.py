@@ -31,9 +31,8 @@ from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.demands import Planned
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, with_joint_damping
-from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step, with_joint_damping
+from skyarm.control.laws.centroidal.step_records import Planned
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.immutable import immutable
@@ -97,15 +96,15 @@ class JointLearned:
     moving: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of the reference's rate")]
     off: Annotated[Scalar, Unit("(rad/s)^2 or (m/s)^2", "mean square of what the rate is off")]
 
-    def filtered(self, new: Efforts, wanted: Scalar, share: Scalar, dt: Scalar) -> JointLearned:
-        """Joint state with filtered signals and statistics, one period later; ``wanted`` is the reference's rate."""
+    def filtered(self, new: Efforts, desired: Scalar, share: Scalar, dt: Scalar) -> JointLearned:
+        """Joint state with filtered signals and statistics, one period later; ``desired`` is the reference's rate."""
         once, slow = self.once.towards(new, share), low_pass_share(FOLLOWING, dt)
-        off = sub(new.rate, wanted)
+        off = sub(new.rate, desired)
         return replace(
             self,
             once=once,
             twice=self.twice.towards(once, share),
-            moving=towards(self.moving, mul(wanted, wanted), slow),
+            moving=towards(self.moving, mul(desired, desired), slow),
             off=towards(self.off, mul(off, off), slow),
         )
 
@@ -114,8 +113,8 @@ class JointLearned:
 
         None where the reference rests: a constant force and a slow drift are then no friction.
         """
-        wanted = add(self.moving, slow)
-        share = divide(wanted, add(wanted, mul(2.0, self.off)))
+        moving = add(self.moving, slow)
+        share = divide(moving, add(moving, mul(2.0, self.off)))
         return mul(mul(share, share), divide(self.moving, add(self.moving, mul(RESTING, slow))))
 
     def residual(self, observed: Scalar, mass: Scalar) -> Scalar:
@@ -151,7 +150,7 @@ class Learned:
 
 
 @immutable
-class AdaptationGains(Part):
+class AdaptationGains(OptionalPart):
     """Rates and bounds of the tip-mass and friction adaptation; a rate of None leaves the mass out.
 
     Attributes:
@@ -228,8 +227,8 @@ def adapt(
 
     def feedforward(kg: Scalar, dampings: Sequence[Scalar]) -> Disturbance:
         """Feed-forward for a mass and for dampings, along the plan."""
-        held = zip(unit.efforts, dampings, turned, strict=True)
-        efforts = tuple(data(sub(mul(kg, effort), mul(b, rate))) for effort, b, rate in held)
+        rows = zip(unit.efforts, dampings, turned, strict=True)
+        efforts = tuple(data(sub(mul(kg, effort), mul(b, rate))) for effort, b, rate in rows)
         return Disturbance(force=vector_data(unit.force * kg), torque=vector_data(unit.torque * kg), efforts=efforts)
 
     (inside, rest), (inside_before, rest_before) = gains.split_damping(joints), gains.split_damping(learned.joints)
@@ -266,7 +265,7 @@ def filter_signals(gains: AdaptationGains, step: Step, learned: Learned) -> tupl
     given = [sub(effort, mul(b, rate)) for effort, b, rate in observed]
     references = [signal.derivative(1) for signal in step.motion.signals[4:]]
     rows = zip(learned.joints, loads, measurement.joint_rates, given, references, strict=True)
-    heard = [joint.filtered(Efforts(load=y, rate=v, given=d), wanted, share, dt) for joint, y, v, d, wanted in rows]
+    heard = [joint.filtered(Efforts(load=y, rate=v, given=d), desired, share, dt) for joint, y, v, d, desired in rows]
     return heard, velocity
 
 

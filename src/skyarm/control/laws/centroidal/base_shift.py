@@ -83,7 +83,7 @@ class Acting:
     """Forces on the vehicle beside those of rotors and weight, world axes.
 
     Attributes:
-        force: steady, N. rate: of it as it is foretold, N/s. drag: of the rotors, N s/m.
+        force: steady force, N. rate: its predicted rate, N/s. drag: hub drag of the rotors, N s/m.
     """
 
     force: Vec3
@@ -92,12 +92,12 @@ class Acting:
 
 
 @immutable(kw_only=False)
-class Instant:
+class PreviewInstant:
     """Reference at one instant of the preview.
 
     Attributes:
-        time: from now, s. rise: vertical acceleration, m/s^2.
-        force: what joints leave of d - a, horizontal, world axes, m/s^2.
+        time: time from now, s. rise: vertical acceleration, m/s^2.
+        force: part of d - a that joints leave, horizontal, world axes, m/s^2.
         lever: height of the centre of mass above the tip, m.
     """
 
@@ -112,14 +112,14 @@ class TiltShares:
     """Share of a base's tilt that joints do not take back: matrix [[m + x, y], [y, m - x]] on horizontal vectors.
 
     Attributes:
-        mean: m, of all directions. x, y: of heading 0.
+        mean: m, mean of all directions. x, y: deviations from it at heading 0.
     """
 
     mean: Scalar
     x: Scalar
     y: Scalar
 
-    def left(self, v: Vec3, yaw: Any) -> Vec3:
+    def left(self, v: Vec3, yaw: Scalar) -> Vec3:
         """Part of a horizontal vector (world axes, or its series) that joints leave to the base at a heading, rad."""
         ahead, aside = cos(yaw), sin(yaw)
         c, s = ahead * ahead - aside * aside, 2.0 * ahead * aside
@@ -167,12 +167,12 @@ def coming_levers(vehicle: Vehicle, samples: Sequence[Sequence[Sample]]) -> list
 
 
 @immutable(kw_only=False)
-class Stretch:
+class PreviewInterval:
     """Solution between two instants of the preview: y' = -b y + v at the first one, and the motion to the second one.
 
     Attributes:
-        b: 1/s. v: m/s. time: from the first to the second one, s.
-        cosh, sinh: of y and y' (s) at the first one, in y at the second one. forced: m, of it by the force.
+        b: 1/s. v: m/s. time: time from the first to the second one, s.
+        cosh, sinh: factors of y and y' (s) at the first one, in y at the second one. forced: m, by the force.
     """
 
     b: Scalar
@@ -183,7 +183,7 @@ class Stretch:
     forced: Vec3 = ZERO3
 
 
-def bounded_sweep(rows: Sequence[Instant], thrusts: Sequence[Scalar]) -> list[Stretch]:
+def bounded_sweep(rows: Sequence[PreviewInstant], thrusts: Sequence[Scalar]) -> list[PreviewInterval]:
     """Bounded solution at each instant of the preview, from its end backwards.
 
     Args:
@@ -198,7 +198,7 @@ def bounded_sweep(rows: Sequence[Instant], thrusts: Sequence[Scalar]) -> list[St
         # as if the force went on as it has changed last
         now, then = rows[-2:]
         v = v + (then.force - now.force) * divide(per, b * (then.time - now.time))
-    found = [Stretch(b, v)]
+    line = [PreviewInterval(b, v)]
     for i in range(len(rows) - 2, -1, -1):
         now, then = rows[i], rows[i + 1]
         h = then.time - now.time
@@ -213,11 +213,13 @@ def bounded_sweep(rows: Sequence[Instant], thrusts: Sequence[Scalar]) -> list[St
         forced = asked * mean - turn * change
         v = (v - forced * b - asked * sinh + turn * ((h / 24.0) * z)) * left
         b = (pace * sinh + b * cosh) * left
-        found.append(Stretch(b, v, h, cosh, sinh, forced))
-    return found[::-1]
+        line.append(PreviewInterval(b, v, h, cosh, sinh, forced))
+    return line[::-1]
 
 
-def coming_thrusts(rows: Sequence[Instant], line: Sequence[Stretch], y: Vec3) -> tuple[tuple[Scalar, ...], ...]:
+def coming_thrusts(
+    rows: Sequence[PreviewInstant], line: Sequence[PreviewInterval], y: Vec3
+) -> tuple[tuple[Scalar, ...], ...]:
     """Vertical acceleration of the shift from instant to instant (m/s^2), and secants of its tilt at each instant.
 
     A lever l that is turned by y to the side is less high by about y^2 / 2 l.
@@ -257,7 +259,7 @@ def bounded_shift(
     """Rate to fourth derivative of the centre of mass's shift (m, world axes), and the shift one period later.
 
     Args:
-        par: of the law.
+        par: constants of the law.
         shift: now.
         base: its reference, value to fourth derivative.
         yaw: rad, series of second order at least.
@@ -272,9 +274,9 @@ def bounded_shift(
     slow = acting.drag * per_mass
     lever = Taylor.of_derivatives([derivative(level.com, k).z - derivative(level.tip, k).z for k in range(3)])
 
-    def instant(time: Scalar, velocity: Vec3, acceleration: Vec3, heading: Scalar, height: Scalar) -> Instant:
+    def instant(time: Scalar, velocity: Vec3, acceleration: Vec3, heading: Scalar, height: Scalar) -> PreviewInstant:
         asked = push + rate * time - velocity * slow - acceleration
-        return Instant(time, acceleration.z, shares.left(asked, heading) * divide(height, _size(height)), height)
+        return PreviewInstant(time, acceleration.z, shares.left(asked, heading) * divide(height, _size(height)), height)
 
     height = lever.derivative(0)
     rows = [instant(0, base[1], base[2], yaw.derivative(0), height)]
@@ -325,7 +327,7 @@ def bounded_shift(
     return moved, after
 
 
-def _later(shift: Shift, rows: Sequence[Instant], dt: Scalar) -> Shift:
+def _later(shift: Shift, rows: Sequence[PreviewInstant], dt: Scalar) -> Shift:
     """Shift whose numbers along the preview are those of the instants of now, which go on from sample to sample."""
     late = rows[1].time - shift.first + dt
     shares = [divide(late, then.time - now.time) for now, then in pairwise(rows[1:])]
@@ -340,7 +342,7 @@ def _towards_next(values: Sequence[Scalar], shares: Sequence[Scalar]) -> list[Sc
     return [*moved, values[-1]]
 
 
-def _thrusts(rows: Sequence[Instant], still: Scalar, floor: Scalar, shift: Shift) -> list[Scalar]:
+def _thrusts(rows: Sequence[PreviewInstant], still: Scalar, floor: Scalar, shift: Shift) -> list[Scalar]:
     """Mean specific thrust from each instant to the next, and at the last one, m/s^2; ``still`` that at rest."""
     rises = [0.5 * (now.rise + then.rise) + sink for now, then, sink in zip(rows, rows[1:], shift.coming, strict=False)]
     ups = [maximum(still + rise, floor) for rise in (*rises, rows[-1].rise)]

@@ -16,10 +16,10 @@ from typing import Annotated
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, mul, sqrt, where
 from skyarm.algebra.scalars.taylor import Taylor, inverse_root
-from skyarm.control.blocks.attitude import Attitude, derivative, reachable, vector_series
+from skyarm.control.blocks.attitude import DesiredAttitude, derivative, reachable, vector_series
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import RotorForce
+from skyarm.control.laws.centroidal.step_records import RotorForce
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
@@ -53,11 +53,11 @@ def quasi_static(
     """
     first, second = rates
     force = (base[2] + E_Z * par.model.gravity) * mass - disturbance
-    wanted = vector_series((force, base[3] * mass - first, base[4] * mass - second))
-    return reachable(wanted, par.center.tilt, par.center.floor)
+    series = vector_series((force, base[3] * mass - first, base[4] * mass - second))
+    return reachable(series, par.center.tilt, par.center.floor)
 
 
-def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Scalar, gravity: Scalar) -> Vec3:
+def planned_rate(still: DesiredAttitude, motion: Sequence[Vec3], mass: Scalar, gravity: Scalar) -> Vec3:
     """Rate of the planned force f = m (p'' + g), planned body axes, N/s: R^T m p''' - w x R^T f.
 
     ``motion`` are p'' and p''' of the centre of mass.
@@ -67,7 +67,7 @@ def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Scalar, gravity:
     return change - still.rate.cross(force)
 
 
-def goal(base: list[Vec3], h: list[Vec3], still: Attitude, moving: bool) -> list[Vec3]:
+def goal(base: list[Vec3], h: list[Vec3], still: DesiredAttitude, moving: bool) -> list[Vec3]:
     """Reference of the centre of mass, with four derivatives, from the base's reference and the offset h.
 
     ``moving`` differentiates R_q too, in velocity and acceleration.
@@ -93,23 +93,22 @@ def thrust(
     velocity: Vec3,
     R: Mat3,
     w: Vec3,
-    disturbance: Vec3,
-    force_rate: Vec3 = ZERO3,
-    force_bend: Vec3 = ZERO3,
+    disturbance: Sequence[Vec3],
     rotors: RotorForce = ALONG_Z,
 ) -> Thrust:
     """Force on the centre of mass for tracking, m (p_c,d'' + g e_3 + PD) - d, with derivatives, N.
 
     ``wanted`` is the reference of the centre of mass, value to fourth derivative, ``position`` and ``velocity`` its
-    present ones; ``force_rate`` and ``force_bend`` are known derivatives of the disturbance.
+    present ones; ``disturbance`` has its two known derivatives with it.
     """
+    pushed, force_rate, force_bend = disturbance
     kv, gravity = par.base.velocity, E_Z * par.model.gravity
     e, ed = position - wanted[0], velocity - wanted[1]
     off = [e]
     pull = [_attraction(par, off) + kv.hadamard(ed)]
-    force = (wanted[2] + gravity - _soft_limit(pull)) * mass - disturbance
+    force = (wanted[2] + gravity - _soft_limit(pull)) * mass - pushed
     per_mass = divide(1.0, mass)
-    edd = (rotors.achievable([force], R, w) + disturbance) * per_mass - gravity - wanted[2]
+    edd = (rotors.achievable([force], R, w) + pushed) * per_mass - gravity - wanted[2]
     off.append(ed)
     pull.append(_attraction(par, off) + kv.hadamard(edd))
     first = (wanted[3] - _soft_limit(pull)) * mass - force_rate
@@ -118,13 +117,13 @@ def thrust(
     pull.append(_attraction(par, off) + kv.hadamard(eddd))
     second = (wanted[4] - _soft_limit(pull)) * mass - force_bend
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
-    held = reachable(Vec3(*series), par.center.tilt, par.center.floor)
-    pushed = rotors.achievable([derivative(held, 0)], R, w)
+    limited = reachable(Vec3(*series), par.center.tilt, par.center.floor)
+    given = rotors.achievable([derivative(limited, 0)], R, w)
     return Thrust(
-        force=held,
-        along=derivative(held, 0).dot(R.column(2)),
-        acceleration=(pushed + disturbance) * per_mass - gravity,
-        across=rotors.across(R, pushed),
+        force=limited,
+        along=derivative(limited, 0).dot(R.column(2)),
+        acceleration=(given + pushed) * per_mass - gravity,
+        across=rotors.across(R, given),
     )
 
 

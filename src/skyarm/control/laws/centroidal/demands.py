@@ -9,7 +9,7 @@ from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, maximum, minimum, mul, sqrt, sub
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import (
-    Attitude,
+    DesiredAttitude,
     Posture,
     angular_acceleration,
     attitude,
@@ -24,29 +24,12 @@ from skyarm.control.laws.centroidal import tip_tasks
 from skyarm.control.laws.centroidal.base_shift import FIRST_SHIFT, Acting, Shift, bounded_shift
 from skyarm.control.laws.centroidal.com_tracking import ArmMotion
 from skyarm.control.laws.centroidal.force_trend import Foreseen
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Effect, RotorForce, Step
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, Step
+from skyarm.control.laws.centroidal.step_records import AccelerationDemand, Effect, Planned, RotorForce
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
-
-
-@immutable
-class Planned:
-    """Planned motion without tracking errors: attitude, accelerations and joint signals.
-
-    Attributes:
-        R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and acceleration, base axes.
-        proper: acceleration of the base origin less gravity, m/s^2, base axes.
-        joints: signals, series in time.
-    """
-
-    R: Mat3
-    rate: Vec3
-    alpha: Vec3
-    proper: Vec3
-    joints: tuple[Taylor, ...]
 
 
 @immutable
@@ -65,54 +48,32 @@ def first_following(par: CentroidalParameters) -> Following:
     )
 
 
-@immutable
-class Demand:
-    """Desired thrust, angular acceleration and joint accelerations of one control step.
-
-    Attributes:
-        thrust: N, along body z. across: N, body axes.
-        alpha: angular acceleration, body axes, rad/s^2. joints: accelerations.
-        planned: motion without errors.
-        force_rate: N/s, body axes, of the planned force.
-        missed: m, of the tip from its reference, world axes.
-    """
-
-    thrust: Scalar
-    alpha: Vec3
-    joints: tuple[Scalar, ...]
-    planned: Planned
-    following: Following = Following()
-    across: Vec3 = ZERO3
-    force_rate: Vec3 = ZERO3
-    missed: Vec3 = ZERO3
-
-
 @immutable(kw_only=False)
-class Course:
+class DesiredMotion:
     """Desired motion of base and arm at one instant, with the quasi-static attitude.
 
     Attributes:
-        base: of the base origin, value to fourth derivative, world axes.
+        base: motion of the base origin, value to fourth derivative, world axes.
         still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
-        following: of the shift's motion, one period later.
+        following: filter states, one period later.
         changes: known derivatives of the disturbance, N/s and N/s^2, world axes.
-        rotors: force that they give. planned: force of the motion, N, if the shift answers it, else None.
-        goal: of the tip mode, else None.
+        rotors: force of the rotors. planned: force of the motion, N, if the shift answers it, else None.
+        goal: tip and link references in tip mode, else None.
     """
 
     base: list[Vec3]
-    still: Attitude
+    still: DesiredAttitude
     level: Posture
     turned: tuple[Taylor, ...]
     following: Following
     changes: tuple[Vec3, Vec3]
     rotors: RotorForce
     planned: Vec3 | None
-    goal: tip_tasks.Goal | None = None
+    goal: tip_tasks.TipGoal | None = None
 
 
-def demands(step: Step, effect: Effect, coming: Foreseen) -> Demand:
-    """Desired thrust, angular acceleration and joint accelerations of one control step."""
+def demands(step: Step, effect: Effect, coming: Foreseen) -> tuple[AccelerationDemand, Following]:
+    """Desired thrust, angular and joint accelerations of one control step, and the next filter states."""
     par, state, before = step.par, step.state, step.memory.following
     model, pressing = par.model, effect.pressing
     vehicle, mass = model.vehicle, model.vehicle.mass
@@ -124,18 +85,16 @@ def demands(step: Step, effect: Effect, coming: Foreseen) -> Demand:
     if arm:
         arm = center_of_mass.update_arm_motion(arm, course.level.com, model.gravity, step.dt)
         h = center_of_mass.compensated_motion(arm, h)
-    wanted = center_of_mass.goal(course.base, h, course.still, par.tip.preview is not None)
+    target = center_of_mass.goal(course.base, h, course.still, par.tip.preview is not None)
     push = center_of_mass.thrust(
         par,
         mass,
-        wanted=wanted,
+        wanted=target,
         position=state.position + R.apply(derivative(now.com, 0)),
         velocity=state.velocity + _velocity(R, w, now.com),
         R=R,
         w=w,
-        disturbance=coming.unknown.force,
-        force_rate=course.changes[0],
-        force_bend=course.changes[1],
+        disturbance=(coming.unknown.force, *course.changes),
         rotors=course.rotors,
     )
     alpha = angular_acceleration(par.base, wanted_attitude(par, push.force, yaw, course.rotors, course.planned), R, w)
@@ -171,19 +130,19 @@ def demands(step: Step, effect: Effect, coming: Foreseen) -> Demand:
         proper=course.still.R.apply_T(course.base[2] + E_Z * model.gravity),
         joints=course.turned,
     )
-    return Demand(
+    demand = AccelerationDemand(
         thrust=push.along,
         alpha=alpha,
         joints=preferred,
         planned=planned,
-        following=dataclasses.replace(course.following, arm=arm),
         across=push.across,
-        force_rate=center_of_mass.planned_rate(course.still, wanted[2:4], mass, model.gravity),
+        force_rate=center_of_mass.planned_rate(course.still, target[2:4], mass, model.gravity),
         missed=missed,
     )
+    return demand, dataclasses.replace(course.following, arm=arm)
 
 
-def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> Course:
+def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> DesiredMotion:
     """Desired motion of base and arm in one step; in tip mode the joints compensate the base's tilt.
 
     Attitude and drag along the path are those of the base as it shifts.
@@ -211,7 +170,7 @@ def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> Course:
     planned = force if moved else None
     still = wanted_attitude(par, force, yaw, rotors, planned)
     if par.mode != "tip":
-        return Course(base, still, level, joints, before, changes, rotors, planned)
+        return DesiredMotion(base, still, level, joints, before, changes, rotors, planned)
     goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
     turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, moves)
     upright_posture, level = level, posture(vehicle, turned, 4)
@@ -219,7 +178,7 @@ def plan(step: Step, signals: Sequence[Taylor], coming: Foreseen) -> Course:
     if moved:
         offset = [*offset, *moved[2:]]
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    return Course(base, still, level, turned, after, changes, rotors, planned, goal)
+    return DesiredMotion(base, still, level, turned, after, changes, rotors, planned, goal)
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Scalar, ...]:
@@ -245,7 +204,7 @@ Hz, and a law without an accelerometer errs by 17 mm for 3 in noise at 1 Hz."""
 
 def wanted_attitude(
     par: CentroidalParameters, force: Vec3, yaw: Taylor, rotors: RotorForce, planned: Vec3 | None = None
-) -> Attitude:
+) -> DesiredAttitude:
     """Desired attitude for a force (Taylor series, N, world axes), of which rotors may give a part sideways.
 
     ``planned`` is the force of the motion without errors, whose direction low thrust does not change.
@@ -280,30 +239,30 @@ def within_limits(
 
     Source: Ames et al. 2019, "Control barrier functions: theory and applications", exponential barrier of degree two.
     """
-    found = []
-    for i, (wanted, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
+    bounded = []
+    for i, (desired, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
         joint = vehicle.links[i].joint
         share = WITH_STOP if joint.has_stops else SHARE
         pole = maximum(0.5 * gains.damping[i], sqrt(gains.stiffness[i]))
         square = pole * pole
         gone = square * state.joints[i] + 2.0 * pole * state.joint_rates[i]
-        kept = wanted
+        limited = desired
         if high:
             end = towards(joint.upper, references[i], share, pole)
-            kept = minimum(kept, minimum(end, square * joint.upper) - gone)
+            limited = minimum(limited, minimum(end, square * joint.upper) - gone)
         if low:
             end = towards(joint.lower, references[i], share, pole)
-            kept = maximum(kept, maximum(end, square * joint.lower) - gone)
+            limited = maximum(limited, maximum(end, square * joint.lower) - gone)
         if joint.turns and not (low or high):
             asked, room = towards(0.0, references[i], 0.0, pole) - gone, square * TURN
-            kept = minimum(maximum(kept, asked - room), asked + room)
-        found.append(kept)
-    return tuple(found)
+            limited = minimum(maximum(limited, asked - room), asked + room)
+        bounded.append(limited)
+    return tuple(bounded)
 
 
 def towards(limit: Scalar, reference: Taylor, share: Scalar, pole: Scalar) -> Scalar:
     """Right-hand side q'' + 2 k q' + k^2 q of the joint-limit barrier, for a position between reference and limit."""
-    told, square, twice = reference.derivative(0), mul(pole, pole), mul(2.0, pole)
+    position, square, twice = reference.derivative(0), mul(pole, pole), mul(2.0, pole)
     # the place where it may go moves with the reference, the limit does not
     moved = mul(sub(1.0, share), add(reference.derivative(2), mul(twice, reference.derivative(1))))
-    return add(mul(square, add(told, mul(share, sub(limit, told)))), moved)
+    return add(mul(square, add(position, mul(share, sub(limit, position)))), moved)

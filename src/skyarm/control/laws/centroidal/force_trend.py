@@ -20,8 +20,8 @@ from skyarm.algebra.scalars import Scalar, data, divide, exp, maximum, minimum
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Effect, Part
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart
+from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
@@ -42,7 +42,7 @@ SLOWEST, STEEPEST = 0.1, 5.0
 
 
 @immutable
-class TrendGains(Part):
+class TrendGains(OptionalPart):
     """Constants of the force trend: tracking filter of force and rate, and evidence for the rate's weight."""
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "tracker of the observed force")]
@@ -90,25 +90,25 @@ def update_trend(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Scalar)
     share = 1.0 - exp(-divide(STAGES * dt, gains.horizon))
     forces, rates = _advance_delay(memory.forces, force, share), _advance_delay(memory.rates, rate, share)
     change = (force - forces[-1]) * divide(1.0, gains.horizon)
-    told = rates[-1] * _no_step(gains, change)
+    predicted = rates[-1] * _no_step(gains, change)
     slow = low_pass_share(gains.forget, dt)
     return ForceTrend(
         level=vector_data(level),
         rate=vector_data(rate),
         forces=forces,
         rates=rates,
-        agreement=data(memory.agreement + slow * (told.dot(change) - memory.agreement)),
-        size=data(memory.size + slow * (told.dot(rates[-1]) - memory.size)),
+        agreement=data(memory.agreement + slow * (predicted.dot(change) - memory.agreement)),
+        size=data(memory.size + slow * (predicted.dot(rates[-1]) - memory.size)),
     )
 
 
 def _advance_delay(chain: tuple[Vec3, ...], value: Vec3, share: Scalar) -> tuple[Vec3, ...]:
     """Delay line one period later: a chain of first-order lags driven by ``value``."""
-    found = []
+    delayed = []
     for each in chain:
         value = vector_data(each + (value - each) * share)
-        found.append(value)
-    return tuple(found)
+        delayed.append(value)
+    return tuple(delayed)
 
 
 def rate_weights(gains: TrendGains, memory: ForceTrend) -> tuple[Scalar, Scalar]:
@@ -134,8 +134,8 @@ class Foreseen:
     """Disturbance forecast by the weighted rate of the force.
 
     Attributes:
-        unknown: that is compensated, now. near_rate: N/s, of its force, by which the attitude turns.
-        steady: force that the attitude balances, N, world axes. rate: N/s, of it.
+        unknown: compensated disturbance, now. near_rate: rate of its force by which the attitude turns, N/s.
+        steady: force that the attitude balances, N, world axes. rate: its rate, N/s.
     """
 
     unknown: Disturbance
@@ -150,7 +150,7 @@ def foresee(par: CentroidalParameters, trend: ForceTrend | None, effect: Effect,
     ``slow`` is the observed force, slowly filtered, and ``adapted`` that of the feed-forward, N, world axes.
     """
     unknown, steady, gains = effect.unknown, (slow if par.mode == "tip" else effect.force) + adapted, par.parts.trend
-    if gains is None or trend is None:
+    if not isinstance(gains, TrendGains) or trend is None:
         return Foreseen(unknown=unknown, steady=steady)
     late, slope = lateness(par), trend.rate
     if type(effect.external) is not int:

@@ -22,13 +22,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import accumulate
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import inner_product
 from skyarm.algebra.scalars import Scalar, add, data, divide, maximum, minimum, mul, structural, sub, total, where
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters, at_shares, with_joint_damping
-from skyarm.control.laws.centroidal.part import Part, Step
+from skyarm.control.laws.centroidal.parameters import (
+    CentroidalParameters,
+    OptionalPart,
+    Step,
+    at_shares,
+    with_joint_damping,
+)
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
@@ -74,7 +79,7 @@ IGNORED = 0.002
 
 
 @immutable
-class LagGains(Part):
+class LagGains(OptionalPart):
     """Constants of the lag estimate: lags that halve the bandwidths of rotor and joint loops, spacing of candidates."""
 
     base: Annotated[Scalar, Unit("s", "lag of the rotors' loops that halves their bandwidth", low=0.0, strict=True)]
@@ -127,16 +132,16 @@ class LagGains(Part):
         """Lag estimate one period later; held before the second measurement and where ``isolated`` is 0, in contact."""
         if self.held:
             return memory
-        told, measurement, free, dt = step.seen.told, step.measurement, step.memory.free, step.dt
+        update, measurement, free, dt = step.seen.told, step.measurement, step.memory.free, step.dt
         running = where(step.memory.started > 0.5, 1.0, 0.0)
         rates = (measurement.rate.x, measurement.rate.y, *measurement.joint_rates)
         # the model's answer to what was sent, without a delay
         last, sent = -1 - step.par.delay_periods, step.timing.past
-        _, angular, joints = told.amid.accelerations(step.par.model, sent.squares[last], sent.efforts[last])
+        _, angular, joints = update.amid.accelerations(step.par.model, sent.squares[last], sent.efforts[last])
         by_model = (angular.x, angular.y, *joints)
         # the observer's disturbance stands still at limits of actuators
         learning = (*free[:1] * TILTS, *free[1:])
-        corrections = (told.angular_correction.x, told.angular_correction.y, *told.joint_corrections)
+        corrections = (update.angular_correction.x, update.angular_correction.y, *update.joint_corrections)
         own = [sub(a, d) for a, d in zip(by_model, memory.disturbing, strict=True)]
         seen = [divide(sub(now, before), dt) for now, before in zip(rates, memory.rates, strict=True)]
         believed = _in_row(memory.believed, own, running, dt)
@@ -219,27 +224,27 @@ def stride_of(control_period: float) -> int:
     return max(1, round(STEP / control_period))
 
 
-def delay_share(memory: LagMemory) -> Any:
+def delay_share(memory: LagMemory) -> Scalar:
     """Share of the rotors' lag that is a delay, 0 to 1: none where accelerations are much smaller than modelled."""
     roll, pitch = (divide(s, maximum(a, LEAST)) for s, a in zip(memory.size, memory.agreement, strict=True))
     times = minimum(roll, pitch)
     return minimum(maximum((SLOW - times) * (1.0 / (SLOW - SMALLER)), 0.0), 1.0)
 
 
-def weigh(bank: Bank) -> list[Any]:
+def weigh(bank: Bank) -> list[Scalar]:
     """Weight of each candidate lag, its likelihood up to a common factor."""
     least = _least(bank.paid)
     inverse = divide(0.125 * SHARPNESS, least + PRIOR)
     start = 1.0 - least * inverse
-    found = []
+    weights = []
     for each in bank.paid:
         once = divide(1.0, each * inverse + start)
         twice = once * once
-        found.append((twice * twice) * (twice * twice))
-    return found
+        weights.append((twice * twice) * (twice * twice))
+    return weights
 
 
-def estimate(bank: Bank, step: Scalar) -> Any:
+def estimate(bank: Bank, step: Scalar) -> Scalar:
     """Estimated lag, s: likelihood-weighted mean of the candidate lags, which are ``step`` apart."""
     # sums of the weights of lags not below each: their sum counts each weight once for each step of its lag
     above = list(accumulate(reversed(weigh(bank))))
@@ -258,12 +263,12 @@ def _in_row(
     before: Sequence[Sequence[Scalar]], new: Sequence[Scalar], running: Scalar, dt: Scalar
 ) -> tuple[tuple[Scalar, ...], ...]:
     """States of three low-pass filters in series: two at the band's upper edge, one at its lower edge."""
-    found = []
+    states = []
     for old, edge in zip(before, (HIGH, HIGH, LOW), strict=True):
         share = running * low_pass_share(edge, dt)
         new = tuple(o + share * (n - o) for o, n in zip(old, new, strict=True))
-        found.append(new)
-    return tuple(found)
+        states.append(new)
+    return tuple(states)
 
 
 def _band_pass(filtered: Sequence[Sequence[Scalar]]) -> tuple[Scalar, ...]:

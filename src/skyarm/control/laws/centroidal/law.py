@@ -16,6 +16,7 @@ Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -27,18 +28,20 @@ from skyarm.control.blocks.filters import low_pass
 from skyarm.control.blocks.late_actuators import Past
 from skyarm.control.blocks.prediction import Actuation, Disturbance, predict_across, with_side
 from skyarm.control.controller import all_applied
-from skyarm.control.laws.centroidal.adaptation import adapt
+from skyarm.control.laws.centroidal.adaptation import AdaptationGains, adapt
 from skyarm.control.laws.centroidal.demands import Following, demands
-from skyarm.control.laws.centroidal.force_trend import foresee, update_trend
-from skyarm.control.laws.centroidal.parameters import FOLLOWING, CentroidalParameters, brace_joints
-from skyarm.control.laws.centroidal.part import Effect, ReferenceMotion, Seen, Step, Timing
+from skyarm.control.laws.centroidal.force_trend import TrendGains, foresee, update_trend
+from skyarm.control.laws.centroidal.lag_estimate import LagGains
+from skyarm.control.laws.centroidal.noise_estimate import NoiseGains
+from skyarm.control.laws.centroidal.parameters import FOLLOWING, CentroidalParameters, Step, brace_joints
+from skyarm.control.laws.centroidal.step_records import Effect, ObserverOutput, ReferenceMotion, Timing
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.reference.preview import samples, samples_ahead
+from skyarm.reference.preview import Sample, samples, samples_ahead
 from skyarm.sensing.measurement import Measurement
 
 
@@ -61,8 +64,8 @@ class CentroidalMemory:
 
     Attributes:
         channels: samples of x, y, z, yaw and joints.
-        sent: the last command. past: of the actuators, as long as delay and lag may be.
-        following: of the demands. parts: of the parts.
+        sent: the last command. past: modelled past of the actuators, as long as delay and lag may be.
+        following: filter states of the desired motion. parts: states of the optional parts.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]
@@ -83,13 +86,13 @@ def centroidal(
     memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: CentroidalParameters
 ) -> tuple[CentroidalMemory, Command]:
     """One control step of the centroidal law: computed torque on the centre of mass with a disturbance observer."""
-    held, touching = memory.parts, par.parts.touching()
+    part_memories, touching = memory.parts, par.parts.touching()
     timing = time_of_action(par, memory, dt)
     motion, channels, age = continue_reference(par, memory, reference, timing.lead, dt)
     par = gains_of_now(par, memory, measurement, timing.lead, dt)
     before = adapted = no_feedforward(par)
-    if par.parts.adaptation is not None:
-        before, adapted = held.adaptation.at_measurement(), held.adaptation.feedforward
+    if isinstance(par.parts.adaptation, AdaptationGains):
+        before, adapted = part_memories.adaptation.at_measurement(), part_memories.adaptation.feedforward
     seen = see(par, memory, measurement, timing.acted, (before, adapted), dt)
     step = Step(
         par=par,
@@ -105,23 +108,25 @@ def centroidal(
     effect = Effect(signals=motion.signals, unknown=seen.unknown, force=seen.observed.force)
     memories: dict[str, Any] = {}
     for name, part in touching:
-        memories[name], effect = part.affect(getattr(held, name), step, effect)
-    if par.parts.trend is not None:
-        memories["trend"] = update_trend(par.parts.trend, held.trend, seen.observed.force, dt)
+        memories[name], effect = part.affect(getattr(part_memories, name), step, effect)
+    if isinstance(par.parts.trend, TrendGains):
+        memories["trend"] = update_trend(par.parts.trend, part_memories.trend, seen.observed.force, dt)
     slow = low_pass(memory.slow_force, effect.force, par.tip.shift_rate, dt)
     coming = foresee(par, memories.get("trend"), effect, slow, adapted.force)
-    demand = demands(step, effect, coming)
+    demand, shifted = demands(step, effect, coming)
     output = actuate(step, coming.unknown, demand)
-    if par.parts.lag is not None:
-        memories["lag"] = par.parts.lag.after(held.lag, step, effect.isolated)
-    if par.parts.noise is not None:
-        memories["noise"] = par.parts.noise.after(held.noise, seen, measurement.velocity, dt)
+    if isinstance(par.parts.lag, LagGains):
+        memories["lag"] = par.parts.lag.after(part_memories.lag, step, effect.isolated)
+    if isinstance(par.parts.noise, NoiseGains):
+        memories["noise"] = par.parts.noise.after(part_memories.noise, seen, measurement.velocity, dt)
     for name, part in touching:
         memories[name] = part.learn(memories[name], effect, demand)
     observed = seen.observed
-    if par.parts.adaptation is not None:
+    if isinstance(par.parts.adaptation, AdaptationGains):
         free = learning(memory, effect.learns)
-        memories["adaptation"], over = adapt(par.parts.adaptation, step, held.adaptation, demand.planned, free[1:])
+        memories["adaptation"], over = adapt(
+            par.parts.adaptation, step, part_memories.adaptation, demand.planned, free[1:]
+        )
         observed = observed.without(over)
     following = CentroidalMemory(
         started=memory.started * 0.0 + 1.0,
@@ -134,7 +139,7 @@ def centroidal(
         free=output.free,
         slow_force=slow,
         trim=output.trim,
-        following=demand.following,
+        following=shifted,
         parts=PartMemories(**memories),
     )
     return following, output.command
@@ -143,7 +148,7 @@ def centroidal(
 def time_of_action(par: CentroidalParameters, memory: CentroidalMemory, dt: Scalar) -> Timing:
     """Delay of the command by the estimated lag, and modelled actuation before the measurement."""
     lag, past = par.parts.lag, memory.past.after(par.model, memory.sent, dt)
-    late = 0 if lag is None else lag.delay(memory.parts.lag, dt)
+    late = lag.delay(memory.parts.lag, dt) if isinstance(lag, LagGains) else 0
     age = divide(late, dt) + float(par.delay_periods)
     lead = add(late, dt * float(par.lead_periods)) if par.lead_periods else late
     return Timing(late=late, lead=lead, age=age, past=past, acted=past.period(age))
@@ -158,12 +163,12 @@ def continue_reference(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, ahead, lead
     )
     # the preview from then on; what a late command has missed follows at one period from the one before
-    since, found = add(age, lead), list[tuple[Scalar, Any]]()
+    since, rows = add(age, lead), list[tuple[Scalar, Sequence[Sample]]]()
     last: Scalar = 0.0
     for time, row in zip(par.preview[FOLLOWING:], ahead[FOLLOWING:], strict=False):
         last = maximum(time - since, add(last, dt))
-        found.append((last, row))
-    return ReferenceMotion(signals=signals, ahead=found), channels, age
+        rows.append((last, row))
+    return ReferenceMotion(signals=signals, ahead=rows), channels, age
 
 
 def gains_of_now(
@@ -184,23 +189,23 @@ def see(
     acted: Actuation,
     adapted: tuple[Disturbance, Disturbance],
     dt: Scalar,
-) -> Seen:
+) -> ObserverOutput:
     """Update of the observer by one measurement: state and disturbance at the measurement's time.
 
     ``adapted``: feed-forward of the period before the measurement, and that of now.
     """
     model = par.model
-    known = disturbance(memory.observed) + adapted[0]
-    observed, told = observe(
-        model, par.observer, memory.observed, measurement, acted, known, memory.started, memory.free, dt
+    expected = disturbance(memory.observed) + adapted[0]
+    observed, update = observe(
+        model, par.observer, memory.observed, measurement, acted, expected, memory.started, memory.free, dt
     )
     alone, R = disturbance(observed) + adapted[1], observed.quaternion.rotation()
     across = par.center.sideways is not None
     unknown = with_side(model, alone, R, observed.rotor_speeds, observed.velocity, observed.rate, across)
-    return Seen(observed=observed, told=told, alone=alone, unknown=unknown)
+    return ObserverOutput(observed=observed, told=update, alone=alone, unknown=unknown)
 
 
-def present(par: CentroidalParameters, timing: Timing, seen: Seen, dt: Scalar) -> State:
+def present(par: CentroidalParameters, timing: Timing, seen: ObserverOutput, dt: Scalar) -> State:
     """Vehicle state when the command of this step begins to act: filtered estimate, predicted over the sent commands.
 
     That is now, after the measurement's delay, and later by a delay of the commands that is found in flight.

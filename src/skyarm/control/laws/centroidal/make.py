@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3_DATA, Mat3, Vec3
@@ -54,6 +54,8 @@ ENTRIES = (*options.ENTRIES, *RETIRED)
 """Names of options beside those of :func:`make_centroidal`'s signature."""
 
 __all__ = ["ENTRIES", "make_centroidal"]
+
+Value = TypeVar("Value")
 
 YAW_SLACK = 5.0
 """rad/s^2, yaw acceleration against the wanted one that keeping the thrust may take, with the joints at zero."""
@@ -165,8 +167,8 @@ def make_centroidal(
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
     memory = first_memory(par, periods)
-    found = Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
-    return with_tilting(found, whole) if turns_rotors else found
+    controller = Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+    return with_tilting(controller, whole) if turns_rotors else controller
 
 
 def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
@@ -175,7 +177,7 @@ def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
     return tuple((math.isfinite(float(joint.lower)), math.isfinite(float(joint.upper))) for joint in joints)
 
 
-def _row(names: str, values: Iterable[Any]) -> dict[str, Any]:
+def _row(names: str, values: Iterable[Value]) -> dict[str, Value]:
     """Dictionary of gain values by name, from names separated by spaces."""
     return dict(zip(names.split(), values, strict=True))
 

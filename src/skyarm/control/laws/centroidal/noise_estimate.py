@@ -16,13 +16,13 @@ Sources: Mehra 1970 (noise from the innovations' autocovariance); Kalman, Bucy 1
 from __future__ import annotations
 
 import dataclasses
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import Scalar, clip, data, divide, maximum, sqrt
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Part, Seen
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart
+from skyarm.control.laws.centroidal.step_records import ObserverOutput
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -58,14 +58,14 @@ class White:
     def after(self, change: Vec3, left: Vec3, density: Scalar, dt: Scalar) -> White:
         """Estimate after one more reading, that changed beyond the model, with what is left of it."""
         most = GROWTH * (maximum(self.variance, 0.0) + divide(density * density, dt))
-        found = clip(change.dot(self.change) * (-1.0 / 3.0), -most, most)
+        variance = clip(change.dot(self.change) * (-1.0 / 3.0), -most, most)
         return White(
             last=vector_data(left),
             change=vector_data(change),
-            variance=data(self.variance + (found - self.variance) * (RATE * dt)),
+            variance=data(self.variance + (variance - self.variance) * (RATE * dt)),
         )
 
-    def share(self, density: Scalar, dt: Scalar) -> Any:
+    def share(self, density: Scalar, dt: Scalar) -> Scalar:
         """Root (0 to 1) of a density of noise over the one found."""
         square = density * density
         return sqrt(sqrt(divide(square, maximum(self.variance * dt, square))))
@@ -80,7 +80,7 @@ class NoiseMemory:
 
 
 @immutable
-class NoiseGains(Part):
+class NoiseGains(OptionalPart):
     """Constants of the noise estimate."""
 
     density: Annotated[
@@ -104,12 +104,12 @@ class NoiseGains(Part):
         force = observer.force * seen.share(self.density, dt)
         return dataclasses.replace(par, observer=dataclasses.replace(observer, force=force, accelerometer=heard))
 
-    def after(self, memory: NoiseMemory, seen: Seen, velocity: Vec3, dt: Scalar) -> NoiseMemory:
+    def after(self, memory: NoiseMemory, seen: ObserverOutput, velocity: Vec3, dt: Scalar) -> NoiseMemory:
         """Estimates one control period later, by the velocity measured in it."""
-        told, noise = seen.told, memory.accelerometer
-        if noise and told.beside:
-            noise = noise.after(told.beside - noise.last, told.beside, FELT, dt)
-        change, left = told.innovation - memory.velocity.last, velocity - seen.observed.velocity
+        update, noise = seen.told, memory.accelerometer
+        if noise and update.beside:
+            noise = noise.after(update.beside - noise.last, update.beside, FELT, dt)
+        change, left = update.innovation - memory.velocity.last, velocity - seen.observed.velocity
         return NoiseMemory(velocity=memory.velocity.after(change, left, self.density, dt), accelerometer=noise)
 
 

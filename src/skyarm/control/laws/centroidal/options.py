@@ -35,7 +35,7 @@ GAINS: Mapping[str, tuple[float, ...]] = {
 They were chosen under noise and one period of delay on perturbed plants.
 """
 
-OPTIONS: Mapping[str, tuple[Any, float, float]] = {
+OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
     "bandwidth": (1.0, 0.01, 10.0),
     "tilt": (1.2, 1e-3, 10.0),
     "reach": (0.12, 1e-3, 1e3),
@@ -97,21 +97,21 @@ def fit_gains(
 ) -> dict[str, Any]:
     """Options that go with the vehicle, but for those that were given; not all fit a tip that presses or carries."""
     # the rate of a noisy force turns the attitude, which swings about the tracker's pole on motors that are slower
-    found: dict[str, Any] = {"force_trend": gains["force_trend"] * math.sqrt(noise_share(vehicle))}
+    fitted: dict[str, Any] = {"force_trend": gains["force_trend"] * math.sqrt(noise_share(vehicle))}
     if carries:
         heard, velocity = gains["accelerometer"]
-        found["accelerometer"] = heard * CARRYING, velocity
+        fitted["accelerometer"] = heard * CARRYING, velocity
     if mode == "tip" and vehicle.end_effector:
         # both go with the root of the arm's length: the preview is as long as its pendulum swings
-        found |= {name: gains[name] * damping_share(vehicle) for name in ("damping", "preview")}
+        fitted |= {name: gains[name] * damping_share(vehicle) for name in ("damping", "preview")}
         if not presses:
-            found["tip"] = gains["tip"][0], gains["tip"][1] * tip_damping_share(vehicle)
+            fitted["tip"] = gains["tip"][0], gains["tip"][1] * tip_damping_share(vehicle)
             if not carries:
                 light, (force, torque, joints, pose) = tip_lightness(vehicle), gains["observer"]
-                found["tip"] = found["tip"][0] / min(light, LIGHTEST), found["tip"][1]
-                found["observer"] = force, torque, joints * min(light, QUICKEST), pose
-                found["reach"] = min(gains["reach"], slide_room(vehicle))
-    return {name: value for name, value in found.items() if name not in given}
+                fitted["tip"] = fitted["tip"][0] / min(light, LIGHTEST), fitted["tip"][1]
+                fitted["observer"] = force, torque, joints * min(light, QUICKEST), pose
+                fitted["reach"] = min(gains["reach"], slide_room(vehicle))
+    return {name: value for name, value in fitted.items() if name not in given}
 
 
 def preview_of(gains: Mapping[str, Any], mode: str, late: float, *, given: bool) -> float | None:
@@ -121,7 +121,7 @@ def preview_of(gains: Mapping[str, Any], mode: str, late: float, *, given: bool)
         gains: the law's options.
         mode: "tip" or "joint".
         late: s, from a published sample to the next, and further as commands are known to be late.
-        given: as the user has set it, not as it goes with the vehicle.
+        given: whether the user has set it.
     """
     preview, least = gains["preview"], late / SHARES[0]
     if mode != "tip" or not preview:
@@ -207,21 +207,21 @@ def refuse(name: str, value: Any, words: str) -> NoReturn:
 def number_within(name: str, value: Any, low: float, high: float = math.inf) -> float:
     """Finite number between ``low`` and ``high`` from an option's value."""
     with errors_as(ControllerError):
-        held = number(value, f"controller.{name}", low=low)
-    return held if held <= high else refuse(name, value, f"at most {high:g}")
+        numeric = number(value, f"controller.{name}", low=low)
+    return numeric if numeric <= high else refuse(name, value, f"at most {high:g}")
 
 
 def without_retired(changes: Mapping[str, Any]) -> dict[str, Any]:
     """Options without those of the version before, with a warning in one line; a shift left out then stays out."""
-    found = {name: value for name, value in changes.items() if name not in RETIRED}
+    current = {name: value for name, value in changes.items() if name not in RETIRED}
     for name in RETIRED:
         if name in changes:
             value = number_within(name, changes[name], 0.0)
             words = f"controller.{name} = {shown(value)}: the next version does not read it; write preview, s"
             warnings.warn(words, FormerNameWarning, stacklevel=3)
     if changes.get("shift_bandwidth", 1.0) == 0.0:
-        found.setdefault("preview", 0.0)
-    return found
+        current.setdefault("preview", 0.0)
+    return current
 
 
 def note_former(preset: Any) -> None:
@@ -236,7 +236,7 @@ def note_former(preset: Any) -> None:
     warnings.warn(words, FormerNameWarning, stacklevel=3)
 
 
-def check_entry(name: str, value: Any) -> Any:
+def check_entry(name: str, value: Any) -> float | tuple[float, ...]:
     """Value of an option after a check of type and range.
 
     Raises:

@@ -1,28 +1,38 @@
-"""Constants of the centroidal law: its core, and its optional parts."""
+"""Constants of the centroidal law: its core, and the base class of its optional parts.
+
+A part is a record of constants with any of the functions of :class:`Part`; its memory is its own record, which the law
+keeps. A part that is left out is not in the law's program at all. Nothing that a part is given is changed.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, divide, maximum, minimum, mul, sqrt, total
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
-from skyarm.control.laws.centroidal.part import Part, RotorPart
+from skyarm.control.laws.centroidal.step_records import (
+    AccelerationDemand,
+    Effect,
+    ObserverOutput,
+    ReferenceMotion,
+    RotorPart,
+    Timing,
+)
 from skyarm.control.model import JointGains, Model
+from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Mixer
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import parts
+from skyarm.records.leaves import Dataclass, parts
 from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.sensing.measurement import Measurement
 
-if TYPE_CHECKING:
-    from skyarm.control.laws.centroidal.adaptation import AdaptationGains
-    from skyarm.control.laws.centroidal.force_trend import TrendGains
-    from skyarm.control.laws.centroidal.lag_estimate import LagGains
-    from skyarm.control.laws.centroidal.noise_estimate import NoiseGains
+Gains = TypeVar("Gains", bound=Dataclass)
 
 MODES = ("joint", "tip")
 
@@ -72,23 +82,45 @@ class TipGains:
     preview: Annotated[Scalar, Unit("s", "of the reference, by which the base shifts")] | None = None
 
 
+class OptionalPart:
+    """Base class of an optional part of the centroidal law, whose methods change nothing."""
+
+    __slots__ = ()
+
+    def start(self, joints: int) -> Any:
+        """Initial internal state of an optional part of the law, for a vehicle with the given number of joints."""
+        return ()
+
+    def adjust_gains(self, memory: Any, par: CentroidalParameters, dt: Scalar) -> CentroidalParameters:
+        """Constants of the law for this control step, as changed by an optional part."""
+        return par
+
+    def affect(self, memory: Any, step: Step, effect: Effect) -> tuple[Any, Effect]:
+        """Next state of an optional part, and its effect on the control step beside that of the parts before it."""
+        return memory, effect
+
+    def learn(self, memory: Any, effect: Effect, demand: AccelerationDemand) -> Any:
+        """State of an optional part at the end of a control step, updated from the computed demand."""
+        return memory
+
+
 @immutable
 class Parts:
     """Optional parts of the centroidal law (lag estimate, contact ...) in order of execution; None disables a part."""
 
-    lag: LagGains | None = None
-    noise: NoiseGains | None = None
-    interaction: Part | None = None
-    admittance: Part | None = None
-    load: Part | None = None
-    trend: TrendGains | None = None
-    adaptation: AdaptationGains | None = None
+    lag: OptionalPart | None = None
+    noise: OptionalPart | None = None
+    interaction: OptionalPart | None = None
+    admittance: OptionalPart | None = None
+    load: OptionalPart | None = None
+    trend: OptionalPart | None = None
+    adaptation: OptionalPart | None = None
 
-    def present(self) -> list[tuple[str, Part]]:
+    def present(self) -> list[tuple[str, OptionalPart]]:
         """Names and constants of the enabled optional parts of the centroidal law."""
         return [(name, part) for name, part in parts(self).items() if part is not None]
 
-    def touching(self) -> list[tuple[str, Part]]:
+    def touching(self) -> list[tuple[str, OptionalPart]]:
         """Names and constants of the enabled parts that are not the law's own, of a tip in contact."""
         return [(name, part) for name, part in self.present() if name not in OWN]
 
@@ -103,7 +135,7 @@ class CentroidalParameters:
         joint_ends: whether each joint has a lower and an upper limit that it is kept off; empty without joints.
         braces: stiffer and better damped joints where a force pushes a straight arm from below.
         delay_periods: known delay from a command to its measurement, in control periods.
-        lead_periods: what of it is not the measurement's age, by which the reference is ahead.
+        lead_periods: part of it that is not the measurement's age, by which the reference is ahead.
     """
 
     model: Model
@@ -127,6 +159,32 @@ class CentroidalParameters:
         following = tuple((k + 1.0) * self.reference_period for k in range(FOLLOWING))
         horizon = self.tip.preview
         return following if horizon is None else (*following, *(share * horizon for share in SHARES))
+
+
+@immutable
+class Step:
+    """One control step as its optional parts find it.
+
+    Attributes:
+        par: constants of this step. dt: s.
+        memory: :class:`skyarm.control.laws.centroidal.law.CentroidalMemory`, one period earlier.
+        state: when a command of this step acts.
+    """
+
+    par: CentroidalParameters
+    memory: Any
+    measurement: Measurement
+    reference: Reference
+    dt: Scalar
+    timing: Timing
+    motion: ReferenceMotion
+    seen: ObserverOutput
+    state: State
+
+    @property
+    def holds(self) -> tuple[Scalar, ...]:
+        """Grasp flag, above 0.5 while the tip holds a load: by the reference, else by the gripper; () for neither."""
+        return self.reference.load or self.measurement.holds
 
 
 def at_shares(par: CentroidalParameters, rotors: Scalar, joints: Scalar) -> CentroidalParameters:
@@ -193,11 +251,11 @@ def brace_joints(
     )
 
 
-def _times(gains: Any, **shares: Scalar) -> Any:
+def _times(gains: Gains, **shares: Scalar) -> Gains:
     """Dataclass of gains with the named fields multiplied by factors."""
-    held = {name: getattr(gains, name) for name in shares}
+    values = {name: getattr(gains, name) for name in shares}
     scaled = {
-        name: tuple(each * share for each in held[name]) if type(held[name]) is tuple else held[name] * share
+        name: tuple(each * share for each in values[name]) if type(values[name]) is tuple else values[name] * share
         for name, share in shares.items()
     }
     return dataclasses.replace(gains, **scaled)

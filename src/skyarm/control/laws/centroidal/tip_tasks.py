@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, add, cos, divide, mul, sin, total
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.blocks.attitude import Attitude, Posture, derivative, vector_series
+from skyarm.control.blocks.attitude import DesiredAttitude, Posture, derivative, vector_series
 from skyarm.control.blocks.center_of_mass import axes, com_columns
 from skyarm.control.blocks.force_control import Pressing
 from skyarm.control.blocks.tip_force import LeastSquares
@@ -30,7 +30,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @immutable(kw_only=False)
-class Goal:
+class TipGoal:
     """Tip and link references for a level base, world axes, with first and second derivatives.
 
     Attributes:
@@ -52,7 +52,7 @@ def turn_by_yaw(yaw: Taylor, v: Vec3) -> Vec3:
     return Vec3(c * x - s * y, s * x + c * y, v.z)
 
 
-def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylor], level: Posture) -> Goal:
+def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylor], level: Posture) -> TipGoal:
     """Tip and link references for a level base that is exactly at the base reference."""
     yaw = yaw.truncate(2)
     arm = turn_by_yaw(yaw, level.tip)
@@ -70,7 +70,7 @@ def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylo
             slope = q.derivative_series().truncate(1)
             rate = Vec3(*(add(a, b * slope) for a, b in zip(rate, along, strict=True)))
         rates.append(rate)
-    return Goal(
+    return TipGoal(
         tip,
         derivative(arm, 0),
         tuple(links),
@@ -79,7 +79,7 @@ def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylo
     )
 
 
-def move_goal(goal: Goal, error: Sequence[Vec3], reach: Scalar) -> Goal:
+def move_goal(goal: TipGoal, error: Sequence[Vec3], reach: Scalar) -> TipGoal:
     """Tip reference moved with the base error, as far as that exceeds the arm's reach.
 
     The tip takes over e |e|^4 / (|e|^4 + reach^4): nothing of small errors, all of large ones.
@@ -92,7 +92,7 @@ def move_goal(goal: Goal, error: Sequence[Vec3], reach: Scalar) -> Goal:
     return dataclasses.replace(goal, tip=(p, v, a))
 
 
-def release_normal(pressing: Pressing, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Scalar) -> Goal:
+def release_normal(pressing: Pressing, goal: TipGoal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Scalar) -> TipGoal:
     """Tip reference without position control along the surface normal, along which only damping remains."""
     p, v, a = goal.tip
     n, slower = pressing.n, 1.0 - pressing.damping / velocity_gain
@@ -106,7 +106,7 @@ def release_normal(pressing: Pressing, goal: Goal, tip: Vec3, tip_velocity: Vec3
     )
 
 
-def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: Attitude) -> list[Vec3]:
+def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: DesiredAttitude) -> list[Vec3]:
     """Base offset, with two derivatives, that keeps a point of a tilted vehicle where that of a level one would be.
 
     ``level`` is the point of the references, ``turned`` that of an arm whose links turn as those of a level base.
@@ -150,17 +150,19 @@ def link_turning(
     vehicle: Vehicle, directions: Sequence[Vec3], joint_rates: Sequence[Scalar], rate: Vec3, acceleration: Vec3
 ) -> list[tuple[Vec3, Vec3]]:
     """Angular velocity of each link, and its angular acceleration at zero joint accelerations, base axes."""
-    found: list[tuple[Vec3, Vec3]] = []
+    motions: list[tuple[Vec3, Vec3]] = []
     for i, link in enumerate(vehicle.links):
-        turn, bias = (rate, acceleration) if link.parent == BASE else found[link.parent]
+        turn, bias = (rate, acceleration) if link.parent == BASE else motions[link.parent]
         if link.joint.turns:
             slide = directions[i] * joint_rates[i]
             turn, bias = turn + slide, bias + turn.cross(slide)
-        found.append((turn, bias))
-    return found
+        motions.append((turn, bias))
+    return motions
 
 
-def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses: Sequence[Pose]) -> tuple[Scalar, ...]:
+def level_joints(
+    vehicle: Vehicle, gains: TipGains, wanted: TipGoal, R: Mat3, poses: Sequence[Pose]
+) -> tuple[Scalar, ...]:
     """Joint correction, by one Newton step, that orients the links of a tilted base as those of a level base."""
     pairs = zip(poses[: vehicle.n], wanted.links, strict=True)
     errors = [orientation_error(pose.R, R.T @ link) for pose, link in pairs]
@@ -170,8 +172,8 @@ def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses
 def level_motion(
     vehicle: Vehicle,
     gains: TipGains,
-    wanted: Goal,
-    still: Attitude,
+    wanted: TipGoal,
+    still: DesiredAttitude,
     poses: Sequence[Pose],
     told: Sequence[Sequence[Scalar]],
 ) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
@@ -190,8 +192,8 @@ def level_motion(
 def turned_joints(
     vehicle: Vehicle,
     gains: TipGains,
-    goal: Goal,
-    still: Attitude,
+    goal: TipGoal,
+    still: DesiredAttitude,
     joints: Sequence[Taylor],
     level: Posture,
     moving: bool,
@@ -202,8 +204,8 @@ def turned_joints(
     if not moving:
         return tuple(q + c for q, c in zip(joints, change, strict=True))
     values = tuple(add(q.derivative(0), c) for q, c in zip(joints, change, strict=True))
-    told = [[q.derivative(k) for q in joints] for k in (1, 2)]
-    motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, values, summed=True), told)
+    derivatives = [[q.derivative(k) for q in joints] for k in (1, 2)]
+    motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, values, summed=True), derivatives)
     rows = zip(joints, values, *motion, strict=True)
     return tuple(Taylor((value, rate, mul(0.5, turning), *q.c[3:])) for q, value, rate, turning in rows)
 
@@ -254,7 +256,7 @@ class Now:
 def joint_accelerations(
     vehicle: Vehicle,
     gains: TipGains,
-    wanted: Goal,
+    wanted: TipGoal,
     now: Now,
     preferred: Sequence[Scalar],
     links: Sequence[Scalar] = (),

@@ -7,8 +7,8 @@ from skyarm.algebra.scalars import Scalar, absolute, add, clip, data, logical_an
 from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
 from skyarm.control.blocks.center_of_mass import forces_under_thrust, reaction
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
-from skyarm.control.laws.centroidal.demands import Demand
-from skyarm.control.laws.centroidal.part import Step
+from skyarm.control.laws.centroidal.parameters import Step
+from skyarm.control.laws.centroidal.step_records import AccelerationDemand
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command, friction, mix
@@ -25,7 +25,9 @@ TRIM = 0.1
 """Bound of the trim as a share of a rotor's largest squared speed: more than the lag of motors takes."""
 
 
-def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> tuple[Vec3, tuple[Scalar, ...]]:
+def needed(
+    model: Model, state: State, demand: AccelerationDemand, unknown: Disturbance
+) -> tuple[Vec3, tuple[Scalar, ...]]:
     """Body torque (N m, base axes) and joint torques for the desired accelerations under the desired thrust.
 
     The disturbance is subtracted; friction of the model is added, its dry part at the references' rates.
@@ -53,7 +55,7 @@ class Done:
 
     Attributes:
         free: 1 for the base and each joint whose actuators are not at their limit, else 0.
-        trim: of the squared rotor speeds, one period later, (rad/s)^2.
+        trim: trim of the squared rotor speeds, one period later, (rad/s)^2.
     """
 
     command: Command
@@ -61,7 +63,7 @@ class Done:
     trim: tuple[Scalar, ...]
 
 
-def actuate(step: Step, unknown: Disturbance, demand: Demand) -> Done:
+def actuate(step: Step, unknown: Disturbance, demand: AccelerationDemand) -> Done:
     """Rotor and joint commands for the demanded thrust and accelerations.
 
     Motors that slow down later than they speed up lose thrust under noise: the trim integrates, within bounds, what the
@@ -73,22 +75,22 @@ def actuate(step: Step, unknown: Disturbance, demand: Demand) -> Done:
     model = par.model
     torque, efforts = needed(model, state, demand, unknown)
     limits = [link.joint.effort_limit for link in model.vehicle.links]
-    held = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
-    missing = [sub(effort, kept) for effort, kept in zip(efforts, held, strict=True)]
+    limited = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
+    missing = [sub(effort, cut) for effort, cut in zip(efforts, limited, strict=True)]
     arm = reaction(model.vehicle, state.joints)
     late = arm.accelerations(missing)
     torque = torque - arm.torque(late)
-    wanted, squares = mix(par.mixer, torque, demand.thrust, demand.across)
+    desired, squares = mix(par.mixer, torque, demand.thrust, demand.across)
     inside: Scalar = demand.thrust > 0.0
     for square, highest in zip(squares, par.mixer.highest, strict=True):
         inside = logical_and(inside, logical_and(square > 0.0, square < highest))
     ahead = compensate_motor_lag(model.vehicle.rotors, par.mixer, demand.force_rate, trim, dt, LAG_INVERSION)
-    targets = [sqrt(maximum(w * w + t, 0.0)) for w, t in zip(wanted, ahead, strict=True)]
+    targets = [sqrt(maximum(w * w + t, 0.0)) for w, t in zip(desired, ahead, strict=True)]
     speeds = tuple(
         command_for(rotor, speed, target, dt, LAG_INVERSION)
         for rotor, speed, target in zip(model.vehicle.rotors, state.rotor_speeds, targets, strict=True)
     )
-    command = Command(rotor_speeds=speeds, efforts=held)
+    command = Command(rotor_speeds=speeds, efforts=limited)
     reached = motor_speeds(model, state.rotor_speeds, command, dt)
     rate = where(logical_and(inside, step.memory.applied[0] > 0.5), TRIM_RATE * dt, 0.0)
     return Done(
@@ -99,6 +101,6 @@ def actuate(step: Step, unknown: Disturbance, demand: Demand) -> Done:
         ),
         trim=tuple(
             clip(t + rate * (w * w - r * r), -TRIM * highest, TRIM * highest)
-            for t, w, r, highest in zip(trim, wanted, reached, par.mixer.highest, strict=True)
+            for t, w, r, highest in zip(trim, desired, reached, par.mixer.highest, strict=True)
         ),
     )

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib import resources
 from typing import Annotated, Any
 
@@ -62,9 +62,9 @@ class Network:
     """Feed-forward network with tanh layers and normalised inputs.
 
     Attributes:
-        means, factors: of the inputs; factor is one over the deviation.
+        means, factors: mean of each input, and one over its deviation.
         layers: the last is linear.
-        scales: of the outputs. limits: largest magnitude of each output, in its unit.
+        scales: scale of each output. limits: largest magnitude of each output, in its unit.
     """
 
     means: Annotated[tuple[Scalar, ...], Unit("", "of the inputs, in their units")]
@@ -122,13 +122,13 @@ def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
 
 def unlike(vehicle: Vehicle, training: dict[str, Any]) -> str:
     """Text on how a vehicle differs from that of a network's training; empty if alike or unknown."""
-    known = training.get("numbers", {})
+    recorded = training.get("numbers", {})
     if not concrete(
         *(body.mass for body in vehicle.bodies), *(c for link in vehicle.links for c in link.joint.position)
     ):
         return ""
     for name, there in numbers_of(vehicle).items():
-        trained = known.get(name, there)
+        trained = recorded.get(name, there)
         slack = SEEN * max(map(abs, trained), default=0.0) if name == "places" else 0.0
         if len(there) != len(trained) or not np.allclose(there, trained, rtol=SEEN, atol=slack):
             return f"{name} {shown([round(value, 4) for value in there])}, trained with {shown(trained)}"
@@ -140,7 +140,7 @@ def shipped_network() -> tuple[Network, dict[str, Any]]:
     return read_network(resources.files("skyarm.control.laws.learned").joinpath(FILE).read_text(encoding="utf-8"))
 
 
-def _numbers(values: Any) -> tuple[float, ...]:
+def _numbers(values: Iterable[float]) -> tuple[float, ...]:
     return tuple(float(value) for value in values)
 
 
@@ -234,7 +234,7 @@ def with_command(vehicle: Vehicle, history: History, command: Command, dt: Scala
     )
 
 
-def _filter_values(new: Any, filtered: Any, values: Any, dt: Scalar) -> tuple[Scalar, ...]:
+def _filter_values(new: Scalar, filtered: Iterable[Scalar], values: Iterable[Scalar], dt: Scalar) -> tuple[Scalar, ...]:
     """Low-pass filter step of several values; a new filter starts at its first input."""
     return tuple(where(new, x, low_pass(y, x, HISTORY, dt)) for y, x in zip(filtered, values, strict=True))
 
@@ -267,14 +267,14 @@ def learned_compensator(
     Source: Wu et al. 2024 (idea only), Barakou et al. 2026, eq. (82)-(96).
     """
     history = with_command(par.model.vehicle, memory.history, memory.sent, dt)
-    told = par.network(features(measurement, reference, history))
-    answer = tuple(low_pass(old, new, par.answer, dt) for old, new in zip(memory.answer, told, strict=True))
+    estimate = par.network(features(measurement, reference, history))
+    answer = tuple(low_pass(old, new, par.answer, dt) for old, new in zip(memory.answer, estimate, strict=True))
     command = compensate(measurement, reference, answer, par)
     return LearnedMemory(history=with_motion(history, measurement, dt), sent=command, answer=answer), command
 
 
 def compensate(
-    measurement: Measurement, reference: Reference, unknown: tuple[Any, ...], par: LearnedParameters
+    measurement: Measurement, reference: Reference, unknown: tuple[Scalar, ...], par: LearnedParameters
 ) -> Command:
     """Command of Barakou et al. 2026's law minus a force and torque (base axes) and joint torques."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
@@ -284,8 +284,8 @@ def compensate(
     thrust = specific - R.apply(force_B) * divide(1.0, vehicle.mass)
     alpha = turn_towards(par, measurement, reference, R, thrust)
     base = Motion(alpha, R.apply_T(specific))
-    wanted = joint_accelerations(par, measurement, reference)
-    force, torques = coupled_forces(par, measurement, base, wanted)
+    qdd = joint_accelerations(par, measurement, reference)
+    force, torques = coupled_forces(par, measurement, base, qdd)
     efforts = tuple(sub(t, u) for t, u in zip(torques, unknown[6:], strict=True))
     return make_command(par, force.torque - torque_B, force.force.z - force_B.z, efforts)[0]
 
@@ -297,13 +297,13 @@ def network_for(model: Model, network: Any) -> Network:
         ControllerError: it is not one of a vehicle with these joints, or the shipped one is not of this vehicle.
     """
     n = model.vehicle.n
-    found, training = (network, {}) if network != () else shipped_network()
-    if not isinstance(found, Network):
+    chosen, training = (network, {}) if network != () else shipped_network()
+    if not isinstance(chosen, Network):
         raise ControllerError(f"controller.network = {shown(network)}: must be a Network")
     train = "train one with examples/learned_compensator/train.py"
-    if len(found.means) != len(feature_names(n)) or len(found.scales) != 6 + n:
+    if len(chosen.means) != len(feature_names(n)) or len(chosen.scales) != 6 + n:
         raise ControllerError(
-            f"controller.network: takes {len(found.means)} inputs, a vehicle of {n} joints gives "
+            f"controller.network: takes {len(chosen.means)} inputs, a vehicle of {n} joints gives "
             f"{len(feature_names(n))}; {train}"
         )
     if other := unlike(model.vehicle, training):
@@ -311,7 +311,7 @@ def network_for(model: Model, network: Any) -> Network:
             f"controller.network: the shipped one is of another vehicle than '{model.vehicle.name}' ({other}); "
             f"{train}, or give this one as network="
         )
-    return found
+    return chosen
 
 
 def first_memory(par: LearnedParameters) -> LearnedMemory:

@@ -25,7 +25,7 @@ from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sub
 from skyarm.control.blocks.attitude import derivative, moving, posture
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
-from skyarm.control.laws.predictive.prediction import Inputs, accelerations, integrate_stage
+from skyarm.control.laws.predictive.prediction import StageInputs, accelerations, integrate_stage
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
 from skyarm.records.immutable import immutable
@@ -35,13 +35,13 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @immutable
-class Contact:
+class ContactGoal:
     """Desired contact of the tip with a surface at one stage of the horizon.
 
     Attributes:
         normal: out of the surface as estimated, world axes.
         touching: 1 where the surface holds the tip along the normal, 0 in free flight.
-        force: N, wanted. damping: 1/s, c above.
+        force: desired force, N. damping: 1/s, c above.
     """
 
     normal: Vec3
@@ -71,17 +71,17 @@ def under_contact(
     efforts: tuple[Scalar, ...],
     disturbance: Disturbance,
     dry_rates: tuple[Scalar, ...] | None,
-    contact: Contact | tuple[()],
+    contact: ContactGoal | tuple[()],
 ) -> tuple[Disturbance, Scalar]:
     """Disturbance with the predicted contact force added, and that force (N), 0 without contact.
 
     Args:
         model: the controller's model.
-        state: of it.
-        efforts: of the joints, N m or N.
+        state: state of that model.
+        efforts: joint efforts, N m or N.
         disturbance: without the surface's force along the normal.
-        dry_rates: of the joints, at which dry friction is taken.
-        contact: wanted.
+        dry_rates: joint rates at which dry friction is taken.
+        contact: desired contact.
     """
     if not contact:
         return disturbance, 0
@@ -93,25 +93,25 @@ def under_contact(
 
     free, moved = along(disturbance), along(disturbance + unit)
     force = divide(-contact.damping * n.dot(tip_velocity(model, state)) - free, moved - free) * contact.touching
-    held = Disturbance(
+    pressed = Disturbance(
         force=disturbance.force + unit.force * force,
         torque=disturbance.torque + unit.torque * force,
         efforts=tuple(e + u * force for e, u in zip(disturbance.efforts, unit.efforts, strict=True)),
     )
-    return held, force
+    return pressed, force
 
 
 MODES = ("tool", "joints")
 
 
 @immutable
-class Goal:
+class StageGoal:
     """Reference at one stage of the horizon: base (world axes, m, rad) and joints (rad or m).
 
     Attributes:
         position, velocity, yaw, joints, joint_rates, joint_accelerations: desired ones.
         shift: m, world axes, of the base, which keeps the tip where a level base would carry it.
-        contact: of the tip with a surface; empty where none is ever requested.
+        contact: desired contact of the tip; empty where none is ever requested.
     """
 
     position: Vec3
@@ -121,7 +121,7 @@ class Goal:
     joint_rates: tuple[Scalar, ...]
     joint_accelerations: tuple[Scalar, ...]
     shift: Vec3
-    contact: Contact | tuple[()] = ()
+    contact: ContactGoal | tuple[()] = ()
 
 
 @immutable
@@ -150,7 +150,7 @@ class Weights:
     force: Annotated[Scalar, Unit("1/N", low=0.0)] = 2.5
 
 
-def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mode: str) -> tuple[Scalar, ...]:
+def state_residuals(model: Model, weights: Weights, state: State, goal: StageGoal, mode: str) -> tuple[Scalar, ...]:
     """Weighted errors of a predicted vehicle state against the reference, as least-squares residuals.
 
     In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it;
@@ -163,25 +163,25 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mo
     # heading taken off, what is left of a small attitude is its tilt about the body's own horizontal axes
     up = R.apply_T(Vec3(0, 0, 1))
     tilt = Vec3(up.y, -up.x, 0)
-    held = given_way(vehicle, goal.joints, tilt) if mode == "tool" else goal.joints
+    joints = given_way(vehicle, goal.joints, tilt) if mode == "tool" else goal.joints
     # the base stands where it carries the tip home once it leans as it must
-    found = [*((state.position - goal.position - goal.shift) * weights.position)]
-    found += [*((state.velocity - goal.velocity) * weights.velocity)]
+    residuals = [*((state.position - goal.position - goal.shift) * weights.position)]
+    residuals += [*((state.velocity - goal.velocity) * weights.velocity)]
     ahead = R.column(0)
-    found.append(weights.heading * (c * ahead.y - s * ahead.x))
-    found += [*(state.rate * weights.rate)]
-    found += [mul(sub(q, q_d), weights.joints) for q, q_d in zip(state.joints, held, strict=True)]
-    found += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
+    residuals.append(weights.heading * (c * ahead.y - s * ahead.x))
+    residuals += [*(state.rate * weights.rate)]
+    residuals += [mul(sub(q, q_d), weights.joints) for q, q_d in zip(state.joints, joints, strict=True)]
+    residuals += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
     if mode == "tool" and vehicle.end_effector:
         frame = vehicle.frame(vehicle.end_effector)
         tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
         arm = frame_pose(vehicle, frame, goal.joints).p
-        wanted = goal.position + Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z)
-        off = tip - wanted
+        tip_goal = goal.position + Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z)
+        off = tip - tip_goal
         if goal.contact:
             off = off - goal.contact.normal * (goal.contact.normal.dot(off) * goal.contact.touching)
-        found += [*(off * weights.tool)]
-    return tuple(found)
+        residuals += [*(off * weights.tool)]
+    return tuple(residuals)
 
 
 def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple[Scalar, ...]:
@@ -193,7 +193,7 @@ def given_way(vehicle: Vehicle, joints: tuple[Scalar, ...], tilt: Vec3) -> tuple
 
 
 def input_residuals(
-    model: Model, weights: Weights, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal
+    model: Model, weights: Weights, state: State, inputs: StageInputs, disturbance: Disturbance, goal: StageGoal
 ) -> tuple[Scalar, ...]:
     """Weighted residuals of one stage's joint and rotor accelerations, and of the contact force if there is one.
 
@@ -202,8 +202,8 @@ def input_residuals(
     a contact may be, the last one is of the surface's force.
     """
     pushed, force = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)
-    _, _, found = accelerations(model, state, inputs.efforts, pushed, goal.joint_rates)
-    arm = [mul(sub(a, b), weights.joint_accelerations) for a, b in zip(found, goal.joint_accelerations, strict=True)]
+    _, _, qdd = accelerations(model, state, inputs.efforts, pushed, goal.joint_rates)
+    arm = [mul(sub(a, b), weights.joint_accelerations) for a, b in zip(qdd, goal.joint_accelerations, strict=True)]
     pressed: tuple[Scalar, ...] = ()
     if goal.contact:
         pressed = ((force - goal.contact.force * goal.contact.touching) * weights.force,)
@@ -211,7 +211,7 @@ def input_residuals(
 
 
 def predict_stage(
-    model: Model, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal, dt: Scalar
+    model: Model, state: State, inputs: StageInputs, disturbance: Disturbance, goal: StageGoal, dt: Scalar
 ) -> State:
     """State after a stage of ``dt`` seconds under a constant contact force."""
     pushed, _ = under_contact(model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact)

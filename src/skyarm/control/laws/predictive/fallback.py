@@ -8,8 +8,8 @@ enough good ones in a row, and a rest that doubles with each hand-over that foll
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -21,8 +21,8 @@ from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.laws.paper import generalized_force, joint_accelerations, make_hybrid_computed_torque
 from skyarm.control.laws.predictive.cost import Weights
-from skyarm.control.laws.predictive.preview import Sample
-from skyarm.control.laws.predictive.solver import Compiled, Plan
+from skyarm.control.laws.predictive.preview import SampledReference
+from skyarm.control.laws.predictive.solver import Compiled, MotionPlan
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import AllocationError, Command, mix
 from skyarm.records.arrays import Array
@@ -87,7 +87,7 @@ def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> floa
     return TIMES * (horizon + float(weights.final)) * sum(error * error for error in errors)
 
 
-def is_flyable(plan: Plan, most: float) -> bool:
+def is_flyable(plan: MotionPlan, most: float) -> bool:
     """Return True if a plan may be flown: finite, with a cost of at most ``most``."""
     # a comparison with NaN is false: a plan without a cost is none
     return bool(plan.cost <= most and np.isfinite(plan.u).all() and np.isfinite(plan.K).all())
@@ -133,17 +133,19 @@ class Stabiliser:
             partial(_computed_torque, par), blank_measurement(joints, self.rotors), no_disturbance(joints), signals
         )
 
-    def command(self, reading: Array, disturbance: Array, sample: Sample) -> Command:
+    def command(self, reading: Array, disturbance: Array, sample: SampledReference) -> Command:
         """Command of the law that flies while model predictive control has no good plan."""
         values = self.law(reading, disturbance, *sample.motion).tolist()
         return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))
 
 
-def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance, signals: Any) -> tuple[Scalar, ...]:
+def _computed_torque(
+    par: Parameters, reading: Measurement, unknown: Disturbance, signals: Sequence[Sequence[Scalar]]
+) -> tuple[Scalar, ...]:
     """Rotor speeds and joint efforts of computed torque with limited tilt and compensated disturbance."""
     model, (values, rates, accelerations) = par.model, signals
     vehicle, R = model.vehicle, reading.quaternion.rotation()
-    wanted = Reference(
+    goal = Reference(
         position=Vec3(*values[:3]),
         velocity=Vec3(*rates[:3]),
         acceleration=Vec3(*accelerations[:3]) - unknown.force * divide(1.0, vehicle.mass),
@@ -153,9 +155,9 @@ def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance
         joint_rates=tuple(rates[4:]),
         joint_accelerations=tuple(accelerations[4:]),
     )
-    up = _climbable(wanted_specific_force(par, reading, wanted), model.gravity)
-    base = Motion(turn_towards(par, reading, wanted, R, up), R.apply_T(up))
-    force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, wanted))
+    up = _climbable(wanted_specific_force(par, reading, goal), model.gravity)
+    base = Motion(turn_towards(par, reading, goal, R, up), R.apply_T(up))
+    force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, goal))
     speeds, _ = mix(par.mixer, force.torque - unknown.torque, force.force.z)
     efforts = tuple(sub(a, b) for a, b in zip(torques, unknown.efforts, strict=True))
     return (*speeds, *limit_efforts(par, efforts))

@@ -38,12 +38,12 @@ from skyarm.control.laws.predictive.fallback import Stabiliser, Trust, after_per
 from skyarm.control.laws.predictive.observer import (
     Bandwidths,
     Observation,
-    Past,
+    ObserverState,
     command_row,
 )
 from skyarm.control.laws.predictive.prediction import command_for
 from skyarm.control.laws.predictive.preview import (
-    Sample,
+    SampledReference,
     extrapolate,
     goals,
     make_stance,
@@ -51,15 +51,15 @@ from skyarm.control.laws.predictive.preview import (
 )
 from skyarm.control.laws.predictive.solver import (
     Bounds,
+    CompiledStages,
+    MotionPlan,
     NoPlanError,
-    Plan,
     Problem,
     Riccati,
     Rollouts,
-    Stages,
     shift_plan,
 )
-from skyarm.control.laws.predictive.tip_contact import TipContact, Touch, contact_goals, shift_ahead
+from skyarm.control.laws.predictive.tip_contact import ContactState, TipContact, contact_goals, shift_ahead
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
 from skyarm.records.arrays import Array
@@ -76,11 +76,11 @@ class PredictiveParameters:
     """Constants of the predictive law.
 
     Attributes:
-        model: the controller's. mixer: of that model; the law does not use it.
-        weights, mode: of the cost. bandwidths: of the observer.
-        stages: of the horizon, which grow by one factor from the ``every``-th on. horizon: s.
+        model: the controller's. mixer: mixer of that model; the law does not use it.
+        weights, mode: cost weights and mode. bandwidths: poles of the observer.
+        stages: number of stages of the horizon, which grow by one factor from the ``every``-th on. horizon: s.
         every: control periods from one solution to the next. delay_periods: known age of measurements, control periods.
-        interaction: of pressing on surfaces; None for a law that ignores requested contact.
+        interaction: constants of contact force control; None for a law that ignores requested contact.
     """
 
     model: Model
@@ -103,14 +103,14 @@ KEPT = 16
 
 
 @immutable(kw_only=False)
-class Engine:
+class PredictiveEngine:
     """Compiled functions of predictive control for one model and one set of constants, shared between flights.
 
     Attributes:
         key: constants that it was made of.
-        solver, observation, bounds: of the plan, the state estimate, the inputs.
+        solver, observation, bounds: solver of the plan, state estimator, bounds of the inputs.
         stabiliser: law while no plan is trusted. most: cost of a plan that is trusted.
-        stance: shift of the base for the tip. contact: of the tip; None where the reference requests none.
+        stance: shift of the base for the tip. contact: contact detection; None where the reference requests none.
     """
 
     key: EngineKey
@@ -122,7 +122,7 @@ class Engine:
     stance: Callable[[Array, Array], Array]
     contact: TipContact | None = None
 
-    def __deepcopy__(self, _memo: dict[int, Any]) -> Engine:
+    def __deepcopy__(self, _memo: dict[int, Any]) -> PredictiveEngine:
         return self  # machine code is not copied
 
 
@@ -133,7 +133,7 @@ def engine_key(par: PredictiveParameters, dt: float, push: bool) -> EngineKey:
 
 
 @lru_cache(maxsize=KEPT)
-def make_engine(key: EngineKey) -> Engine:
+def make_engine(key: EngineKey) -> PredictiveEngine:
     """Compile the functions of predictive control for a cache key."""
     model, weights, bandwidths, mode, stages, horizon, every, dt, interaction = key
     vehicle, presses = model.vehicle, interaction is not None
@@ -142,10 +142,10 @@ def make_engine(key: EngineKey) -> Engine:
         np.array([float(rotor.max_speed) for rotor in vehicle.rotors]),
     )
     scales = np.array([*(1000.0,) * len(vehicle.rotors), *(0.1,) * vehicle.n])
-    compiled = Stages(model, weights, mode, scales, presses)
+    compiled = CompiledStages(model, weights, mode, scales, presses)
     rollouts = Rollouts(model, weights, mode, bounds, presses)
     lengths = stage_lengths(stages, every, horizon, dt)
-    return Engine(
+    return PredictiveEngine(
         key,
         Riccati(compiled, rollouts, lengths, float(weights.final), bounds),
         Observation(model, bandwidths, dt),
@@ -172,18 +172,18 @@ class PredictiveMemory:
     """Internal state of predictive control: observer, last plan, reference sample and acceptance history.
 
     Attributes:
-        engine: machine code. past: of the observer. Both None before the first step.
+        engine: machine code. past: state of the observer. Both None before the first step.
         sent: commands that the last measurement does not show yet, oldest first, if they act at once.
-        sample: of the reference. plan: the last solution. since: control periods since it was made.
-        trust: in the plans. interaction: of touch and loss; None without contact.
-        tip_force: N, world axes, of a surface on the tip; None of a law that does not press.
+        sample: held reference sample. plan: the last solution. since: control periods since it was made.
+        trust: acceptance history of the plans. interaction: state of contact force control; None without contact.
+        tip_force: force of a surface on the tip, N, world axes; None for a law that does not press.
     """
 
-    engine: Engine | None = None
-    past: Past | None = None
+    engine: PredictiveEngine | None = None
+    past: ObserverState | None = None
     sent: tuple[Command, ...] = ()
-    sample: Sample | None = None
-    plan: Plan | None = None
+    sample: SampledReference | None = None
+    plan: MotionPlan | None = None
     since: int = 0
     trust: Trust = Trust()
     interaction: InteractionMemory | None = None
@@ -213,11 +213,11 @@ def nmpc(
     pending = (*past.shown[len(past.shown) - late :], *sent)
     x = engine.observation.now(estimate, [command_row(command) for command in pending])[:nx]
     sample = update_sample(reference, memory.sample, dt)
-    interaction, touch, known = memory.interaction, None, estimate[nx:]
+    interaction, touch, disturbance = memory.interaction, None, estimate[nx:]
     if engine.contact is not None:
-        wanted = extrapolate(sample, np.array([sample.age]))[0, 0]
-        interaction, touch = engine.contact.at(interaction, estimate, reference.push, wanted)
-        known = np.array(touch.pressed)
+        signals = extrapolate(sample, np.array([sample.age]))[0, 0]
+        interaction, touch = engine.contact.at(interaction, estimate, reference.push, signals)
+        disturbance = np.array(touch.pressed)
     plan, since, trust = memory.plan, memory.since, memory.trust
     if plan is None or since >= par.every:
         problem = problem_at(engine, x, estimate[nx:], sample, float(late * dt), par, touch)
@@ -227,7 +227,7 @@ def nmpc(
         command = _command(engine, plan, since, x, dt)
     else:
         reading = np.array(leaves(measurement), dtype=float)
-        command = engine.stabiliser.command(reading, bearable(known, engine.bounds.efforts), sample)
+        command = engine.stabiliser.command(reading, bearable(disturbance, engine.bounds.efforts), sample)
     following = PredictiveMemory(
         engine=engine,
         past=past,
@@ -242,18 +242,20 @@ def nmpc(
     return following, command
 
 
-def _standing(x: Array, par: PredictiveParameters) -> Plan:
+def _standing(x: Array, par: PredictiveParameters) -> MotionPlan:
     """Initial guess of a plan: the vehicle at rest."""
     vehicle, stages = par.model.vehicle, par.stages
     joints = tuple(x[13 : 13 + vehicle.n].tolist())
-    held = [0.0] * len(vehicle.rotors) + [float(t) for t in level_joint_gravity(par.model, joints)]
+    inputs = [0.0] * len(vehicle.rotors) + [float(t) for t in level_joint_gravity(par.model, joints)]
     still = x.copy()
     still[7:13], still[13 + vehicle.n : 13 + 2 * vehicle.n] = 0.0, 0.0
-    nu = len(held)
-    return Plan(np.tile(still, (stages + 1, 1)), np.tile(held, (stages, 1)), np.zeros((stages, nu, len(x))))
+    nu = len(inputs)
+    return MotionPlan(np.tile(still, (stages + 1, 1)), np.tile(inputs, (stages, 1)), np.zeros((stages, nu, len(x))))
 
 
-def _solve_plan(engine: Engine, last: Plan | None, passed: float, problem: Problem, par: PredictiveParameters) -> Plan:
+def _solve_plan(
+    engine: PredictiveEngine, last: MotionPlan | None, passed: float, problem: Problem, par: PredictiveParameters
+) -> MotionPlan:
     """Solve for a new plan from the last one or, if that fails, from rest."""
     solver = engine.solver
     if last is not None and is_flyable(last, engine.most):
@@ -268,7 +270,7 @@ def _solve_plan(engine: Engine, last: Plan | None, passed: float, problem: Probl
         return rest
 
 
-def _command(engine: Engine, plan: Plan, stage: int, x: Array, dt: float) -> Command:
+def _command(engine: PredictiveEngine, plan: MotionPlan, stage: int, x: Array, dt: float) -> Command:
     """Command of one stage of a plan, with state feedback, inverted motor lag and effort limits."""
     u = plan.u[stage] + plan.K[stage] @ (x - plan.x[stage])
     lags, most = engine.observation.motors, engine.bounds.efforts
@@ -308,8 +310,8 @@ def make_predictive_controller(
         raise ControllerError(f"controller.mode = {shown(mode)}: must be one of {list(MODES)}")
     given = {"weights": weights, "bandwidths": bandwidths, "stages": stages, "horizon": horizon, "every": every}
     given |= {"delay_periods": delay_periods, "mode": mode}
-    held = {name: checked_option(PredictiveParameters, name, value, model) for name, value in given.items()}
-    if held["every"] >= held["stages"]:
+    options = {name: checked_option(PredictiveParameters, name, value, model) for name, value in given.items()}
+    if options["every"] >= options["stages"]:
         raise ControllerError(f"controller.every = {every}: must be less than controller.stages = {stages}")
     leads = mode == "tool" and bool(model.vehicle.end_effector) and model.vehicle.n > 0
     if interaction is None:
@@ -320,7 +322,7 @@ def make_predictive_controller(
     par = PredictiveParameters(
         model=model,
         mixer=make_mixer(model.vehicle),
-        **held,
+        **options,
         interaction=InteractionGains(touch=touch, lost=lost) if touch or lost else None,
     )
     tip = mode == "tool"
@@ -342,13 +344,13 @@ BEARABLE = 0.8
 
 
 def problem_at(
-    engine: Engine,
+    engine: PredictiveEngine,
     x: Array,
     disturbance: Array,
-    sample: Sample,
+    sample: SampledReference,
     late: float,
     par: PredictiveParameters,
-    touch: Touch | None = None,
+    touch: ContactState | None = None,
 ) -> Problem:
     """Optimal control problem whose initial state is ``late`` seconds ahead, when a new command takes effect."""
     later = late + np.append(0.0, np.cumsum(engine.solver.steps))
@@ -357,22 +359,22 @@ def problem_at(
     if touch is not None and gains is not None:
         motion[:, :, :3] += np.stack(shift_ahead(gains, touch, later))[:, :, None] * np.array(touch.normal)
         disturbance, pressed = np.array(touch.free), np.array(touch.pressed)
-    held = np.array([0.0, 0.0, float(model.gravity)]) - pressed[:3] / float(model.vehicle.mass)
-    shift = engine.stance(motion[2, :, :3] + held, motion[0])
-    wanted = goals(motion, shift)
+    support = np.array([0.0, 0.0, float(model.gravity)]) - pressed[:3] / float(model.vehicle.mass)
+    shift = engine.stance(motion[2, :, :3] + support, motion[0])
+    targets = goals(motion, shift)
     # a step of the reference is approached as one of this size, which moves along
-    error = x[:3] - wanted[0, :3] - shift[0]
+    error = x[:3] - targets[0, :3] - shift[0]
     distance = float(np.linalg.norm(error))
     if distance > LONGEST_ERROR:
-        wanted[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
-    off = float(np.angle(np.exp(1j * (_heading(x) - wanted[0, 6]))))
-    wanted[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
+        targets[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
+    off = float(np.angle(np.exp(1j * (_heading(x) - targets[0, 6]))))
+    targets[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
     joints = model.vehicle.n
-    beyond = x[13 : 13 + joints] - wanted[0, 7 : 7 + joints]
-    wanted[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
+    beyond = x[13 : 13 + joints] - targets[0, 7 : 7 + joints]
+    targets[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
     if touch is not None and gains is not None:
-        wanted = np.hstack([wanted, contact_goals(gains, touch, later)])
-    return Problem(x, bearable(disturbance, engine.bounds.efforts), wanted)
+        targets = np.hstack([targets, contact_goals(gains, touch, later)])
+    return Problem(x, bearable(disturbance, engine.bounds.efforts), targets)
 
 
 def _heading(x: Array) -> float:

@@ -20,7 +20,7 @@ from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, divide, mul
 from skyarm.control.blocks.filters import double_pole
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
-from skyarm.control.laws.predictive.prediction import Inputs, advance, motors, speeds_under
+from skyarm.control.laws.predictive.prediction import StageInputs, advance, motors, speeds_under
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, mass_matrix
@@ -56,7 +56,7 @@ def predict(model: Model, estimate: Estimate, command: Command, dt: Scalar) -> S
     rates = tuple(divide(end - start, dt) for end, start in zip(after, state.rotor_speeds, strict=True))
     given = zip(model.vehicle.links, command.efforts, strict=True)
     efforts = tuple(limited_effort(link.joint, effort) for link, effort in given)
-    return advance(model, state, Inputs(rotor_accelerations=rates, efforts=efforts), estimate.disturbance, dt)
+    return advance(model, state, StageInputs(rotor_accelerations=rates, efforts=efforts), estimate.disturbance, dt)
 
 
 def observe(
@@ -80,8 +80,8 @@ def observe(
     push = [divide(L2 * error, dt) for (_, L2), error in zip(shares, e, strict=True)]
     M = mass_matrix(model.vehicle, R, measurement.joints)
     d = before.disturbance
-    known = (*d.force, *d.torque, *d.efforts)
-    force = [x + sum(mul(m, a) for m, a in zip(row, push, strict=True)) for x, row in zip(known, M, strict=True)]
+    estimated = (*d.force, *d.torque, *d.efforts)
+    force = [x + sum(mul(m, a) for m, a in zip(row, push, strict=True)) for x, row in zip(estimated, M, strict=True)]
     state = State(
         position=measurement.position,
         quaternion=measurement.quaternion,
@@ -101,7 +101,7 @@ class Observation:
     """Compiled extended state observer, and prediction over commands that no measurement shows yet.
 
     Args:
-        model: the controller's. bandwidths: of the observer. dt: control period, s.
+        model: the controller's. bandwidths: poles of the observer. dt: control period, s.
     """
 
     def __init__(self, model: Model, bandwidths: Bandwidths, dt: float) -> None:
@@ -124,14 +124,14 @@ class Observation:
             estimate = np.concatenate([state, estimate[len(state) :]])
         return estimate
 
-    def first(self, measurement: Measurement) -> Past:
+    def first(self, measurement: Measurement) -> ObserverState:
         """Initial observer state: the measured vehicle state, no disturbance, no command delay."""
         m = measurement
         moving = (*m.position, *m.quaternion, *m.velocity, *m.rate, *m.joints, *m.joint_rates, *m.rotor_speeds)
         estimate = np.array([*moving, *(0.0,) * (6 + self.joints)], dtype=float)
-        return Past(estimate, first_lateness(np.array(m.rotor_speeds, dtype=float)))
+        return ObserverState(estimate, first_lateness(np.array(m.rotor_speeds, dtype=float)))
 
-    def update(self, past: Past, sent: Command, measurement: Measurement) -> Past:
+    def update(self, past: ObserverState, sent: Command, measurement: Measurement) -> ObserverState:
         """Observer state after a new measurement, where ``sent`` is the command of the preceding period."""
         reading = np.array(leaves(measurement), dtype=float)
         shown = (*past.shown, sent)[-1 - LONGEST :]
@@ -141,7 +141,7 @@ class Observation:
         # of the quaternion's two signs the one that is nearer to the last
         if reading[4:8] @ past.estimate[3:7] < 0.0:
             reading[4:8] *= -1.0
-        return Past(self.at(past.estimate, acted, reading), late, shown)
+        return ObserverState(self.at(past.estimate, acted, reading), late, shown)
 
 
 def command_row(command: Command) -> Array:
@@ -150,11 +150,11 @@ def command_row(command: Command) -> Array:
 
 
 @immutable(kw_only=False)
-class Past:
+class ObserverState:
     """Observer state: last estimate, statistics of the command delay, and recent commands.
 
     Attributes:
-        estimate: leaves of an :class:`Estimate` at the last measurement. late: how late commands act.
+        estimate: leaves of an :class:`Estimate` at the last measurement. late: statistics of the command delay.
         shown: last commands before that measurement, oldest first, if commands act at once.
     """
 
@@ -211,11 +211,11 @@ def update_lateness(before: Lateness, modelled: Array, measured: Array, dt: floa
         dt: s.
     """
     rows = np.vstack([modelled, before.modelled[:-1]])
-    kept = np.exp(-dt / MEMORY)
-    squares = kept * before.squares + np.mean((rows - measured) ** 2, axis=1)
-    found = Lateness(rows, squares, kept * before.weight + 1.0, before.count + 1, before.periods)
-    now = squares[found.periods]
+    decay = np.exp(-dt / MEMORY)
+    squares = decay * before.squares + np.mean((rows - measured) ** 2, axis=1)
+    late = Lateness(rows, squares, decay * before.weight + 1.0, before.count + 1, before.periods)
+    now = squares[late.periods]
     best = int(np.argmin(squares))
-    if found.count < LEAST or not now > NOTICED**2 * found.weight or not squares[best] < CLEAR * now:
-        return found
-    return dataclasses.replace(found, periods=best)
+    if late.count < LEAST or not now > NOTICED**2 * late.weight or not squares[best] < CLEAR * now:
+        return late
+    return dataclasses.replace(late, periods=best)

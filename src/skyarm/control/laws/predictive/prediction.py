@@ -20,13 +20,14 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import rotor_force
 from skyarm.dynamics.state import coordinate_acceleration
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.vehicle.vehicle_records import Rotor
 
 
 @immutable
-class Inputs:
+class StageInputs:
     """Inputs held over a stage: rates of the rotors' speeds (rad/s^2) and joint torques (N m or N)."""
 
     rotor_accelerations: tuple[Scalar, ...]
@@ -83,7 +84,7 @@ def _on_base(model: Model, state: State, R: Mat3, disturbance: Disturbance) -> F
 
 
 def slope_of(
-    state: State, inputs: Inputs, linear: Vec3, angular: Vec3, joint_accelerations: tuple[Scalar, ...]
+    state: State, inputs: StageInputs, linear: Vec3, angular: Vec3, joint_accelerations: tuple[Scalar, ...]
 ) -> State:
     """Time derivative of the vehicle state, from the state and the accelerations of base and joints."""
     return State(
@@ -97,7 +98,7 @@ def slope_of(
     )
 
 
-def advance(model: Model, state: State, inputs: Inputs, disturbance: Disturbance, dt: Scalar) -> State:
+def advance(model: Model, state: State, inputs: StageInputs, disturbance: Disturbance, dt: Scalar) -> State:
     """State after ``dt`` seconds of held inputs: one step of the classical Runge-Kutta method.
 
     Source: Kutta 1901.
@@ -112,7 +113,7 @@ def advance(model: Model, state: State, inputs: Inputs, disturbance: Disturbance
 def integrate_stage(
     model: Model,
     state: State,
-    inputs: Inputs,
+    inputs: StageInputs,
     disturbance: Disturbance,
     dt: Scalar,
     dry_rates: tuple[Scalar, ...] | None = None,
@@ -153,9 +154,9 @@ def euler_step(state: State, rate: State, dt: Scalar) -> State:
 class Motors:
     """Motor lags of all rotors per control period: gains for rising and falling speed, and speed limits (rad/s)."""
 
-    up: Any
-    down: Any
-    most: Any
+    up: Array
+    down: Array
+    most: Array
 
 
 def motors(rotors: Sequence[Rotor], dt: float) -> Motors:
@@ -170,11 +171,11 @@ def motors(rotors: Sequence[Rotor], dt: float) -> Motors:
 def command_for(lags: Motors, speed: Scalar, acceleration: Scalar, dt: Scalar) -> Any:
     """Commanded speeds (rad/s) that bring lagging rotors to speed + acceleration * dt after ``dt`` seconds."""
     change = acceleration * dt
-    wanted = speed + divide(change, where(change > 0.0, lags.up, lags.down))
-    return maximum(0.0, minimum(wanted, lags.most))
+    target = speed + divide(change, where(change > 0.0, lags.up, lags.down))
+    return maximum(0.0, minimum(target, lags.most))
 
 
-def speeds_under(lags: Motors, speed: Scalar, command: Any) -> Any:
+def speeds_under(lags: Motors, speed: Array, command: Array) -> Array:
     """Speeds (rad/s) of lagging rotors one control period after commanded speeds."""
     change = np.minimum(np.maximum(command, 0.0), lags.most) - speed
     return speed + change * np.where(change > 0.0, lags.up, lags.down)

@@ -43,7 +43,7 @@ SETTLED = 2
 
 
 @immutable(kw_only=False)
-class Sample:
+class SampledReference:
     """Held reference sample of [x, y, z, yaw, joints ...], with jerks and oscillation statistics.
 
     Attributes:
@@ -69,7 +69,7 @@ class Sample:
         return np.asarray(np.maximum(self.pull, 0.0) / np.maximum(self.weight, TINY))
 
 
-def extrapolate(sample: Sample, ahead: Array) -> Array:
+def extrapolate(sample: SampledReference, ahead: Array) -> Array:
     """Signals with two derivatives (3, T, signals), extrapolated to ``ahead`` (T,) s after the sample.
 
     The acceleration goes on as the solution of d2a/dt2 = -k a from the sample's acceleration and jerk, k the signal's
@@ -93,14 +93,14 @@ def _shares(angle: Array) -> tuple[Array, Array, Array, Array]:
     return tuple(np.where(still, 1.0, share) for share in shares)  # type: ignore[return-value]
 
 
-def update_sample(reference: Reference, before: Sample | None, dt: float) -> Sample:
+def update_sample(reference: Reference, before: SampledReference | None, dt: float) -> SampledReference:
     """Held reference sample after ``dt`` seconds, with jerks from two successive samples' accelerations.
 
     A sample has come when it differs; one that came where none was predicted starts with no jerk.
     """
     motion = np.array(samples(reference), dtype=float).T
     still = np.zeros(motion.shape[1])
-    first = Sample(motion, still, 0.0, still, still)
+    first = SampledReference(motion, still, 0.0, still, still)
     if before is None:
         return first
     age = before.age + dt
@@ -115,17 +115,17 @@ def update_sample(reference: Reference, before: Sample | None, dt: float) -> Sam
     if foretold > SETTLED and before.secants is not None:
         # the second derivative of the acceleration, at the sample before
         bend = (jerks - before.secants) / (0.5 * (age + before.gap))
-        kept = np.exp(-age / KEPT)
-        pull = kept * pull - bend * last
-        weight = kept * weight + last**2
-    found = Sample(motion, jerks, 0.0, pull, weight, foretold, jerks, age)
+        decay = np.exp(-age / KEPT)
+        pull = decay * pull - bend * last
+        weight = decay * weight + last**2
+    sample = SampledReference(motion, jerks, 0.0, pull, weight, foretold, jerks, age)
     # from the mean jerk since the last sample to that of the swing now; the same where nothing swings
-    s1, _, _, c = _shares(np.sqrt(found.stiffness) * age)
-    return dataclasses.replace(found, jerks=(accelerations * c - last) / (age * s1))
+    s1, _, _, c = _shares(np.sqrt(sample.stiffness) * age)
+    return dataclasses.replace(sample, jerks=(accelerations * c - last) / (age * s1))
 
 
 def goals(motion: Array, shift: Array) -> Array:
-    """Reference array of the horizon, one row per instant with the fields of :class:`Goal`.
+    """Reference array of the horizon, one row per instant with the fields of :class:`StageGoal`.
 
     Args:
         motion: (3, T, signals) signals with two derivatives.
@@ -140,7 +140,7 @@ def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: tuple[Scalar, ...
     """Base offset (m, world axes) that keeps the tip in place while the base tilts to a thrust direction.
 
     Args:
-        vehicle: with a tip.
+        vehicle: vehicle with a tip.
         thrust: direction in which the rotors must push, world axes.
         yaw: rad.
         joints: positions, which give the tip's place under a level base.

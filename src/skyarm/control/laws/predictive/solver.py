@@ -9,36 +9,45 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA
-from skyarm.algebra.scalars import maximum, minimum
+from skyarm.algebra.scalars import Scalar, maximum, minimum
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.laws.predictive.cost import Contact, Goal, Weights, input_residuals, predict_stage, state_residuals
-from skyarm.control.laws.predictive.prediction import Inputs
+from skyarm.control.laws.predictive.cost import (
+    ContactGoal,
+    StageGoal,
+    Weights,
+    input_residuals,
+    predict_stage,
+    state_residuals,
+)
+from skyarm.control.laws.predictive.prediction import StageInputs
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import Tree, leaves, rebuild
+
+Result = TypeVar("Result", bound=Tree)
 
 
-class Compiled:
+class Compiled(Generic[Result]):
     """Function of dataclasses compiled to machine code and evaluated on arrays.
 
     Args:
-        function: of records; returns a record.
+        function: function of records that returns a record.
         examples: a record of floats for each argument.
     """
 
-    def __init__(self, function: Callable[..., Any], *examples: Any) -> None:
-        def step(carry: Any, _par: Any, row: Any, _uniforms: Any) -> Any:
+    def __init__(self, function: Callable[..., Result], *examples: Tree) -> None:
+        def step(carry: Tree, _par: Tree, row: tuple[Tree, ...], _uniforms: Tree) -> tuple[Tree, Result]:
             return carry, function(*row)
 
         self.kernel = Kernel(trace_loop(step, (0.0,), (), examples), Lanes(1), logging=True)
@@ -47,23 +56,24 @@ class Compiled:
         """Evaluate the compiled function on flattened arguments, or on T rows of flattened arguments at once."""
         rows = np.concatenate(parts, axis=-1)
         _, log = self.kernel.run(np.zeros((1, 1)), np.zeros((0, 1)), np.atleast_2d(rows))
-        found = np.ascontiguousarray(log[:, :, 0])
-        return found if rows.ndim > 1 else np.asarray(found[0])
+        values = np.ascontiguousarray(log[:, :, 0])
+        return values if rows.ndim > 1 else np.asarray(values[0])
 
-    def record(self, *parts: Array) -> Any:
+    def record(self, *parts: Array) -> Result:
         """Evaluate the compiled function on arrays and return its result as a dataclass of floats."""
-        return rebuild(self.kernel.loop.result[1], iter(self(*parts).tolist()))
+        shape: Result = self.kernel.loop.result[1]
+        return rebuild(shape, iter(self(*parts).tolist()))
 
 
 NUDGE = 1e-5
 """Of the central difference; errors are about 1e-10 of the numbers of order one that states and residuals are."""
 
 
-def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, Inputs, Disturbance, Goal]:
+def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, StageInputs, Disturbance, StageGoal]:
     """Example state, inputs, disturbance and goal, which fix the array shapes; ``contact``: the goal has a contact."""
     arm = (0.0,) * joints
-    pressed = Contact(normal=ZERO3_DATA, touching=0.0, force=0.0, damping=0.0) if contact else ()
-    goal = Goal(
+    pressed = ContactGoal(normal=ZERO3_DATA, touching=0.0, force=0.0, damping=0.0) if contact else ()
+    goal = StageGoal(
         position=ZERO3_DATA,
         velocity=ZERO3_DATA,
         yaw=0.0,
@@ -73,15 +83,15 @@ def examples(joints: int, rotors: int, contact: bool = False) -> tuple[State, In
         shift=ZERO3_DATA,
         contact=pressed,
     )
-    inputs = Inputs(rotor_accelerations=(0.0,) * rotors, efforts=arm)
+    inputs = StageInputs(rotor_accelerations=(0.0,) * rotors, efforts=arm)
     return example_state(joints, rotors), inputs, no_disturbance(joints), goal
 
 
-class Stages:
+class CompiledStages:
     """Compiled model prediction and cost residuals for all stages of the prediction horizon.
 
     Args:
-        model: the controller's. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`.
+        model: the controller's. weights, mode: cost weights and mode (:mod:`skyarm.control.laws.predictive.cost`).
         scales: size of a unit of each input; nudges are taken in it. contact: whether goals may request one.
 
     Attributes:
@@ -92,12 +102,14 @@ class Stages:
         shapes = examples(model.vehicle.n, len(model.vehicle.rotors), contact)
         state, inputs, disturbance, goal = shapes
 
-        def stage(x: State, par: tuple[Any, ...], _row: Any, _uniforms: Any) -> tuple[State, tuple[Any, ...]]:
-            u, dt, d, wanted = par
-            errors = state_residuals(model, weights, x, wanted, mode)
-            return predict_stage(model, x, u, d, wanted, dt[0]), (
+        def stage(
+            x: State, par: tuple[StageInputs, tuple[Scalar], Disturbance, StageGoal], _row: Tree, _uniforms: Tree
+        ) -> tuple[State, tuple[Scalar, ...]]:
+            u, dt, d, target = par
+            errors = state_residuals(model, weights, x, target, mode)
+            return predict_stage(model, x, u, d, target, dt[0]), (
                 *errors,
-                *input_residuals(model, weights, x, u, d, wanted),
+                *input_residuals(model, weights, x, u, d, target),
             )
 
         loop = trace_loop(stage, state, (inputs, (0.0,), disturbance, goal), ())
@@ -125,9 +137,9 @@ class Stages:
         count, width = len(x), self.nx + self.nu
         nudged = np.concatenate([x, u], axis=1)[:, None, :] + self._nudges
         copies = nudged.shape[1]
-        held = np.concatenate([dt[:, None], np.broadcast_to(d, (count, len(d))), goals], axis=1)
+        constants = np.concatenate([dt[:, None], np.broadcast_to(d, (count, len(d))), goals], axis=1)
         lanes = nudged.reshape(count * copies, width).T
-        par = np.vstack([lanes[self.nx :], np.repeat(held, copies, axis=0).T])
+        par = np.vstack([lanes[self.nx :], np.repeat(constants, copies, axis=0).T])
         carry, log = self.kernel.run(lanes[: self.nx], par, np.zeros((1, 0)))
         ends = carry.T.reshape(count, copies, self.nx)
         errors = log[0].T.reshape(count, copies, -1)
@@ -157,12 +169,18 @@ class Motions:
     cost: Array
 
 
+Row = tuple[
+    State, StageInputs, tuple[Scalar, ...], tuple[tuple[Scalar, ...], ...], tuple[Scalar, Scalar, Scalar], StageGoal
+]
+"""State and inputs of the guess, policy k and K, stage length and times for which errors count (s), and goal."""
+
+
 class Rollouts:
     """Rollouts of a policy within input limits, for several step sizes at once.
 
     Args:
-        model: the controller's. weights, mode: of :mod:`skyarm.control.laws.predictive.cost`. bounds: of the inputs.
-        contact: whether goals may request one.
+        model: the controller's. weights, mode: cost weights and mode (:mod:`skyarm.control.laws.predictive.cost`).
+        bounds: limits of the inputs. contact: whether goals may request one.
 
     Source: Tassa, Mansard, Todorov 2014 (limits within the rollout of a policy).
     """
@@ -172,10 +190,12 @@ class Rollouts:
         nx, nu = len(leaves(state)), len(leaves(inputs))
         efforts, speeds = bounds.efforts.tolist(), bounds.speeds.tolist()
 
-        def stage(carry: Any, par: Any, row: Any, _uniforms: Any) -> Any:
+        def stage(
+            carry: tuple[State, tuple[Scalar]], par: tuple[tuple[Scalar], Disturbance], row: Row, _uniforms: Tree
+        ) -> tuple[tuple[State, tuple[Scalar]], tuple[State, StageInputs]]:
             x, (cost,) = carry
             (a,), d = par
-            x_guess, u_guess, k, K, (dt, whole, running), wanted = row
+            x_guess, u_guess, k, K, (dt, whole, running), target = row
             change = [b - c for b, c in zip(leaves(x), leaves(x_guess), strict=True)]
             u = [
                 start + a * push + sum(gain * dx for gain, dx in zip(gains, change, strict=True))
@@ -187,10 +207,10 @@ class Rollouts:
                 for rate, w, most in zip(u, x.rotor_speeds, speeds, strict=False)
             ]
             torques = [maximum(-most, minimum(t, most)) for t, most in zip(u[len(speeds) :], efforts, strict=True)]
-            taken = Inputs(rotor_accelerations=tuple(rates), efforts=tuple(torques))
-            errors = sum(e * e for e in state_residuals(model, weights, x, wanted, mode))
-            pushes = sum(e * e for e in input_residuals(model, weights, x, taken, d, wanted))
-            return (predict_stage(model, x, taken, d, wanted, dt), (cost + whole * errors + running * pushes,)), (
+            taken = StageInputs(rotor_accelerations=tuple(rates), efforts=tuple(torques))
+            errors = sum(e * e for e in state_residuals(model, weights, x, target, mode))
+            pushes = sum(e * e for e in input_residuals(model, weights, x, taken, d, target))
+            return (predict_stage(model, x, taken, d, target, dt), (cost + whole * errors + running * pushes,)), (
                 x,
                 taken,
             )
@@ -201,14 +221,14 @@ class Rollouts:
         self.kernel, self.nx, self.nu = Kernel(loop, Lanes(host_width()), logging=True), nx, nu
 
     def run(
-        self, x: Array, u: Array, found: Policy, a: Array, start: Array, given: tuple[Array, Array, Array]
+        self, x: Array, u: Array, feedback: Policy, a: Array, start: Array, given: tuple[Array, Array, Array]
     ) -> Motions:
         """Roll out a policy about a guessed trajectory from a start state, once per step size.
 
         Args:
             x: (N + 1, nx) states of the guess.
             u: (N, nu) its inputs.
-            found: its policy.
+            feedback: its policy.
             a: (lanes,) shares of the policy's feed-forward.
             start: (nx,) the state now.
             given: (N + 1, 2) lengths of the stages and time for which each state counts, s; leaves of the disturbance;
@@ -219,8 +239,8 @@ class Rollouts:
         rows = np.zeros((count + 1, self.kernel.loop.row))
         ends = np.cumsum([self.nx, self.nu, self.nu, self.nu * self.nx])
         rows[:, : ends[0]] = x
-        rows[:count, ends[0] : ends[1]], rows[:count, ends[1] : ends[2]] = u, found.k
-        rows[:count, ends[2] : ends[3]] = found.K.reshape(count, -1)
+        rows[:count, ends[0] : ends[1]], rows[:count, ends[1] : ends[2]] = u, feedback.k
+        rows[:count, ends[2] : ends[3]] = feedback.K.reshape(count, -1)
         # there is no input at the end of the horizon
         rows[:, ends[3] : ends[3] + 2], rows[:count, ends[3] + 2] = times, times[:count, 1]
         rows[:, ends[3] + 3 :] = goals
@@ -282,7 +302,7 @@ def policy(problem: Linear, held: Array | None = None, at: Array | None = None, 
     P, p = own[stages, nu:, nu:width], own[stages, nu:, width]
     Kk = np.empty((stages, nu, nx + 1))
     nothing = np.zeros((stages, nu))
-    strength, wanted = (nothing, nothing) if held is None or at is None else (np.where(held, HOLD, 0.0), at)
+    strength, targets = (nothing, nothing) if held is None or at is None else (np.where(held, HOLD, 0.0), at)
     raised = strength + damping
     for i in reversed(range(stages)):
         ahead = P @ step[i]
@@ -293,21 +313,21 @@ def policy(problem: Linear, held: Array | None = None, at: Array | None = None, 
         weight = SMALLEST_WEIGHT + raised[i] * inner.diagonal()
         left, right = inner.copy(), cross.copy()
         left.flat[:: nu + 1] += weight
-        right[:, nx] -= weight * wanted[i] * (strength[i] > 0.0)
-        found = Kk[i] = -np.linalg.solve(left, right)
+        right[:, nx] -= weight * targets[i] * (strength[i] > 0.0)
+        gains = Kk[i] = -np.linalg.solve(left, right)
         # the general form: with held inputs K and k are not the minimiser's
-        to_go = M[nu:, nu:] + found[:, :nx].T @ (inner @ found + cross) + M[nu:, :nu] @ found
+        to_go = M[nu:, nu:] + gains[:, :nx].T @ (inner @ gains + cross) + M[nu:, :nu] @ gains
         P, p = 0.5 * (to_go[:, :nx] + to_go[:, :nx].T), to_go[:, nx]
     return Policy(Kk[:, :, nx], Kk[:, :, :nx], P)
 
 
-def rollout(problem: Linear, found: Policy, first: Array, low: Any, high: Any) -> tuple[Array, Array]:
+def rollout(problem: Linear, feedback: Policy, first: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """Linear rollout of a policy with clipped inputs: deviations x (N + 1, nx) and u (N, nu)."""
     stages, nx, width = problem.AB.shape
     x, u = np.empty((stages + 1, nx)), np.empty((stages, width - nx))
     x[0] = first
     for i in range(stages):
-        u[i] = np.minimum(np.maximum(found.k[i] + found.K[i] @ x[i], low[i]), high[i])
+        u[i] = np.minimum(np.maximum(feedback.k[i] + feedback.K[i] @ x[i], low[i]), high[i])
         x[i + 1] = problem.AB[i] @ np.concatenate([x[i], u[i]]) + problem.c[i]
     return x, u
 
@@ -330,12 +350,12 @@ class NoPlanError(Exception):
 
 
 @immutable(kw_only=False)
-class Plan:
+class MotionPlan:
     """Planned motion: states (N + 1, nx), inputs (N, nu) and feedback gains (N, nu, nx).
 
     Attributes:
-        x, u, K: states, inputs and gains. damping: of the next step. cost: sum of squared residuals; NaN if not known.
-        share: of the last step that was taken.
+        x, u, K: states, inputs and gains. damping: Levenberg-Marquardt damping of the next step.
+        cost: sum of squared residuals; NaN if not known. share: accepted part of the last step.
     """
 
     x: Array
@@ -364,19 +384,19 @@ class Riccati:
 
     Args:
         stages: compiled prediction. rollouts: compiled motions. steps: (N,) lengths of the stages, s.
-        final: s for which the end counts. bounds: of the inputs.
+        final: time for which the end counts, s. bounds: limits of the inputs.
 
     Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todorov 2014 (line search by rolling the
     policy out); Levenberg 1944, Marquardt 1963 (damping, here of the inputs).
     """
 
-    def __init__(self, stages: Stages, rollouts: Rollouts, steps: Array, final: float, bounds: Bounds) -> None:
+    def __init__(self, stages: CompiledStages, rollouts: Rollouts, steps: Array, final: float, bounds: Bounds) -> None:
         self.stages, self.rollouts, self.steps, self.bounds = stages, rollouts, steps, bounds
         counted = np.append(steps, final)
         self._roots = np.sqrt(counted)
         self._times = np.column_stack([np.append(steps, steps[-1]), counted])
 
-    def solve(self, problem: Problem, guess: Plan) -> Plan:
+    def solve(self, problem: Problem, guess: MotionPlan) -> MotionPlan:
         """Improve a plan by one iteration; return it with its feedback policy.
 
         Raises:
@@ -384,38 +404,38 @@ class Riccati:
         """
         with np.errstate(all="ignore"):
             try:
-                found = self._policy(problem, guess)
+                feedback = self._policy(problem, guess)
             except np.linalg.LinAlgError:
                 raise NoPlanError from None
             given = self._times, problem.disturbance, problem.goals
-            tried = self.rollouts.run(guess.x, guess.u, found, SHARES, problem.start, given)
+            tried = self.rollouts.run(guess.x, guess.u, feedback, SHARES, problem.start, given)
         cost = np.where(np.isfinite(tried.cost), tried.cost, np.inf)
         best = int(np.argmin(cost))
-        if not (np.isfinite(cost[best]) and np.isfinite(found.K).all()):
+        if not (np.isfinite(cost[best]) and np.isfinite(feedback.K).all()):
             raise NoPlanError
         share = float(SHARES[best])
         x, u = np.ascontiguousarray(tried.x[:, :, best]), np.ascontiguousarray(tried.u[:, :, best])
-        return Plan(x, u, found.K, next_damping(guess.damping, share), float(cost[best]), share)
+        return MotionPlan(x, u, feedback.K, next_damping(guess.damping, share), float(cost[best]), share)
 
-    def _policy(self, problem: Problem, guess: Plan) -> Policy:
+    def _policy(self, problem: Problem, guess: MotionPlan) -> Policy:
         """Policy of the linearised problem, with inputs fixed where they reach their limits."""
         here = linear_problem(self.stages, problem, guess.x, guess.u, self.steps, self._roots)
         low, high = self._room(guess, len(self.bounds.speeds))
         first = problem.start - guess.x[0]
-        found = policy(here, damping=guess.damping)
-        _, du = rollout(here, found, first, low, high)
-        held = np.zeros(du.shape, dtype=bool)
+        feedback = policy(here, damping=guess.damping)
+        _, du = rollout(here, feedback, first, low, high)
+        fixed = np.zeros(du.shape, dtype=bool)
         for _ in range(PASSES):
             clipped = (du <= low) | (du >= high)
-            if not (clipped & ~held).any():
+            if not (clipped & ~fixed).any():
                 break
             # what is at a limit stays there, and the other inputs make the best of it
-            held |= clipped
-            found = policy(here, held, np.where(du <= low, low, high), damping=guess.damping)
-            _, du = rollout(here, found, first, low, high)
-        return found
+            fixed |= clipped
+            feedback = policy(here, fixed, np.where(du <= low, low, high), damping=guess.damping)
+            _, du = rollout(here, feedback, first, low, high)
+        return feedback
 
-    def _room(self, guess: Plan, rotors: int) -> tuple[Array, Array]:
+    def _room(self, guess: MotionPlan, rotors: int) -> tuple[Array, Array]:
         """Smallest and largest change of each input (N, nu) within rotor speed and effort limits."""
         speeds, dt = guess.x[:-1, -rotors:], self.steps[:, None]
         efforts = np.broadcast_to(self.bounds.efforts, (len(self.steps), len(self.bounds.efforts)))
@@ -433,7 +453,7 @@ def next_damping(damping: float, share: float) -> float:
     return damping / GROWTH if damping > least else 0.0
 
 
-def linear_problem(stages: Stages, problem: Problem, x: Array, u: Array, steps: Array, roots: Array) -> Linear:
+def linear_problem(stages: CompiledStages, problem: Problem, x: Array, u: Array, steps: Array, roots: Array) -> Linear:
     """Linear-quadratic problem about a trajectory x (N + 1, nx), u (N, nu), in deviations from that trajectory."""
     dt, inputs = np.append(steps, steps[-1]), np.vstack([u, u[-1:]])
     ends, AB, errors, slopes = stages.derivatives(x, inputs, dt, problem.disturbance, problem.goals)
@@ -443,7 +463,7 @@ def linear_problem(stages: Stages, problem: Problem, x: Array, u: Array, steps: 
     return Linear(AB[:-1], ends[:-1] - x[1:], J, r)
 
 
-def shift_plan(plan: Plan, steps: Array, dt: float) -> Plan:
+def shift_plan(plan: MotionPlan, steps: Array, dt: float) -> MotionPlan:
     """Plan advanced by ``dt`` seconds on unchanged stage lengths, with its end held constant."""
     times = np.append(0.0, np.cumsum(steps))
     later = np.minimum(times + dt, times[-1])

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -22,11 +21,12 @@ from skyarm.control.blocks.force_control import (
     interact,
     wanted_of,
 )
+from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.predictive.cost import tip_velocity
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
-from skyarm.dynamics import frame_pose
+from skyarm.dynamics import State, frame_pose
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
@@ -42,21 +42,22 @@ against its own push, and the arm of six joints swings up.
 
 
 @immutable
-class Touch:
+class ContactState:
     """Contact in one period: flags, and forces (N), displacements (m), speeds (m/s) along the normal.
 
     Attributes:
         normal: (3,) out of the surface, world axes.
         asked, touching: 1 where contact is requested, and where the surface holds the tip.
-        rising: 1 while the order rises. share: of the wanted force so far. force: wanted as a whole.
+        rising: 1 while the order rises. share: part of the desired force so far. force: desired force as a whole.
         damping: 1/s, of the tip.
-        shift, shift_rate: of the reference. gap: of the tip from it. speed: of the tip's approach.
+        shift, shift_rate: offset of the reference and its rate. gap: distance of the tip from it.
+        speed: speed of the tip's approach.
         free: leaves of the disturbance without the surface's force along the normal while it holds the tip.
         pressed: leaves of the disturbance with the commanded force in place of the observed one.
         tip_force: (3,) of the surface on the tip, estimated, world axes.
     """
 
-    normal: tuple[Any, ...]
+    normal: tuple[Scalar, ...]
     asked: Scalar
     touching: Scalar
     rising: Scalar
@@ -76,7 +77,7 @@ class TipContact:
     """Compiled contact detection, and the disturbance without the contact force.
 
     Args:
-        model: the controller's. gains: of pressing. dt: control period, s.
+        model: the controller's. gains: constants of contact force control. dt: control period, s.
     """
 
     def __init__(self, model: Model, gains: InteractionGains, dt: float) -> None:
@@ -86,11 +87,17 @@ class TipContact:
         self.gains, self.first = gains, first
         rows = (state, disturbance, (0.0,) * TOLD, (0.0,) * (4 + vehicle.n))
 
-        def step(memory: InteractionMemory, now: Any, observed: Any, push: Any, signals: Any) -> Any:
+        def step(
+            memory: InteractionMemory,
+            now: State,
+            observed: Disturbance,
+            push: Sequence[Scalar],
+            signals: Sequence[Scalar],
+        ) -> tuple[InteractionMemory, ContactState]:
             x, y, z, yaw, *joints = signals
-            wanted, at = wanted_of(push), levers(vehicle, now.quaternion.rotation(), now.joints)
-            n, into = wanted.normal, -wanted.normal.dot(tip_velocity(model, now))
-            after, pressing = interact(gains, memory, wanted, observed, at, into, 0.0, dt)
+            desired, at = wanted_of(push), levers(vehicle, now.quaternion.rotation(), now.joints)
+            n, into = desired.normal, -desired.normal.dot(tip_velocity(model, now))
+            after, pressing = interact(gains, memory, desired, observed, at, into, 0.0, dt)
             arm = axis_rotation(E_Z, yaw).apply(frame_pose(vehicle, vehicle.frame(), tuple(joints)).p)
             way = now.position + at.R.apply(at.tip) - Vec3(x, y, z) - arm
             after = dataclasses.replace(after, gap=n.dot(way) - after.shift)
@@ -99,19 +106,19 @@ class TipContact:
             free = observed + at.disturbance(unanswered * -pressing.engaged)
             pressed = free + at.disturbance(n * (pressing.order * pressing.engaged))
             left = divide(after.order, maximum(after.share, 1e-9))
-            rising = where(wanted.requests_contact, after.touching, 0.0)
-            return after, Touch(
+            rising = where(desired.requests_contact, after.touching, 0.0)
+            return after, ContactState(
                 normal=tuple(n),
-                asked=where(wanted.requests_contact, 1.0, 0.0),
+                asked=where(desired.requests_contact, 1.0, 0.0),
                 touching=where(logical_or(rising > 0.5, after.share > 0.0), 1.0, 0.0),
                 rising=rising,
                 share=after.share,
-                force=where(wanted.requests_contact, wanted.force + after.integral, left),
+                force=where(desired.requests_contact, desired.force + after.integral, left),
                 damping=pressing.damping,
                 shift=after.shift,
                 shift_rate=after.shift_rate,
                 gap=after.gap,
-                speed=where(after.found > 0.0, minimum(wanted.speed, gains.again), wanted.speed),
+                speed=where(after.found > 0.0, minimum(desired.speed, gains.again), desired.speed),
                 free=tuple(leaves(free)),
                 pressed=tuple(leaves(pressed)),
                 tip_force=tuple(after.force),
@@ -120,24 +127,21 @@ class TipContact:
         self.step = Compiled(step, first, *rows)
 
     def at(
-        self, before: InteractionMemory | None, estimate: Array, push: Sequence[Scalar], wanted: Array
-    ) -> tuple[InteractionMemory, Touch]:
+        self, before: InteractionMemory | None, estimate: Array, push: Sequence[Scalar], signals: Array
+    ) -> tuple[InteractionMemory, ContactState]:
         """Next state of the contact force controller, and the contact in this period.
 
         Args:
             before: memory a period earlier; None before the first.
             estimate: leaves of state and disturbance at the measurement.
             push: requested by the reference.
-            wanted: (4 + joints,) signals of the reference now.
+            signals: (4 + joints,) of the reference now.
         """
         memory = np.array(leaves(before or self.first), dtype=float)
-        found: tuple[InteractionMemory, Touch] = self.step.record(
-            memory, estimate, np.array(push[:TOLD], dtype=float), wanted
-        )
-        return found
+        return self.step.record(memory, estimate, np.array(push[:TOLD], dtype=float), signals)
 
 
-def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Array, Array, Array]:
+def shift_ahead(gains: InteractionGains, touch: ContactState, later: Array) -> tuple[Array, Array, Array]:
     """Predicted reference offset along the normal (m), with two derivatives, at given times from now.
 
     A tip that comes keeps its speed; what follows the surface, or returns, does so as a critically damped swing.
@@ -162,8 +166,8 @@ def shift_ahead(gains: InteractionGains, touch: Touch, later: Array) -> tuple[Ar
     )
 
 
-def contact_goals(gains: InteractionGains, touch: Touch, later: Array) -> Array:
-    """Contact references of the horizon, an array (N + 1, 6) with the fields of ``cost.Contact``.
+def contact_goals(gains: InteractionGains, touch: ContactState, later: Array) -> Array:
+    """Contact references of the horizon, an array (N + 1, 6) with the fields of ``cost.ContactGoal``.
 
     The wanted force goes on rising, or falling after a loss or in a release, as its ramp does. The damping is that of a
     stage's length: a force that is held over it would turn the tip back by more than its velocity.
@@ -173,5 +177,5 @@ def contact_goals(gains: InteractionGains, touch: Touch, later: Array) -> Array:
     force = float(touch.force) * np.clip(ramp, 0.0, 1.0)
     steps = np.append(np.diff(later), later[-1] - later[-2])
     damping = (1.0 - np.exp(-float(touch.damping) * steps)) / steps
-    held = np.full_like(later, touch.touching)
-    return np.column_stack([np.tile(touch.normal, (len(later), 1)), held, force, damping])
+    touching = np.full_like(later, touch.touching)
+    return np.column_stack([np.tile(np.array(touch.normal), (len(later), 1)), touching, force, damping])

@@ -16,13 +16,12 @@ Source: Bulut, Turgut, Arikan, ICINCO 2019, as summarised in Barakou et al. 2026
 
 from __future__ import annotations
 
-from typing import Any
-
 from skyarm.algebra import E_Z, Motion, Quaternion, Vec3
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import Scalar, atan2, clip, cos, divide, maximum, sin
 from skyarm.control.blocks.common import coupled_forces, make_command, wanted_specific_force
 from skyarm.control.blocks.geometric import angular_acceleration
+from skyarm.control.controller import Memory
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import SINGULAR_PITCH, euler_margin, joint_accelerations
 from skyarm.control.model import Parameters
@@ -39,29 +38,29 @@ FLATTEST = 0.3
 
 
 def bulut_computed_torque(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
-) -> tuple[Any, Command]:
+    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
+) -> tuple[Memory, Command]:
     """Computed torque on position, Euler angles and joints, translation decoupled."""
     del dt
     R = measurement.quaternion.rotation()
-    wanted = wanted_specific_force(par, measurement, reference)
-    alpha = _angular(par, measurement, reference, wanted)
+    specific = wanted_specific_force(par, measurement, reference)
+    alpha = _angular(par, measurement, reference, specific)
     weight = R.apply_T(E_Z * par.model.gravity)
     wanted_joints = joint_accelerations(par, measurement, reference)
     force, torques = coupled_forces(par, measurement, Motion(alpha, weight), wanted_joints)
     upright = maximum(R.r2.z, FLATTEST)
-    thrust = divide(par.model.vehicle.mass * wanted.z, upright)
+    thrust = divide(par.model.vehicle.mass * specific.z, upright)
     command, _ = make_command(par, force.torque, thrust, torques)
     return memory, command
 
 
-def _angular(par: Parameters, measurement: Measurement, reference: Reference, wanted: Vec3) -> Vec3:
+def _angular(par: Parameters, measurement: Measurement, reference: Reference, specific: Vec3) -> Vec3:
     """Desired angular acceleration by computed torque on the Euler angles, base axes, rad/s^2."""
     phi, theta, psi = euler_angles(measurement.quaternion.rotation())
     c, s = cos(psi), sin(psi)
     per_gravity = divide(1.0, par.model.gravity)
-    roll = clip((wanted.x * s - wanted.y * c) * per_gravity, -STEEPEST, STEEPEST)
-    pitch = clip((wanted.x * c + wanted.y * s) * per_gravity, -STEEPEST, STEEPEST)
+    roll = clip((specific.x * s - specific.y * c) * per_gravity, -STEEPEST, STEEPEST)
+    pitch = clip((specific.x * c + specific.y * s) * per_gravity, -STEEPEST, STEEPEST)
     turn = psi - reference.yaw
     error = Vec3(phi - roll, theta - pitch, atan2(sin(turn), cos(turn)))
     Q, rates = rate_matrix(phi, theta), rate_matrix_inverse(phi, theta).apply(measurement.rate)

@@ -16,12 +16,11 @@ Source: Guo et al., Nonlinear Dynamics 111, 2023, as summarised in Barakou et al
 
 from __future__ import annotations
 
-from typing import Any
-
 from skyarm.algebra import E_Z, ZERO3, Sym3, Vec3, axis_rotation
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.blocks.center_of_mass import arm_reaction, center_velocity, central_inertia, locked_inertia
 from skyarm.control.blocks.common import arm_alone, inverse_mass, make_command, turn_towards
+from skyarm.control.controller import Memory
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
@@ -45,8 +44,8 @@ def center_reference(vehicle: Vehicle, reference: Reference) -> tuple[Vec3, Vec3
 
 
 def guo_center_of_inertia(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
-) -> tuple[Any, Command]:
+    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
+) -> tuple[Memory, Command]:
     """SE(3) tracking of the centre of mass with the locked inertia; the joints are controlled separately."""
     del dt
     vehicle, R, w = par.model.vehicle, measurement.quaternion.rotation(), measurement.rate

@@ -20,7 +20,7 @@ Technology 29, 2021 (arXiv 1809.04048).
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, divide, minimum, where
@@ -53,7 +53,7 @@ class IndiParameters(Parameters):
     """Constants of the INDI law in addition to the gains.
 
     Attributes:
-        cutoff: of every filter, Hz. measured_speeds: False models the rotor speeds from the commands.
+        cutoff: cut-off frequency of every filter, Hz. measured_speeds: False models the rotor speeds by the commands.
         delay_periods: known age of the measurement, in control periods, by which the commands are late that efforts and
             modelled rotor speeds follow from.
     """
@@ -69,10 +69,10 @@ class IndiMemory:
 
     Attributes:
         started: 0 before the first measurement.
-        taps: of the filters: specific force and thrust vector (world), gyroscope, rotor torque, joint rates, efforts.
+        taps: filter states of specific force and thrust vector (world), gyroscope, rotor torque, joint rates, efforts.
         rate, joint_rates: filtered, one period ago.
         sent: the commands of the periods before, oldest first.
-        speeds: of the modelled rotors one period ago, rad/s; none where they are measured.
+        speeds: modelled rotor speeds one period ago, rad/s; none where they are measured.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
@@ -97,14 +97,14 @@ def indi(
     joint_rates, efforts = signals[12 : 12 + n], signals[12 + n :]
     per_period = divide(1.0, dt)
 
-    def slope(now: Any, past: Any) -> Scalar:
+    def slope(now: Scalar, past: Scalar) -> Scalar:
         return where(first, 0.0, (now - past) * per_period)
 
     alpha_f = Vec3(*(slope(a, b) for a, b in zip(rate, memory.rate, strict=True)))
     qdd_f = [slope(a, b) for a, b in zip(joint_rates, memory.joint_rates, strict=True)]
-    wanted = thrust + (wanted_specific_force(par, measurement, reference) - force) * vehicle.mass
-    alpha = turn_towards(par, measurement, reference, R, wanted)
-    along = wanted.dot(R.column(2))
+    desired = thrust + (wanted_specific_force(par, measurement, reference) - force) * vehicle.mass
+    alpha = turn_towards(par, measurement, reference, R, desired)
+    along = desired.dot(R.column(2))
     qdd = joint_accelerations(par, measurement, reference)
     more, pull, _ = forces_under_thrust(
         vehicle,
@@ -127,7 +127,7 @@ def indi(
 
 
 def _speeds(
-    memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Any, dt: Scalar
+    memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Scalar, dt: Scalar
 ) -> tuple[Scalar, ...]:
     """Rotor speeds: measured, or modelled with the measurement's delay."""
     if par.measured_speeds:
@@ -144,8 +144,8 @@ def _filter_signals(
     hold: tuple[Scalar, ...],
     dt: Scalar,
     par: IndiParameters,
-    first: Any,
-) -> tuple[tuple[Taps, ...], list[Any]]:
+    first: Scalar,
+) -> tuple[tuple[Taps, ...], list[Scalar]]:
     """Low-pass filter step of all signals, from steady state at the first call."""
     torque, force = rotor_thrust(par.model.vehicle, speeds)
     efforts = choose_each(first, hold, memory.sent[0].efforts)
@@ -162,19 +162,19 @@ def _filter_signals(
     return filtered_all(taps, signals, coefficients)
 
 
-def _command_history(memory: IndiMemory, command: Command, held: Command, first: Any) -> tuple[Command, ...]:
+def _command_history(memory: IndiMemory, command: Command, standing: Command, first: Scalar) -> tuple[Command, ...]:
     """Commands of the last periods, newest last, with the actuators held before the first command."""
     past = (
         Command(
-            rotor_speeds=choose_each(first, held.rotor_speeds, old.rotor_speeds),
-            efforts=choose_each(first, held.efforts, old.efforts),
+            rotor_speeds=choose_each(first, standing.rotor_speeds, old.rotor_speeds),
+            efforts=choose_each(first, standing.efforts, old.efforts),
         )
         for old in memory.sent[1:]
     )
     return (*past, command)
 
 
-def _begun(first: Any, value: Any, old: Taps, par: Butterworth) -> Taps:
+def _begun(first: Scalar, value: Scalar, old: Taps, par: Butterworth) -> Taps:
     new = settle(value, par)
     return Taps(first=where(first, new.first, old.first), second=where(first, new.second, old.second))
 

@@ -18,7 +18,7 @@ Source: Kim, Choi, Kim, IROS 2013; Slotine, Li 1991, chapter 7.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Motion, Sym3, Vec3, ldl_solve
@@ -46,9 +46,9 @@ class SlidingParameters(Parameters):
 
     Attributes:
         switching: eta of position (m/s^2), attitude (rad/s^2) and joints (rad/s^2).
-        boundary: of s, m/s, rad/s, rad/s.
+        boundary: width of the boundary layer of s, m/s, rad/s, rad/s.
         adaptation: gamma, 1/s^2, of position, attitude, joints.
-        limit: of delta, m/s^2, rad/s^2, rad/s^2.
+        limit: largest magnitude of delta, m/s^2, rad/s^2, rad/s^2.
     """
 
     switching: Annotated[Triple, Unit(ACCELERATION, "of position, attitude, joints", low=0.0)] = (0.5, 2.0, 2.0)
@@ -109,7 +109,7 @@ def kim_sliding_mode(
     unchanged = all_follow(memory.applied)
     free = logical_and(rotors_follow(par.mixer, squares), unchanged)
 
-    def adapt(delta: Scalar, s: Scalar, group: int, inside: Any) -> Scalar:
+    def adapt(delta: Scalar, s: Scalar, group: int, inside: Scalar) -> Scalar:
         moved = clip(delta + par.adaptation[group] * s * dt, -par.limit[group], par.limit[group])
         return where(inside, moved, delta)
 
@@ -131,8 +131,8 @@ def _translation(
     error, drift = measurement.position - reference.position, measurement.velocity - reference.velocity
     kp, kd = par.gains.position * per_mass, par.gains.velocity * per_mass
     pairs = [sliding_mode(*each, 0, par) for each in zip(error, drift, kp, kd, strict=True)]
-    wanted = Vec3(*(a - push for _, a, push in pairs)) - memory.position
-    return [s for s, _, _ in pairs], wanted + reference.acceleration + E_Z * par.model.gravity
+    feedback = Vec3(*(a - push for _, a, push in pairs)) - memory.position
+    return [s for s, _, _ in pairs], feedback + reference.acceleration + E_Z * par.model.gravity
 
 
 def _rotation(
@@ -161,14 +161,14 @@ def _arm(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, par: SlidingParameters
 ) -> tuple[list[Scalar], tuple[Scalar, ...]]:
     """Sliding variables of the joints, and desired joint accelerations."""
-    found, wanted = [], []
+    sliding, accelerations = [], []
     for i in range(par.model.vehicle.n):
         error = measurement.joints[i] - reference.joints[i]
         drift = measurement.joint_rates[i] - reference.joint_rates[i]
         s, a, push = sliding_mode(error, drift, par.joint_gains.stiffness[i], par.joint_gains.damping[i], 2, par)
-        found.append(s)
-        wanted.append(a - push + reference.joint_accelerations[i] - memory.joints[i])
-    return found, tuple(wanted)
+        sliding.append(s)
+        accelerations.append(a - push + reference.joint_accelerations[i] - memory.joints[i])
+    return sliding, tuple(accelerations)
 
 
 def first_memory(par: SlidingParameters) -> SlidingMemory:

@@ -26,7 +26,8 @@ known.
 from __future__ import annotations
 
 import dataclasses
-from typing import Annotated, Any
+from collections.abc import Iterable, Sequence
+from typing import Annotated
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Motion, Quaternion, Vec3
@@ -52,7 +53,7 @@ from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
 
-def adaptation(error: Scalar, rate: Scalar, dt: Scalar) -> Any:
+def adaptation(error: Scalar, rate: Scalar, dt: Scalar) -> Scalar:
     """Piecewise-constant disturbance estimate of one velocity channel, from its prediction error.
 
     The error that sigma makes in one period from ztilde = 0 is e^(a dt) times itself: the next sigma cancels it.
@@ -99,7 +100,7 @@ class L1Memory:
         quaternion, joints: attitude and joint positions, measured one period ago. sent: the command since then.
         measured, error, sigma: z, the error of its prediction and what disturbs it, one period ago.
         force: low-pass of the estimated force, world axes, N. thrust: along body z, N.
-        torque, torque_twice: after one and two filters, N m. efforts, efforts_twice: of the joints.
+        torque, torque_twice: torque after one and two filters, N m. efforts, efforts_twice: the same of the joints.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
@@ -166,13 +167,17 @@ def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Scalar) -> tuple
     return tuple(z + error + dt * (zd + sigma - a * error) for a, z, error, zd, sigma in rows)
 
 
-def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Scalar, par: L1Parameters) -> L1Memory:
+def _advance_filters(
+    memory: L1Memory, R: Mat3, force: Force, efforts: Sequence[Scalar], dt: Scalar, par: L1Parameters
+) -> L1Memory:
     """L1 law's internal state with all low-pass filters advanced by one period and their outputs clipped.
 
     The limit comes after the filter: noise cut on one side only would leave a bias.
     """
 
-    def filter_within(old: Any, new: Any, bandwidth: Scalar, limits: Any) -> tuple[Scalar, ...]:
+    def filter_within(
+        old: Iterable[Scalar], new: Iterable[Scalar], bandwidth: Scalar, limits: Iterable[Scalar]
+    ) -> tuple[Scalar, ...]:
         rows = zip(old, new, limits, strict=True)
         return tuple(clip(low_pass(a, b, bandwidth, dt), -limit, limit) for a, b, limit in rows)
 
@@ -194,18 +199,18 @@ def _advance_filters(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: 
 
 def _command(filtered: L1Memory, measurement: Measurement, reference: Reference, R: Mat3, par: L1Parameters) -> Command:
     """Command u_b + u_ad of the L1 law: baseline control plus adaptive compensation."""
-    wanted = up = wanted_specific_force(par, measurement, reference)
+    specific = up = wanted_specific_force(par, measurement, reference)
     b3 = R.column(2)
     if par.lateral:
         # only the attitude leans against it: the base accelerates as wanted, so this is an input of the arm
-        up = wanted - (filtered.force - b3 * filtered.force.dot(b3)) * inverse_mass(par.model.vehicle)
-    base = Motion(turn_towards(par, measurement, reference, R, up), R.apply_T(wanted))
+        up = specific - (filtered.force - b3 * filtered.force.dot(b3)) * inverse_mass(par.model.vehicle)
+    base = Motion(turn_towards(par, measurement, reference, R, up), R.apply_T(specific))
     force, efforts = coupled_forces(par, measurement, base, joint_accelerations(par, measurement, reference))
-    held = [a - b for a, b in zip(efforts, filtered.efforts_twice, strict=True)]
-    return make_command(par, force.torque - filtered.torque_twice, force.force.z - filtered.thrust, held)[0]
+    torques = [a - b for a, b in zip(efforts, filtered.efforts_twice, strict=True)]
+    return make_command(par, force.torque - filtered.torque_twice, force.force.z - filtered.thrust, torques)[0]
 
 
-def limits(model: Model) -> dict[str, Any]:
+def limits(model: Model) -> dict[str, Scalar]:
     """Bounds of the compensation: half the weight, and a quarter of the weight at the rotor arm as torque.
 
     More cannot be compensated and flown at once.

@@ -18,8 +18,6 @@ Source: Li, Li, Xu, Yu, Basin, IEEE Trans. Cybernetics 55, 2024; Zhang et al. 20
 
 from __future__ import annotations
 
-from typing import Any
-
 from skyarm.algebra.scalars import Scalar
 from skyarm.control.blocks.center_of_mass import arm_reaction, locked_inertia
 from skyarm.control.blocks.common import (
@@ -29,6 +27,7 @@ from skyarm.control.blocks.common import (
     turn_towards,
     wanted_specific_force,
 )
+from skyarm.control.controller import Memory
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
@@ -38,17 +37,17 @@ from skyarm.sensing.measurement import Measurement
 
 
 def li_feedforward(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
-) -> tuple[Any, Command]:
+    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: Parameters
+) -> tuple[Memory, Command]:
     """Geometric base control with feed-forward of the arm's reaction; the joints are controlled separately."""
     del dt
     vehicle, R, q = par.model.vehicle, measurement.quaternion.rotation(), measurement.joints
     reaction = arm_reaction(vehicle, q, measurement.rate, measurement.joint_rates, reference.joint_accelerations)
-    wanted = wanted_specific_force(par, measurement, reference)
-    up = wanted + R.apply(reaction.force) * inverse_mass(vehicle)
+    specific = wanted_specific_force(par, measurement, reference)
+    up = specific + R.apply(reaction.force) * inverse_mass(vehicle)
     alpha = turn_towards(par, measurement, reference, R, up)
     whole = locked_inertia(vehicle, q)
-    torque = whole.inertia.apply(alpha) + reaction.torque + whole.moment.cross(R.apply_T(wanted))
+    torque = whole.inertia.apply(alpha) + reaction.torque + whole.moment.cross(R.apply_T(specific))
     efforts = arm_alone(par, R, q, joint_accelerations(par, measurement, reference))
     command, _ = make_command(par, torque, vehicle.mass * up.dot(R.column(2)), efforts)
     return memory, command

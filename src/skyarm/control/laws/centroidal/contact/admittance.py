@@ -29,7 +29,8 @@ from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.part import Effect, Part, Step
+from skyarm.control.laws.centroidal.parameters import OptionalPart, Step
+from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.coerce import concrete
 from skyarm.records.files import Fields, errors_as, shown
@@ -69,10 +70,10 @@ def move(gains: Compliance, memory: VirtualBody, force: Vec3, dt: Scalar) -> tup
     axes = zip(gains.inertia, gains.damping, gains.stiffness, memory.offset, memory.rate, along, strict=True)
     rates, motions = zip(*(_axis_step(axis, gains.lead, dt) for axis in axes), strict=True)
     offset = tuple(along_world(gains.axes, each) for each in zip(*motions, strict=True))
-    held = [
+    offsets = [
         data(x) if type(M) is int else row[0] for M, x, row in zip(gains.inertia, memory.offset, motions, strict=True)
     ]
-    return VirtualBody(offset=tuple(held), rate=rates), offset
+    return VirtualBody(offset=tuple(offsets), rate=rates), offset
 
 
 def _axis_step(axis: Sequence[Scalar], lead: Scalar, dt: Scalar) -> tuple[Scalar, tuple[Scalar, Scalar, Scalar]]:
@@ -129,7 +130,7 @@ class AdmittanceMemory:
 
 
 @immutable
-class AdmittanceGains(Part):
+class AdmittanceGains(OptionalPart):
     """Constants of the admittance control."""
 
     tip: Compliance
@@ -172,7 +173,7 @@ def shift_reference(
     d = disturbance(observed)
     estimate = tip_force(gains.errors, at, d - memory.bias)
     sensed, value = memory.sensed, estimate
-    if sensed and memory.sensor_bias and reading:
+    if sensed and memory.sensor_bias and reading and gains.sensing is not None:
         sensed = low_pass(sensed, Vec3(*reading), gains.sensing, dt)
         turned = at.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
         value, sensed = turned.apply(sensed - memory.sensor_bias), vector_data(sensed)
@@ -243,10 +244,10 @@ def _compliance(fields: Fields, lead: float, axes: tuple[Vec3, ...]) -> Complian
     if not any(rows[0]):
         raise ValueError(f"{fields.at('mass')} = {shown(list(rows[0]))}: must be above 0 along an axis at least")
     mass = tuple(each or 0 for each in rows[0])
-    found = Compliance(inertia=mass, damping=rows[1], stiffness=rows[2], lead=lead, axes=axes)
-    require_moderate(fields.where, "mass", found)
+    body = Compliance(inertia=mass, damping=rows[1], stiffness=rows[2], lead=lead, axes=axes)
+    require_moderate(fields.where, "mass", body)
     damping, stiffness = (tuple(v if m else 0 for v, m in zip(row, mass, strict=True)) for row in rows[1:])
-    return dataclasses.replace(found, damping=damping, stiffness=stiffness)
+    return dataclasses.replace(body, damping=damping, stiffness=stiffness)
 
 
 def require_moderate(at: str, name: str, body: Compliance) -> None:

@@ -29,10 +29,10 @@ from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.blocks.filters import low_pass
 from skyarm.control.blocks.force_control import (
+    DesiredContact,
     InteractionGains,
     InteractionMemory,
     Pressing,
-    Wanted,
     contact_cleared,
     first_interaction,
     interact,
@@ -42,16 +42,15 @@ from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import TipLevers, levers
 from skyarm.control.blocks.torque_scale import first_scale
-from skyarm.control.laws.centroidal.demands import Demand
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Effect, Part, Step
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step
+from skyarm.control.laws.centroidal.step_records import AccelerationDemand, Effect
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Interaction(InteractionGains, Part):
+class Interaction(InteractionGains, OptionalPart):
     """Contact force control as an optional part of the centroidal law; ``geared`` joints have an armature."""
 
     geared: bool = False
@@ -77,24 +76,24 @@ class Interaction(InteractionGains, Part):
         then = levers(vehicle, observed.quaternion.rotation(), observed.joints)
         now = levers(vehicle, state.quaternion.rotation(), state.joints)
         planned = wanted_of(step.reference.push).about_the_pivot(state.position + now.R.apply(now.tip))
-        wanted = dataclasses.replace(planned, normal=estimated_normal(planned.normal, memory.lean))
+        desired = dataclasses.replace(planned, normal=estimated_normal(planned.normal, memory.lean))
         velocity = now.velocity(state.velocity, state.rate, state.joint_rates)
         course = Vec3(*(signal.derivative(1) for signal in effect.signals[:3]))
-        across = course - wanted.normal * wanted.normal.dot(course)
+        across = course - desired.normal * desired.normal.dot(course)
         slides: Scalar = across.dot(across) > SLIDES * SLIDES
         effort = where(slides, 0.0, _effort(vehicle, step.memory.sent))
         felt, reading, load = None, step.measurement.tip_force, step.memory.parts.load
-        if memory.felt and reading:
+        if memory.felt and reading and self.sensing is not None:
             # the sensor measures the weight of a load too, which the surface does not carry
             weight = mul(load.mass, step.par.model.gravity) if load else 0
             turned = then.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
             felt = low_pass(memory.felt, turned.apply(Vec3(*reading)) + Vec3(0, 0, weight), self.sensing, dt)
         moving = motion_share(self, memory.moving, across, dt)
-        into = -wanted.normal.dot(velocity)
-        seen, memory = self._at_scale(memory, step, then, wanted)
-        memory, pressing = interact(self, memory, wanted, seen, then, into, effort, dt, felt, moving)
+        into = -desired.normal.dot(velocity)
+        seen, memory = self._at_scale(memory, step, then, desired)
+        memory, pressing = interact(self, memory, desired, seen, then, into, effort, dt, felt, moving)
         slides = logical_and(slides, memory.share > 1.0 - 1e-9)
-        lean = update_lean(memory.lean, wanted.normal, velocity, self.tilting, wanted.presses, slides, dt)
+        lean = update_lean(memory.lean, desired.normal, velocity, self.tilting, desired.presses, slides, dt)
         given = pressing.with_order(effect.unknown, then, now)
         force = observed.force + given.force - effect.unknown.force
         if self.geared:
@@ -112,23 +111,23 @@ class Interaction(InteractionGains, Part):
         return dataclasses.replace(memory, lean=vector_data(lean), moving=moving), effect
 
     def _at_scale(
-        self, memory: InteractionMemory, step: Step, at: TipLevers, wanted: Wanted
+        self, memory: InteractionMemory, step: Step, at: TipLevers, desired: DesiredContact
     ) -> tuple[Disturbance, InteractionMemory]:
         """Observed disturbance of joints with the right torque scale, and the memory with what was learned of it."""
         seen, scale, by = disturbance(step.seen.observed), memory.scale, self.tolerances
         if not scale or by is None:
             return seen, memory
         # not on the way to the surface either: an observer is late, and would learn of the touch
-        efforts, alone = step.timing.acted.efforts, logical_not(wanted.requests_contact)
-        for held in step.holds:
-            alone = logical_and(alone, held < 0.5)
+        efforts, alone = step.timing.acted.efforts, logical_not(desired.requests_contact)
+        for grasp in step.holds:
+            alone = logical_and(alone, grasp < 0.5)
         free = logical_and(alone, logical_or(memory.free > self.rest, scale.met < 0.5))
         rate = where(memory.free > self.rest, self.bias_rate, 0.0)
-        after = scale.learn(by, self.errors, at, seen, efforts, wanted.normal, free, rate, step.dt)
+        after = scale.learn(by, self.errors, at, seen, efforts, desired.normal, free, rate, step.dt)
         after = dataclasses.replace(after, met=maximum(scale.met, memory.touching))
         return scale.correct(by, self.errors, at, seen, efforts), dataclasses.replace(memory, scale=after)
 
-    def learn(self, memory: InteractionMemory, effect: Effect, demand: Demand) -> InteractionMemory:
+    def learn(self, memory: InteractionMemory, effect: Effect, demand: AccelerationDemand) -> InteractionMemory:
         """Store the distance of the tip from its reference along the surface normal."""
         if effect.pressing is None:
             return memory
@@ -177,7 +176,7 @@ def with_slow_wind(given: Disturbance, pressing: Pressing, beside: Vec3, slow: V
 
     Args:
         given: disturbance with the commanded contact force.
-        pressing: of the contact force controller.
+        pressing: output of the contact force controller.
         beside: observed force on the base beside the contact's, N, world axes.
         slow: the same, filtered at ``wind_rate``.
     """

@@ -21,8 +21,8 @@ from skyarm.control.blocks.force_control import contact_cleared
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.tip_force import ForceErrors, LeastSquares
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.part import Effect, Part, Step
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step
+from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.files import shown
@@ -43,7 +43,8 @@ class Hang:
 
     Attributes:
         lift: N on the base, world z, per kg.
-        turning: N m on the base, base axes, per kg and per N m about world x and y. efforts: of each joint, likewise.
+        turning: N m on the base, base axes, per kg and per N m about world x and y.
+        efforts: effort of each joint, likewise.
         tip: R_WT, axes of the tip.
     """
 
@@ -97,8 +98,7 @@ def learn_load(
     gains: LoadGains,
     memory: LoadMemory,
     model: Model,
-    R: Mat3,
-    joints: Sequence[Scalar],
+    at: Hang,
     observed: Disturbance,
     holds: Scalar,
     learns: Scalar,
@@ -110,10 +110,9 @@ def learn_load(
     A held load that lies on something pushes the tip up as soon as the reference is low; a law that compensated this
     would push down ever harder. So an upward force beyond the load's weight is taken out of the disturbance.
 
-    R and ``joints`` at the measurement's time; ``holds``: whether something is held; ``learns``: 0 on a surface and at
+    ``at``: regressor at the measurement's time; ``holds``: whether something is held; ``learns``: 0 on a surface and at
     limits of actuators; ``bandwidth`` of the observer, rad/s.
     """
-    at = hang(model.vehicle, R, joints, model.gravity)
     beyond = observed - memory.bias - at.weight(mul(1.0 - gains.inertia_share, memory.mass), memory.place)
     mass, about_x, about_y = missing(model.vehicle, gains, at, beyond)
     least = gains.light * gains.limit
@@ -122,8 +121,8 @@ def learn_load(
     step = _step(gains.pace, bandwidth, holds, learns, dt) * (gains.settled_rate + (1.0 - gains.settled_rate) * large)
     m = clip(memory.mass + step * mass, 0.0, gains.limit)
     slow = _step(gains.place_pace, bandwidth, holds, learns, dt) * (1.0 - large)
-    known = divide(m, (m * m + least * least) * maximum(model.gravity, 1e-3))
-    off = at.tip.apply_T(UP.cross(Vec3(about_x, about_y, 0))) * (-slow * known)
+    per_weight = divide(m, (m * m + least * least) * maximum(model.gravity, 1e-3))
+    off = at.tip.apply_T(UP.cross(Vec3(about_x, about_y, 0))) * (-slow * per_weight)
     far = gains.furthest
     place = Vec3(*(clip(each, -far, far) for each in memory.place + off))
     share = where(holds, 0.0, low_pass_share(gains.bias_rate, dt)) * learns
@@ -142,7 +141,7 @@ def _step(pace: Scalar, bandwidth: Scalar, holds: Scalar, learns: Scalar, dt: Sc
 
 
 @immutable
-class LoadGains(Part):
+class LoadGains(OptionalPart):
     """Constants of the load estimate.
 
     Mass and observer find the same weight at once: from a ``pace`` of 2 on they would swing. ``size`` is small: a
@@ -196,9 +195,8 @@ class LoadGains(Part):
             learns = mul(learns, where(holds, 1.0, contact_cleared(contact, before.parts.interaction)))
         R = observed.quaternion.rotation()
         bandwidth = minimum(par.observer.force, par.observer.joints)
-        load, resting = learn_load(
-            self, memory, par.model, R, observed.joints, step.seen.alone, holds, learns, bandwidth, dt
-        )
+        at = hang(par.model.vehicle, R, observed.joints, par.model.gravity)
+        load, resting = learn_load(self, memory, par.model, at, step.seen.alone, holds, learns, bandwidth, dt)
         unknown = effect.unknown + resting
         shares = self.unknown_shares(par.model.vehicle, observed.joints, load.mass)
         efforts = tuple(mul(1.0 - share, each) for share, each in zip(shares, unknown.efforts, strict=True))
@@ -214,11 +212,11 @@ class LoadGains(Part):
         which the model has m l^2: an observer that compensates all of it is unstable where the rest is ten times that.
         """
         least, bulk = self.light * self.limit, self.bulk * self.bulk * self.bulk * self.bulk
-        held, found = divide(mass * mass, mass * mass + least * least), list[Scalar]()
+        loaded, shares = divide(mass * mass, mass * mass + least * least), list[Scalar]()
         for column, link in zip(jacobian_columns(vehicle, vehicle.frame(), joints), vehicle.links, strict=True):
             square = column.linear.dot(column.linear)
-            found.append(held * divide(bulk, square * square + bulk) if link.joint.turns else 0)
-        return found
+            shares.append(loaded * divide(bulk, square * square + bulk) if link.joint.turns else 0)
+        return shares
 
 
 @immutable

@@ -11,11 +11,11 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.contact.admittance import admittance_gains
 from skyarm.control.laws.centroidal.contact.interaction import Interaction
 from skyarm.control.laws.centroidal.contact.load import load_gains
-from skyarm.control.laws.centroidal.part import Part
+from skyarm.control.laws.centroidal.parameters import OptionalPart
 from skyarm.records.files import shown
 from skyarm.vehicle.vehicle_records import Vehicle
 
-OPTIONS: Mapping[str, tuple[Any, float, float]] = {
+OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
     "interaction": ((0.0, 0.0), 0.0, 1e3),
     "tolerances": ((0.0, 0.0), 0.0, 1.0),
     "force_sensor": (False, 0.0, 1.0),
@@ -36,16 +36,16 @@ def must_act(gains: Mapping[str, Any], admittance: Mapping[str, Any] | None) -> 
 
 def contact_parts(
     gains: Mapping[str, Any], admittance: Mapping[str, Any] | None, vehicle: Vehicle, *, leads: bool, lead: float
-) -> dict[str, Part]:
+) -> dict[str, OptionalPart]:
     """Parts by their names, from the law's options; ``leads`` a tip, ``lead`` s, lag of its observer."""
-    found: dict[str, Part] = {}
+    parts: dict[str, OptionalPart] = {}
     if any(gains["interaction"]):
-        found["interaction"] = _interaction(gains, vehicle, leads=leads)
+        parts["interaction"] = _interaction(gains, vehicle, leads=leads)
     if admittance is not None:
-        found["admittance"] = admittance_gains(admittance, gains, leads, lead)
+        parts["admittance"] = admittance_gains(admittance, gains, leads, lead)
     if gains["load"]:
-        found["load"] = load_gains(gains["load"], vehicle)
-    return found
+        parts["load"] = load_gains(gains["load"], vehicle)
+    return parts
 
 
 def _interaction(gains: Mapping[str, Any], vehicle: Vehicle, *, leads: bool) -> Interaction:

@@ -9,7 +9,10 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.tilting.sideways_force import SidewaysGains
 from skyarm.records.files import shown
 
-OPTIONS: Mapping[str, tuple[Any, float, float]] = {"sideways": (0.0, 0.0, 1.0), "attitude": ((0.0, 0.0), -1.0, 1.0)}
+OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
+    "sideways": (0.0, 0.0, 1.0),
+    "attitude": ((0.0, 0.0), -1.0, 1.0),
+}
 """Options with their values, and the lowest and highest one; both are left out."""
 
 

@@ -19,7 +19,7 @@ from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, cos, divide, mul, sin, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, choose
 from skyarm.control.blocks.attitude import derivative, vector_series
-from skyarm.control.laws.centroidal.part import RotorForce
+from skyarm.control.laws.centroidal.step_records import RotorForce
 from skyarm.dynamics.actuators import Mixer
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -42,12 +42,12 @@ class SidewaysGains:
 
 
 @immutable(kw_only=False)
-class Reach:
+class RotorReach:
     """Squared rotor speeds per unit of force, and limits of the squared speeds, for sideways forces.
 
     Attributes:
         rows: squared speed of each rotor per force at the centre of mass, body axes, (rad/s)^2 / N.
-        highest: of each, (rad/s)^2. least: room, (rad/s)^2.
+        highest: largest squared speed of each, (rad/s)^2. least: least room, (rad/s)^2.
     """
 
     rows: tuple[Vec3, ...]
@@ -60,20 +60,20 @@ class SidewaysForce(RotorForce):
     """Force of rotors that push across body z, too, as far as they have room."""
 
     gains: SidewaysGains
-    reach: Reach
+    reach: RotorReach
 
     def leaning(self, force: Vec3, yaw: Taylor) -> Vec3:
         """Part of a desired force (series, N, world axes) that sets the attitude: what is not given sideways."""
-        held = self.gains.attitude
-        axis = None if held is None else thrust_axis(held, yaw.truncate(2))
+        angles = self.gains.attitude
+        axis = None if angles is None else thrust_axis(angles, yaw.truncate(2))
         return leaning(self.reach, force, self.gains.share, axis)
 
     def achievable(self, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
         """Force that the rotors can give at this attitude, N, world axes, or its first derivative, N/s."""
-        order, wanted = len(force) - 1, vector_series(force)
+        order, series = len(force) - 1, vector_series(force)
         turning = [[R.column(k), R.apply(w.cross(axis))] for k, axis in enumerate((E_X, E_Y, E_Z))]
         axes = [vector_series(each[: order + 1]) for each in turning]
-        x, y, z = (axis.dot(wanted) for axis in axes)
+        x, y, z = (axis.dot(series) for axis in axes)
         side = gauge(self.reach, Vec3(x, y, z))
         share = 1.0 / _eighth_root(choose(side > 1.0, side, 1.0))
         x, y = x * share, y * share
@@ -85,21 +85,21 @@ class SidewaysForce(RotorForce):
         return Vec3(inside.x, inside.y, 0)
 
 
-def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> Reach:
+def reach_of(mixer: Mixer, com: Vec3, weight: Scalar) -> RotorReach:
     """Matrix from force at the centre of mass to squared rotor speeds, of a mixer with sideways force."""
     rows = []
     for turning, across in zip(mixer.inverse, mixer.across, strict=True):
         rows.append(Vec3(*(*across, turning[3])) + Vec3(*turning[:3]).cross(com))
     least = tuple(LEAST * weight * turning[3] for turning in mixer.inverse)
-    return Reach(rows=tuple(rows), highest=mixer.highest, least=least)
+    return RotorReach(rows=tuple(rows), highest=mixer.highest, least=least)
 
 
-def gauge(reach: Reach, force: Vec3) -> Taylor:
+def gauge(reach: RotorReach, force: Vec3) -> Taylor:
     """Sum of eighth powers of each rotor's used margin under a sideways force (Taylor series, body axes)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
-        held, change = force.z * row.z, force.x * row.x + force.y * row.y
-        room = choose(change > 0.0, held * -1 + top, held)
+        upward, change = force.z * row.z, force.x * row.x + force.y * row.y
+        room = choose(change > 0.0, upward * -1 + top, upward)
         room = choose(room > least, room, least)
         share = change / room
         square = share * share
@@ -109,7 +109,7 @@ def gauge(reach: Reach, force: Vec3) -> Taylor:
     return result
 
 
-def leaning(reach: Reach, force: Vec3, share: Scalar, upright: Vec3 | None = None) -> Vec3:
+def leaning(reach: RotorReach, force: Vec3, share: Scalar, upright: Vec3 | None = None) -> Vec3:
     """Force that sets the attitude: the desired force (Taylor series, N) less the part given sideways.
 
     Sideways is across ``upright`` (series), or world z. The second derivative counts as the rest does: the snap of a
@@ -121,8 +121,8 @@ def leaning(reach: Reach, force: Vec3, share: Scalar, upright: Vec3 | None = Non
     side = _square((x * x + y * y + z * z) * slightest(reach, along) * divide(1.0, share * share))
     left = cast(Taylor, 1.0 - 1.0 / sqrt(sqrt(sqrt(_square(side) + 1.0))))
     rest = left.c[0]
-    kept = Vec3(x * left, y * left, z * left) + thrust
-    return Vec3(*(Taylor([*each.c[:2], mul(rest, each.c[2])]) for each in kept))
+    tilting = Vec3(x * left, y * left, z * left) + thrust
+    return Vec3(*(Taylor([*each.c[:2], mul(rest, each.c[2])]) for each in tilting))
 
 
 def thrust_axis(attitude: Sequence[Scalar], yaw: Taylor) -> Vec3:
@@ -133,12 +133,12 @@ def thrust_axis(attitude: Sequence[Scalar], yaw: Taylor) -> Vec3:
     return Vec3(c * forward - s * left, s * forward + c * left, Taylor.constant(up, len(yaw.c) - 1))
 
 
-def slightest(reach: Reach, vertical: Taylor) -> Taylor:
+def slightest(reach: RotorReach, vertical: Taylor) -> Taylor:
     """Squared rotor margin used per N of sideways force in the worst direction, 1/N^2 (Taylor series)."""
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
-        held, size = vertical * row.z, row.x * row.x + row.y * row.y
-        for room in (held, held * -1 + top):
+        upward, size = vertical * row.z, row.x * row.x + row.y * row.y
+        for room in (upward, upward * -1 + top):
             inverse = 1.0 / choose(room > least, room, least)
             share = _square(_square(inverse) * size)
             total = _square(_square(share)) + total

@@ -1,0 +1,165 @@
+"""Records that the steps of the centroidal law hand on to each other; none of them is changed."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Protocol
+
+from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
+from skyarm.algebra.scalars import Scalar, maximum, mul
+from skyarm.algebra.scalars.taylor import Taylor
+from skyarm.control.blocks.disturbance_observer import Observed, Told
+from skyarm.control.blocks.force_control import Pressing
+from skyarm.control.blocks.late_actuators import Past
+from skyarm.control.blocks.prediction import Actuation, Disturbance
+from skyarm.dynamics.actuators import Mixer
+from skyarm.records.immutable import immutable
+from skyarm.reference.preview import Sample
+
+
+@immutable
+class Timing:
+    """Delay of the command of this step, and the actuation before the measurement.
+
+    Attributes:
+        late: estimated delay of the commands, s. lead: the same with the commands' known delay.
+        age: periods from the measurement to when the command acts.
+        past: modelled past of the actuators. acted: mean actuation over the period before the measurement.
+    """
+
+    late: Scalar = 0
+    lead: Scalar = 0
+    age: Scalar = 0
+    past: Past
+    acted: Actuation
+
+
+@immutable
+class ReferenceMotion:
+    """Reference motion at the instant at which a command of this step acts.
+
+    Attributes:
+        signals: x, y, z, yaw and the joints, series in time.
+        ahead: samples to come, each with its time from then, s.
+    """
+
+    signals: Sequence[Taylor]
+    ahead: Sequence[tuple[Scalar, Sequence[Sample]]] = ()
+
+
+@immutable
+class ObserverOutput:
+    """Observer output: state, model accelerations and disturbance at the measurement's time.
+
+    Attributes:
+        observed: observer state at the measurement's time. told: its correction of the model by that measurement.
+        alone: observed disturbance with the adapted feed-forward. unknown: the same with what the mixer omits.
+    """
+
+    observed: Observed
+    told: Told
+    alone: Disturbance
+    unknown: Disturbance
+
+
+@immutable
+class Effect:
+    """Change of a control step by a tip in contact: reference, compensated disturbance, adaptation.
+
+    Attributes:
+        signals: shifted signals of the reference. unknown: compensated disturbance.
+        force: external force that the posture follows, N, world axes.
+        learns, isolated: 1 where base and joints, and the lag, may be adapted, 0 in contact.
+        external: 1 while a force on the tip is part of the observed disturbance. pressing: the push; None without one.
+        links: bandwidth of each link's orientation over the tip's; () for 1.
+    """
+
+    signals: Sequence[Taylor]
+    unknown: Disturbance
+    force: Vec3
+    learns: Scalar = 1
+    isolated: Scalar = 1.0
+    external: Scalar = 0
+    pressing: Pressing | None = None
+    links: tuple[Scalar, ...] = ()
+
+    def isolating(self, share: Scalar, never: Scalar = 0.0) -> Effect:
+        """Effect that stops adaptation where ``share`` is 0, as an external force is in the observed disturbance.
+
+        ``never`` is 1 where none was there in this flight: the lag is estimated.
+        """
+        isolated = mul(self.isolated, maximum(share, never))
+        return dataclasses.replace(self, learns=mul(self.learns, share), isolated=isolated)
+
+
+class RotorForce:
+    """Force that rotors give at an attitude: along body z alone without a part for more directions."""
+
+    __slots__ = ()
+
+    def leaning(self, force: Vec3, yaw: Taylor) -> Vec3:
+        """Part of a desired force (series, N, world axes) that sets the attitude: all of it."""
+        return force
+
+    def achievable(self, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
+        """Force that the rotors can give at this attitude, N, world axes, or its first derivative, N/s.
+
+        ``force`` is the desired one, with its derivative for that of the result.
+        """
+        b3: Vec3 = R.column(2)
+        along = force[0].dot(b3)
+        pushed: Vec3 = b3 * along
+        if len(force) > 1:
+            b3d = R.apply(w.cross(E_Z))
+            pushed = b3 * (force[1].dot(b3) + force[0].dot(b3d)) + b3d * along
+        return pushed
+
+    def across(self, R: Mat3, force: Vec3) -> Vec3:
+        """Components of an achievable force across body z, N, body axes: none."""
+        return ZERO3
+
+
+class RotorPart(Protocol):
+    """Constants of a part that gives rotors more directions of force."""
+
+    def rotor_force(self, mixer: Mixer, com: Vec3, weight: Scalar) -> RotorForce:
+        """Force that the rotors give, with the centre of mass at ``com`` (m, base axes) and the weight in N."""
+
+
+@immutable
+class Planned:
+    """Planned motion without tracking errors: attitude, accelerations and joint signals.
+
+    Attributes:
+        R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and acceleration, base axes.
+        proper: acceleration of the base origin less gravity, m/s^2, base axes.
+        joints: signals, series in time.
+    """
+
+    R: Mat3
+    rate: Vec3
+    alpha: Vec3
+    proper: Vec3
+    joints: tuple[Taylor, ...]
+
+
+@immutable
+class AccelerationDemand:
+    """Desired thrust, angular acceleration and joint accelerations of one control step.
+
+    Attributes:
+        thrust: N, along body z. across: N, body axes.
+        alpha: angular acceleration, body axes, rad/s^2. joints: accelerations.
+        planned: motion without errors.
+        force_rate: N/s, body axes, of the planned force.
+        missed: m, of the tip from its reference, world axes.
+    """
+
+    thrust: Scalar
+    alpha: Vec3
+    joints: tuple[Scalar, ...]
+    planned: Planned
+    across: Vec3 = ZERO3
+    force_rate: Vec3 = ZERO3
+    missed: Vec3 = ZERO3

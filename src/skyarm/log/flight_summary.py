@@ -1,0 +1,221 @@
+"""Summary of a flight: status, errors, thrust, contacts and events, as plain data and as lines of text."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from skyarm.dynamics.actuators.rotor import push
+from skyarm.log.flight_log import Log
+from skyarm.log.flown_scenario import restored_at, written_at
+from skyarm.log.log_columns import columns, component_labels
+from skyarm.log.metrics.path_distance import path_distance
+from skyarm.log.metrics.score import score
+from skyarm.log.metrics.windows import Windows, windows_of
+from skyarm.log.periods import ContactPeriod, timed_out
+from skyarm.log.sensor_data import COMPONENTS
+from skyarm.records.arrays import Array
+from skyarm.records.files import printable
+from skyarm.records.text_tables import shown_number
+from skyarm.view.pages import Facts, Line, heading, table_of
+
+LABELS = {
+    "tip": "tip, m",
+    "position": "base, m",
+    "joints": "joints, rad or m",
+    "tip_to_path": "tip to its path, m",
+    "base_to_path": "base to its path, m",
+    "lag": "governor's lag, s",
+}
+"""Error -> its row in the table, in this order."""
+
+COMMANDS = ("rotor_jitter", "rotor_saturation")
+"""Metrics of the rotor commands over the window of the errors."""
+
+MOST_NAMED = 3
+"""Numbers changed in flight that are named; a record of many would fill the line."""
+
+
+def facts(log: Log) -> Facts:
+    """Summary of a flight as plain data: status, errors, thrust, contacts, grasps and phases."""
+    info = log.info
+    named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
+    found = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
+    if "autopilot" in info:
+        found["autopilot"] = info["autopilot"]
+    if not log.time.size or not _took_off(found):
+        return found
+    steady = Windows().of_flight(float(info["duration"]), windows_of(log)).steady
+    inside = steady.of(log)
+
+    def summary(error: Array) -> dict[str, float | None]:
+        mean, most = (float(error[inside].mean()), float(error[inside].max())) if inside.any() else (None, None)
+        return {"mean": mean, "max": most, "max_whole_flight": float(error.max())}
+
+    errors = {what: summary(error) for what, error in error_norms(log).items()}
+    found |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
+    commands = score(log, COMMANDS)
+    found |= {name: value if math.isfinite(value) else None for name, value in commands.items()}
+    found |= {"peak_thrust": _peak_thrust(log)} | dataclasses.asdict(log.shortfall)
+    if log.lag_found.size:
+        found["lag_found_s"] = log.lag_found[-1]
+    found |= {name: rows for name, rows in (("contacts", _contacts(log)), ("mechanisms", _mechanisms(log))) if rows}
+    if log.component("gripper_taken").size:
+        found["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
+    if log.phase.size:
+        late = timed_out(log)
+        found["phase_ends"] = [
+            {"phase": name, "end": end, "timeout": number in late} for number, (name, end) in enumerate(log.phase_ends)
+        ]
+    elif log.path_time.size:
+        distances = {
+            "lag": log.time - log.path_time,
+            "base_to_path": path_distance(log.position, log.position_reference),
+        }
+        if not np.array_equal(log.tool, log.position):
+            distances["tip_to_path"] = path_distance(log.tool, log.tool_reference)
+        found["governor"] = {what: summary(distance) for what, distance in distances.items()}
+    return found
+
+
+def _took_off(found: Mapping[str, Any]) -> bool:
+    """True unless the log is that of an autopilot's take-off, which failed."""
+    return "autopilot" not in found or found["autopilot"]["prepared_s"] > 0.0
+
+
+def error_norms(log: Log) -> dict[str, Array]:
+    """Norms (N,) of the errors in position, joints and tip against the continuous reference, by name."""
+    pairs = {"position": (log.position, log.position_reference)}
+    if log.joints.shape[1]:
+        pairs["joints"] = log.joints, log.joints_reference
+    if not np.array_equal(log.tool, log.position):
+        pairs["tip"] = log.tool, log.tool_reference
+    return {what: np.linalg.norm(flown - desired, axis=1) for what, (flown, desired) in pairs.items()}
+
+
+def _peak_thrust(log: Log) -> float | None:
+    """Highest ratio of a rotor's thrust to its maximum; None if no rotor has a limit."""
+    rotors = getattr(restored_at(log.info, "plant.vehicle"), "rotors", ())
+    pairs = zip(rotors, log.rotor_speeds.max(axis=0), strict=False)
+    return max((float(push(r, w) / push(r, r.max_speed)) for r, w in pairs if np.isfinite(r.max_speed)), default=None)
+
+
+def _has_battery(log: Log) -> bool:
+    """True if a battery's voltage limits the rotors, of which the commands alone say nothing."""
+    return getattr(restored_at(log.info, "plant.vehicle"), "battery", None) is not None
+
+
+def _contacts(log: Log) -> list[Facts]:
+    """List contacts by surface and contact point: first touch (s), losses of contact, largest force (N)."""
+    pairs: dict[tuple[str, str], list[ContactPeriod]] = {}
+    for period in log.contact_periods:
+        pairs.setdefault((period.surface, period.point), []).append(period)
+    return [
+        {
+            "surface": surface,
+            "point": point,
+            "first_touch": periods[0].start,
+            "losses": sum(each.end is not None for each in periods),
+            "peak": max(each.peak for each in periods),
+        }
+        for (surface, point), periods in pairs.items()
+    ]
+
+
+def _mechanisms(log: Log) -> list[Facts]:
+    """List the coordinate of each mechanism, such as a door: first, farthest and last value."""
+    rows = [each for each in columns(log) if each.array == f"{COMPONENTS}.mechanism_position"]
+    found = []
+    for name, column in zip(component_labels(log, "mechanism_position"), rows, strict=True):
+        place = column.of(log)
+        furthest = place[np.abs(place - place[0]).argmax()]
+        found.append({"name": name, "first": place[0], "furthest": furthest, "last": place[-1], "unit": column.unit})
+    return found
+
+
+def summary(log: Log, found: Facts) -> list[Line]:
+    """Text of a flight's summary: status, table of tracking errors, thrust and events."""
+    if not _took_off(found):
+        return [heading(headline(log, found))]
+    lines: list[Line] = [heading(headline(log, found)), printable(_flight_words(log))]
+    if "steady_window_s" not in found:
+        return lines
+    start, stop = found["steady_window_s"]
+    errors = found["errors_continuous"] | found.get("governor", {})
+    rows = [
+        (LABELS[what], *("-" if value is None else shown_number(value, 4) for value in errors[what].values()))
+        for what in LABELS
+        if what in errors
+    ]
+    lines.append(table_of((f"error, {start:.4g} to {stop:.4g} s", "mean", "max", "max, whole flight"), rows))
+    jitter, limited = (found[name] for name in COMMANDS)
+    if jitter is not None:
+        words = (
+            ""
+            if limited is None or _has_battery(log)
+            else f", a rotor at its limit in {100.0 * limited:.3g} % of the periods"
+        )
+        lines.append(f"rotor commands then: jitter {shown_number(jitter, 4)} rad/s a period{words}")
+    if found["peak_thrust"] is not None:
+        cut = "" if found["saturation"] or _has_battery(log) else "; no command at a limit"
+        lines.append(f"peak thrust: {found['peak_thrust']:.0%} of a rotor's highest{cut}")
+    return [*lines, *log.shortfall.lines, *sentences(found)]
+
+
+def headline(log: Log, found: Mapping[str, Any]) -> str:
+    """Line of scenario, status, duration and cause."""
+    end, duration = (f"{found[name]:g} s" for name in ("end_time", "duration"))
+    if _took_off(found):
+        title = f"{found['scenario']}: {log.status}, {end}" + (f" of {duration}" if end != duration else "")
+    else:
+        title = f"{found['scenario']}: {log.status}, no take-off in {end}"
+    return title + (f": {found['cause']}" if found["cause"] else "")
+
+
+def sentences(found: Facts) -> list[str]:
+    """List sentences on estimated lags, contacts, mechanisms, grasps and phases of a flight."""
+    lines = []
+    if "autopilot" in found:
+        said = found["autopilot"]
+        counts = f"; {said['answered']} of {said['steps']} messages answered" if "answered" in said else ""
+        lines.append(f"autopilot {said['name']}: hovered {said['prepared_s']:.3g} s after power-on{counts}")
+    if "lag_found_s" in found:
+        rotors, joints = 1e3 * found["lag_found_s"]
+        lines.append(f"lag found at the end, beyond the law's nominal: rotors {rotors:.1f} ms, joints {joints:.1f} ms")
+    for each in found.get("contacts", ()):
+        touch = f"{each['surface']} touched {each['point']} at {each['first_touch']:g} s"
+        lines.append(f"{touch}: lost {each['losses']} times, largest force {each['peak']:.3g} N")
+    for each in found.get("mechanisms", ()):
+        first, furthest, last = (shown_number(each[name]) for name in ("first", "furthest", "last"))
+        lines.append(
+            f"{each['name']} moved from {first} to {furthest} {each['unit']}, at the end {last} {each['unit']}"
+        )
+    for each in found.get("grasps", ()):
+        ended = f"{'gave way' if each['gave_way'] else 'let go'} at {each['end']:g} s" if each["end"] else ""
+        grasp = f"{each['gripper']} took {each['held']} at {each['start']:g} s: {ended or 'holds it to the end'}"
+        lines.append(f"{grasp}, largest force {each['peak']:.3g} N")
+    ends = [
+        f"{each['phase']} {'-' if each['end'] is None else '{:g} s'.format(each['end'])}"
+        + (" (timeout)" if each["timeout"] else "")
+        for each in found.get("phase_ends", ())
+    ]
+    lines += [f"phases done: {', '.join(ends)}"] if ends else []
+    return lines
+
+
+def _flight_words(log: Log) -> str:
+    """Line that names law, vehicle, plant, integrator, seed, scheduled changes and plugins of a flight."""
+    info = log.info
+    plant = f"{info['plant_vehicle']}, plant {info['plant']} ({info['integrator']})"
+    line = f"law {info['controller']} on {plant}, seed {info['seed']}"
+    changes = written_at(info, "changes") or ()
+    paths = dict.fromkeys(str(each["path"]) for each in changes if "path" in each)
+    if changes:
+        named = f" (of {', '.join(paths)})" if 0 < len(paths) <= MOST_NAMED else ""
+        line += f", {len(changes)} change{'s' if len(changes) > 1 else ''} in flight{named}"
+    plugins = info.get("plugins") or {}
+    return line + (f", plugins {', '.join(sorted(plugins))}" if plugins else "")

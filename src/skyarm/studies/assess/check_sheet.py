@@ -1,0 +1,50 @@
+"""Sheet of a check: alarms with remedies, notes, passed checks and verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from skyarm.records.text_tables import shown_number
+from skyarm.studies.assess.assessment import Assessment
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding
+from skyarm.view.pages import Line, Mark, Table, heading, table_of
+
+
+def sheet(found: Assessment) -> list[Line]:
+    """Report of a vehicle check as lines and tables: alarms with remedies, notes, then passed checks."""
+    load = f", with {found.payload:g} kg at the tip" if found.payload else ""
+    vehicle = f" ({found.vehicle.name})" if found.vehicle.name != found.name else ""
+    parts: list[Line] = [heading(f"{found.name}{vehicle}, g = {found.gravity:g} m/s^2{load}")]
+    alarms = found.alarms()
+    parts += [_rows(alarms), ""] if alarms else []
+    for each in alarms:
+        limit = "" if math.isnan(each.limit) else f", limit {_number(each.limit, each)}"
+        numbers = "" if math.isnan(each.value) or not each.field else f" ({_number(each.value, each)}{limit})"
+        line = f"{each.level} in {each.field or each.question}{numbers}: {each.remedy or each.text}"
+        parts.append(Mark(text=line, title=each.level))
+    notes, well = ([each for each in found.findings if each.level == level] for level in (NOTE, OK))
+    parts += ["", _rows(notes)] if notes else []
+    short = "; ".join(dict.fromkeys(map(_in_short, well)))
+    parts += ["", Mark(text=f"{len(well)} without an alarm: {short}", title=OK), ""]
+    faults, milder = (sum(each.level == level for each in found.findings) for level in (FAULT, WARNING))
+    counted = f"{milder} warning{'s' if milder != 1 else ''}"
+    verdict = f"cannot fly as described: {faults} fault{'s' if faults != 1 else ''}" if faults else "can fly: no fault"
+    return [*parts, heading(f"{verdict}, {counted}")]
+
+
+def _in_short(each: Finding) -> str:
+    """Short text of a passed check: its question with the number found."""
+    found = _number(each.value, each)
+    return each.question if found.split(" ")[0] in ("-", "0") else f"{each.question} {found}"
+
+
+def _rows(findings: Iterable[Finding]) -> Table:
+    """Make a table of check results: level, question and answer."""
+    rows = [(Mark(text=each.level, title=each.level), Mark(text=each.question), each.text) for each in findings]
+    return table_of(("",) * 3, rows, left=3)
+
+
+def _number(value: float, finding: Finding) -> str:
+    """Format a number of a check result with its unit; a dash for NaN."""
+    return "-" if math.isnan(value) else f"{shown_number(value)} {finding.unit}".rstrip()

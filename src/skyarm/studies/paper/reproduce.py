@@ -1,0 +1,259 @@
+"""Reproduction of Barakou et al. 2026: simulate all cases, compute metrics, draw figures, write a report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skyarm.compile.llvm.kernel import require_machine_code
+from skyarm.log.formats import log_from_npz
+from skyarm.records.files import PathLike, needs_extra, require_replaceable, require_writable, write_atomically
+from skyarm.records.files.writing import one_writer
+from skyarm.scenario.scenario_record import PLANTS
+from skyarm.simulate import Log
+from skyarm.studies.flights import Crew, Rows, Store, Work
+from skyarm.studies.flights.executor import Progress, require_place
+from skyarm.studies.flights.store import unpack_rows
+from skyarm.studies.paper.flights import STATED, STEADY, WINDOWS, Metrics, flights, results, scenario, settings, work_of
+from skyarm.studies.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
+from skyarm.studies.paper.inferred_settings import INFERRED, PREDICTED, inferred_work, shipped_evidence
+from skyarm.studies.paper.published import CASES, Record
+from skyarm.studies.paper.report_pages import MAIN, case_files, inferred_section, report_pages
+from skyarm.studies.paper.report_tables import markdown_tables
+from skyarm.studies.paper.report_text import LOOK, OVERVIEW
+from skyarm.studies.paper.variations import Variation, variations
+from skyarm.view.figures.paper_figures import overview_figure, paper_figures
+from skyarm.view.figures.style import image_bytes
+from skyarm.view.pages import image
+
+Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
+"""group -> value -> case -> controller -> metrics."""
+
+
+@dataclass(slots=True)
+class Campaign:
+    """Results of all flights that reproduce Barakou et al. 2026: logs and metrics.
+
+    Attributes:
+        logs: plant -> case -> law -> log of the paper's flights. sensitivity: metrics under variations.
+        found: settings (stated, inferred, predicted, a variation) -> (case, law, plant) -> metrics.
+    """
+
+    logs: dict[str, dict[str, dict[str, Log]]] = field(default_factory=dict)
+    sensitivity: Sensitivity = field(default_factory=dict)
+    found: dict[str, dict[tuple[str, str, str], Metrics]] = field(default_factory=dict)
+
+    def all_logs(self) -> list[Log]:
+        """Flight logs of all cases of Barakou et al. 2026."""
+        return [log for cases in self.logs.values() for pair in cases.values() for log in pair.values()]
+
+    def keep(self, work: Work, rows: Rows) -> None:
+        """Store the results of one simulated flight."""
+        case, law, plant, settings = work.fixed.values()
+        self.found.setdefault(settings, {})[case, law, plant] = {
+            name: None if np.isnan(column[0]) else float(column[0])
+            for name, column in rows.items()
+            if column.dtype.kind == "f" and name != "end_time"
+        }
+        if work.keeps_log:
+            self.logs.setdefault(plant, {}).setdefault(case, {})[law] = log_from_npz(rows["log"][0], work.label)
+
+
+def works(
+    plants: Sequence[str], chosen: Sequence[Variation] = (), evidence: Record | None = None, *, inferred: bool = True
+) -> list[Work]:
+    """All flights of the reproduction, each a work.
+
+    Args:
+        plants: "rigid_body", "mujoco" or both; variations are flown on the first.
+        chosen: variations.
+        evidence: results of a search for the inferred settings; the package's own if left out.
+        inferred: fly them.
+    """
+    planned = [work_of(flight, scenario(flight)) for flight in flights(plants)]
+    planned += [
+        work_of(flight, each.change(scenario(flight)), each.name)
+        for each in chosen
+        if each.change is not None
+        for flight in flights(plants[:1])
+        if flight.case in each.cases
+    ]
+    evidence = evidence or shipped_evidence()
+    planned += [
+        inferred_work(flight, evidence, kind)
+        for kind, flown in ((INFERRED, plants), (PREDICTED, plants[:1]))
+        for flight in (flights(flown) if inferred else ())
+    ]
+    return planned
+
+
+def run_campaign(
+    plants: Sequence[str],
+    *,
+    sensitivity: bool = True,
+    evidence: Record | None = None,
+    inferred: bool = True,
+    workers: int = 1,
+    on: str | None = None,
+    store: Store | None = None,
+    progress: Progress | None = None,
+) -> Campaign:
+    """Simulate all flights of the reproduction; results depend neither on the place nor on the number of workers.
+
+    Args:
+        plants: "rigid_body", "mujoco" or both; variations are flown on the first.
+        sensitivity: fly the variations too.
+        evidence: results of a search for the inferred settings; the package's own if left out.
+        inferred: fly them.
+        workers: processes or processors.
+        on: "local", "processes", "ray" or "ray:HOST:PORT"; processes if left out, of one worker local.
+        store: keeps the flights; those that it holds do not fly again.
+        progress: called after every episode.
+    """
+    chosen = variations() if sensitivity else []
+    every = works(plants, chosen, evidence, inferred=inferred)
+    landed: dict[str, bytes] = {}
+    with Crew(on, workers, store) as crew:
+        for work, content in crew.fly(every):
+            landed[work.label] = content
+            if progress is not None:
+                progress(len(landed), len(every), work.label)
+    # in the order of the report, whichever landed first
+    campaign = Campaign()
+    for work in every:
+        campaign.keep(work, unpack_rows(landed[work.label]))
+    for each in chosen:
+        cells = campaign.sensitivity.setdefault(each.group, {}).setdefault(each.value, {})
+        for (case, law, plant), numbers in campaign.found[each.name].items():
+            if case in each.cases and plant == plants[0]:
+                cells.setdefault(case, {})[law] = numbers
+    return campaign
+
+
+Note = Callable[[str], None]
+
+NAMED = (*(f"figure_{n:02d}" for n in range(3, 19)), "overview")
+
+DPI = 300
+"""Resolution of the figure files, sharp in print at their size of one column."""
+
+
+def reproduce(
+    out: PathLike = "out/paper",
+    *,
+    plants: Sequence[str] = PLANTS,
+    workers: int = 1,
+    on: str | None = None,
+    evidence: Record | None = None,
+    progress: Progress | None = None,
+    note: Note | None = None,
+) -> dict[str, Any]:
+    """Simulate the five cases of Barakou et al. 2026 with both controllers; write results, figures, report.
+
+    Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``inference.md``, ``report.html`` and a page for each
+    case beside it (``case1.html`` ...), ``figures/figure_03.png`` ... ``figure_18.png`` and ``overview.png`` (first
+    plant), and ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or not at all. Flights are kept in ``rows``
+    (extra: sweep): called again after an interruption it goes on, and ends with the same files.
+
+    Args:
+        out: folder, made if missing.
+        plants: "rigid_body", "mujoco" or both.
+        workers: processes or processors that fly; no number depends on it.
+        on: "local", "processes", "ray" or "ray:HOST:PORT"; processes if left out, of one worker local.
+        evidence: results of a search for the paper's unstated settings (``research/infer.py`` of the source); those of
+            the package if left out.
+        progress: called after every episode.
+        note: called with one line before each stage.
+
+    Returns:
+        The content of ``results.json``.
+
+    Raises:
+        ValueError: an unknown plant or place.
+        TakenError: another process writes into the folder.
+        NoMachineCodeError: before any flight; as Python floats all flights take hours.
+        OSError: the folder or a file in it cannot be written; raised before any flight.
+    """
+    require_machine_code()
+    if on is not None:
+        require_place(on)
+    folder, say = prepare_folder(out, plants), note or (lambda _line: None)
+    evidence = evidence or shipped_evidence()
+    with one_writer(folder):
+        store = Store.if_kept(folder)
+        if store is None:
+            say(f"pyarrow is missing, flights are not kept; {needs_extra('sweep')}")
+        campaign = run_campaign(plants, evidence=evidence, workers=workers, on=on, store=store, progress=progress)
+        return _write(folder, plants, campaign, evidence, say)
+
+
+def _write(folder: Path, plants: Sequence[str], campaign: Campaign, evidence: Record, say: Note) -> dict[str, Any]:
+    """Write tables, logs, figures and pages; returns the content of ``results.json``."""
+    stated = campaign.found[STATED]
+    facts = settings(campaign.all_logs()) | inferred_facts(evidence)
+    table = results(stated, facts, campaign.found.get(INFERRED))
+    predicted = results(stated, facts, campaign.found.get(PREDICTED))["experiments"]
+    say("writing tables and logs")
+    _write_data(folder, table, campaign)
+    tables = [prediction_table(table, predicted, plants[0]), *evidence_tables(evidence)]
+    write_atomically(folder / "inference.md", markdown_of(tables).encode())
+    say("drawing Figures 3-18")
+    first = campaign.logs[plants[0]]
+    figures = paper_figures(first, WINDOWS)
+    overview = overview_figure(first, STEADY)
+    for name, figure in {**{f"figure_{n:02d}": f for n, f in figures.items()}, "overview": overview}.items():
+        write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
+    inferred = inferred_section(table, predicted, evidence, plants[0]) if INFERRED in campaign.found else ""
+    say("writing report.html")
+    caption = f"{OVERVIEW} {LOOK.rsplit(', ', 1)[0]}; {plants[0]}."
+    opening = image(caption, caption, image_bytes(overview), kind="single opening")
+    pages = report_pages(table, campaign.sensitivity, campaign.logs, figures, inferred, opening)
+    for name, page in pages.items():
+        write_atomically(folder / name, page.encode())
+    return table
+
+
+def prepare_folder(out: PathLike, plants: Sequence[str]) -> Path:
+    """Create the output folder, and check that every file of the reproduction can be written.
+
+    Raises:
+        ValueError: an unknown plant.
+        OSError: the folder or a file in it cannot be written.
+    """
+    for plant in plants:
+        if plant not in PLANTS:
+            raise ValueError(f"plants = {list(plants)}: must be some of {', '.join(PLANTS)}")
+    if not plants:
+        raise ValueError(f"plants = []: must be one of {', '.join(PLANTS)} at least")
+    folder = require_writable(out)
+    for inner in ("figures", *(f"logs/{plant}" for plant in plants)):
+        require_writable(folder / inner)
+    require_replaceable(*_files(folder, plants))
+    return folder
+
+
+def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
+    """Paths of all files that the reproduction writes."""
+    names = ["results.json", "sensitivity.json", "table2.md", "inference.md", MAIN, *case_files(CASES).values()]
+    names += [f"figures/{name}.png" for name in NAMED]
+    names += [f"logs/{each.plant}/{each.case}_{each.controller}.npz" for each in flights(plants)]
+    return [folder / name for name in names]
+
+
+def _json(value: Record) -> bytes:
+    return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
+
+
+def _write_data(folder: Path, table: dict[str, Any], campaign: Campaign) -> None:
+    write_atomically(folder / "results.json", _json(table))
+    write_atomically(folder / "sensitivity.json", _json({"schema": 1, "variations": campaign.sensitivity}))
+    write_atomically(folder / "table2.md", markdown_tables(table).encode())
+    for plant, cases in campaign.logs.items():
+        for case, controllers in cases.items():
+            for controller, log in controllers.items():
+                log.save_npz(folder / "logs" / plant / f"{case}_{controller}.npz")

@@ -1,0 +1,148 @@
+"""Report of stability margins, of hover, of instants along a flight and of single loops: text, tables and a page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from skyarm.records.text_tables import Row, aligned_lines
+from skyarm.studies.stability.along import Evidence, Instant, Locus
+from skyarm.studies.stability.disk_margins import LoopMargin
+from skyarm.view.pages import image, page, section, table
+
+GAINS = {"rotor_gain": "rotors", "joint_gain": "joints"}
+"""Field of the margins -> head of its column."""
+
+NOTE = """\
+max |z|: spectral radius; slowest: largest real part of a rate, 1/s; delay:
+further dead time it bears, ms; rotors, joints: factors on the actuators'
+effect it bears, common to all of them. The worse of two linearisations, with
+the rotors' time constant upward and with that downward. Instants along a
+flight are frozen in time, and no proof that it is stable."""
+
+LOOP_HEAD = ("weakest loop", "disk", "gain", "phase", "rad/s", "delay", "together")
+
+LOOP_NOTE = """\
+disk: symmetric disk margin, from 0 (unstable) to 2; gain, phase (deg): what a
+loop bears by it, the others as they are; rad/s: where it is most delicate;
+delay: dead time of this loop alone that it bears, ms; together: disk margin
+of all loops of its kind, each under a factor of its own. The smallest of all
+instants."""
+
+GROUPS_ALONE = ("all commands", "all measurements")
+
+
+def margin_lines(found: Evidence) -> list[str]:
+    """Lines of text with the margins at each instant, and of the weakest loops."""
+    head = ("at", "max |z|", "slowest", "damping", "delay", *GAINS.values())
+    swings = []
+    if found.instants:
+        least = min(each.swings for each in found.instants)
+        tolerated = "more than 100" if math.isinf(least) else _number(1e3 * least)
+        swings = [f"small swings grow in flight from {tolerated} ms of further dead time on"]
+    return [
+        f"{found.controller} in {found.scenario}",
+        *aligned_lines([head, *map(_row, found.instants)]),
+        NOTE,
+        *swings,
+        "",
+        *aligned_lines(loop_rows(found, every=False)),
+        LOOP_NOTE,
+    ]
+
+
+def _row(each: Instant) -> Row:
+    """Make the table row of eigenvalues and stability margins at one instant."""
+    rates = [s for m in each.by_lag.values() for s in m.s]
+    return (
+        "hover" if each.hover else f"{each.time:.2f} s",
+        f"{each.radius:.6f}",
+        f"{max((s.real for s in rates), default=-math.inf):.3g}",
+        f"{min((-s.real / abs(s) for s in rates if s.imag != 0.0 and abs(s) > 0.0), default=1.0):.2f}",
+        _number(1e3 * each.delay),
+        *("-".join(_factor(k) for k in each.gain(field)) for field in GAINS),
+    )
+
+
+def _factor(value: float) -> str:
+    """Format a gain margin in at most four characters."""
+    if math.isinf(value):
+        return "none"
+    return f"{value:.0f}" if value >= 99.95 else f"{value:.1f}" if value >= 9.995 else f"{value:.2f}"
+
+
+def _number(value: float) -> str:
+    return "none" if math.isinf(value) else f"{value:.3g}"
+
+
+def loop_rows(found: Evidence, *, every: bool) -> list[Row]:
+    """Make the table rows of disk margins: the weakest loop of each group, or every loop.
+
+    Args:
+        found: evidence of :func:`skyarm.studies.stability.along.evidence`.
+        every: every loop in place of the weakest of each group.
+    """
+    margins = [m for instant in found.instants for m in instant.by_lag.values()]
+    alone = _smallest(each for m in margins for each in m.loops)
+    several = _smallest(each for m in margins for each in m.together)
+    rows: list[Row] = [LOOP_HEAD if not every else ("loop", *LOOP_HEAD[1:])]
+    for group in dict.fromkeys(each.group for each in alone.values()):
+        members = [each for each in alone.values() if each.group == group]
+        listed = members if every else [min(members, key=lambda each: float(each.disk))]
+        together = f"{several[group].disk:.2f}" if group in several else ""
+        rows += [(*_cells(each), together if each is listed[-1] else "") for each in listed]
+    return rows + [(*_cells(several[name]), f"{several[name].disk:.2f}") for name in GROUPS_ALONE if name in several]
+
+
+def _smallest(found: Iterable[LoopMargin]) -> dict[str, LoopMargin]:
+    """Keep the smallest disk margin of each loop over all instants, by the loop's name."""
+    least: dict[str, LoopMargin] = {}
+    for each in found:
+        if each.name not in least or each.disk < least[each.name].disk:
+            least[each.name] = each
+    return least
+
+
+def _cells(each: LoopMargin) -> Row:
+    low, high = each.gain
+    gain = f"{low:.2f}-" + ("none" if math.isinf(high) else f"{high:.2f}" if high < 10.0 else f"{high:.1f}")
+    frequency = "-" if math.isnan(each.frequency) else f"{each.frequency:.1f}"
+    delay = "none" if math.isinf(each.delay) else f"{1e3 * each.delay:.1f}"
+    return each.name, f"{each.disk:.2f}", gain, f"{math.degrees(each.phase):.0f}", frequency, delay
+
+
+WORDS = (
+    "<p>The disk margin is how far gain and phase of a loop may change together, from 0 (unstable) to 2: gain and "
+    "phase (degrees) are what it leaves of each alone, rad/s is where the loop is most delicate, delay the dead time "
+    "(ms) that this loop alone bears, together the disk margin of all loops of its kind under factors of their own. "
+    "Each number is the smallest of all instants.</p>"
+)
+
+CAPTION = (
+    "The weakest loop of each kind in hover, cut one at a time, the others closed; dashed: negative frequencies. The "
+    "curve stays out of the red disk around -1 (a half plane at a margin of 2), and touches it at the frequency said."
+)
+
+
+def margins_page(found: Evidence, loci: Sequence[Locus], picture: bytes = b"") -> str:
+    """Make the HTML page of margins: Nyquist diagrams in hover, and a table of every loop.
+
+    Args:
+        found: of :func:`skyarm.studies.stability.along.evidence`.
+        loci: of :func:`skyarm.studies.stability.along.hover_loci`.
+        picture: PNG of their diagrams.
+    """
+    body = ""
+    if loci:
+        names = "; ".join(f"{each.margin.name} {each.margin.disk:.2f}" for each in loci)
+        body += section("Loops in hover", image(f"Nyquist diagrams: {names}", CAPTION, picture, wide=True))
+    head, *rows = loop_rows(found, every=True)
+    body += section("Every loop", WORDS + table([head[0], *(f">{name}" for name in head[1:])], rows))
+    facts = "the loop is lost in hover"
+    if found.instants:
+        delay, swings = (min(getattr(each, name) for each in found.instants) for name in ("delay", "swings"))
+        facts = f"delay margin {1e3 * delay:.3g} ms; small swings grow from {1e3 * swings:.3g} ms on"
+        facts += f"; instants: {len(found.instants)}"
+    if found.left_out:
+        facts += f"; disturbances are left out: {', '.join(found.left_out)}"
+    return page(f"Margins of {found.controller} in {found.scenario}", facts, body)
