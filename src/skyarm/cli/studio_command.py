@@ -20,7 +20,7 @@ from skyarm.cli.lines import say
 from skyarm.cli.output import tell
 from skyarm.records.files import one_line, require_writable, shown
 from skyarm.view.studio.server import (
-    Guard,
+    AccessGuard,
     StudioError,
     close_server,
     listening_socket,
@@ -30,7 +30,7 @@ from skyarm.view.studio.server import (
 
 if TYPE_CHECKING:
     from skyarm.view.studio.page_loop import PageLoop
-    from skyarm.view.studio.replay import Replay
+    from skyarm.view.studio.replay import PredictionReplay
 
 OF_SIMULATION, OF_REPLAY = ("--laws", "--out"), ("--horizon", "--delay", "--columns")
 """Options without effect with and without ``--vehicle``."""
@@ -97,7 +97,7 @@ def studio(
     _serve(port, no_browser, f"skyarm studio: {scenario}", simulation)
 
 
-def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, columns: str | None) -> Replay:
+def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, columns: str | None) -> PredictionReplay:
     """Read a flight and a vehicle, with what was identified together with it, and predict the flight."""
     from skyarm.flight_data.flight_data import load_flight
     from skyarm.flight_data.motion import joints_in_order
@@ -107,7 +107,7 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     from skyarm.studies.identify.isolate_fault import find_faults
     from skyarm.studies.identify.open_loop import OpenLoopFlight
     from skyarm.vehicle.vehicle_files import load_vehicle
-    from skyarm.view.studio.replay import HORIZONS, Replay
+    from skyarm.view.studio.replay import HORIZONS, PredictionReplay
 
     require_within("--horizon", horizon, *HORIZONS)
     model = load_vehicle(vehicle)
@@ -130,7 +130,7 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     warning = one_line(f"{flown.name}: {count}: {'; '.join(faults)}") if faults else ""
     if warning:
         say(f"warning: {warning}")
-    return Replay(flown.name, model, predicted.measured, predicted.over, horizon, warning)
+    return PredictionReplay(flown.name, model, predicted.measured, predicted.over, horizon, warning)
 
 
 def _serve(port: int, no_browser: bool, title: str, prepare: Callable[[], Callable[[Any], PageLoop]]) -> None:
@@ -146,7 +146,7 @@ def _serve(port: int, no_browser: bool, title: str, prepare: Callable[[], Callab
     listening = listening_socket(port)
     try:
         page_on = prepare()
-        guard = Guard(int(listening.getsockname()[1]), secrets.token_hex(16))
+        guard = AccessGuard(int(listening.getsockname()[1]), secrets.token_hex(16))
         server = open_server(listening, guard, title)
     except BaseException:
         listening.close()
