@@ -11,7 +11,7 @@ import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -22,6 +22,7 @@ from skyarm.records.files import one_line, require_writable, shown
 from skyarm.view.studio.server import (
     AccessGuard,
     StudioError,
+    ViserServer,
     close_server,
     listening_socket,
     open_server,
@@ -73,7 +74,7 @@ def studio(
         require_left_out(context, OF_SIMULATION, " with --vehicle: no law flies in a replay")
         replay = _replay(scenario, vehicle, horizon, delay, columns)
 
-        def replay_page(server: Any) -> PageLoop:
+        def replay_page(server: ViserServer) -> PageLoop:
             from skyarm.view.studio.replay_page import ReplayPage
 
             return ReplayPage(server, replay)
@@ -87,7 +88,7 @@ def studio(
     for each in made:  # they come with the first flight that is saved
         each.rmdir()
 
-    def simulation() -> Callable[[Any], PageLoop]:
+    def simulation() -> Callable[[ViserServer], PageLoop]:
         from skyarm.view.studio.fleet import open_fleet
         from skyarm.view.studio.page import Page
 
@@ -133,13 +134,13 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     return PredictionReplay(flown.name, model, predicted.measured, predicted.over, horizon, warning)
 
 
-def _serve(port: int, no_browser: bool, title: str, prepare: Callable[[], Callable[[Any], PageLoop]]) -> None:
+def _serve(port: int, no_browser: bool, title: str, prepare: Callable[[], Callable[[ViserServer], PageLoop]]) -> None:
     """Serve a page until Ctrl-C.
 
     Args:
-        port: of the page; 0 takes a free one.
+        port: port of the page; 0 takes a free one.
         no_browser: whether no browser is opened.
-        title: of the page.
+        title: title of the page.
         prepare: called once the port is taken; returns the function that makes the page on a server.
     """
     require_viser()
