@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, SupportsFloat
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns, names_of, unit_of_kind
 from skyarm.log.periods import contact_pairs, points_at_tip
@@ -105,7 +104,7 @@ def _vehicles(logs: Logs) -> list[Vehicle]:
     return [scenario.plant.vehicle for log in logs if (scenario := scenario_of(log)) is not None]
 
 
-def _finite(values: Iterable[Scalar]) -> tuple[float, ...]:
+def _finite(values: Iterable[SupportsFloat]) -> tuple[float, ...]:
     return tuple(sorted({float(each) for each in values if math.isfinite(each)}))
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import SupportsFloat
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.arrays import Array
@@ -107,7 +107,7 @@ def goal_of(vehicle: Vehicle, reference: Reference) -> Placed:
     return place(vehicle, tuple(reference.position), (math.cos(half), 0.0, 0.0, math.sin(half)), reference.joints)
 
 
-def _efforts(vehicle: Vehicle, setpoints: Sequence[Scalar]) -> tuple[float, ...]:
+def _efforts(vehicle: Vehicle, setpoints: Sequence[SupportsFloat]) -> tuple[float, ...]:
     """Joint effort commands as shares of their limits; in N m or N for a joint without a limit."""
     limits = [float(link.joint.effort_limit) for link in vehicle.links]
     return tuple(float(u) / m if m and math.isfinite(m) else float(u) for u, m in zip(setpoints, limits, strict=True))
