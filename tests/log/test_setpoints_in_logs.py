@@ -14,7 +14,7 @@ from logged_flights import drawn
 from skyarm.dynamics.actuators.servo import VelocityServo
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.metric_catalogue import metric_names
-from skyarm.log.ros.scene import Part
+from skyarm.log.ros.scene import LogSection
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.view.figures.flight_panels import panels_of
@@ -37,7 +37,7 @@ def mixed() -> skyarm.Log:
 
 def message(of: skyarm.Log, topic: str) -> dict:
     found = next(each for each in FlightTopics(of).topics if each.name == topic)
-    return found.values(Part(of, slice(None)))
+    return found.values(LogSection(of, slice(None)))
 
 
 def test_joint_states_have_efforts_of_torques_alone():

@@ -206,20 +206,20 @@ def chosen_names(option: str, words: str | None, there: Collection[str]) -> tupl
     return tuple(name for name in there if name in names)
 
 
-def require_not_another(name: str, wanted: str) -> None:
+def require_not_another(name: str, expected: str) -> None:
     """Raise an error if a name denotes another kind of input than expected, such as a vehicle for a scenario.
 
     Args:
-        name: as it was given; of files other than models nothing is said here.
-        wanted: "vehicle", "scenario" or "study".
+        name: name as given; files other than models are not looked at here.
+        expected: "vehicle", "scenario" or "study".
 
     Raises:
         ValueError: one line.
     """
     kinds = ("vehicle", "scenario", "study")
-    found = next((kind for kind in kinds if "." not in name and "/" not in name and name in shipped_names(kind)), "")
-    if wanted != "vehicle" and Path(name).suffix in MODELS:
-        found = "vehicle"
-    if found and found != wanted and name not in shipped_names(wanted):
-        read = f"'{READS[found]} {name}'"
-        raise ValueError(f"{wanted} = {shown(name)}: must be a {wanted}, and this is a {found}, for {read}")
+    kind = next((kind for kind in kinds if "." not in name and "/" not in name and name in shipped_names(kind)), "")
+    if expected != "vehicle" and Path(name).suffix in MODELS:
+        kind = "vehicle"
+    if kind and kind != expected and name not in shipped_names(expected):
+        read = f"'{READS[kind]} {name}'"
+        raise ValueError(f"{expected} = {shown(name)}: must be a {expected}, and this is a {kind}, for {read}")

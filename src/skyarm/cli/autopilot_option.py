@@ -7,13 +7,14 @@ import dataclasses
 import re
 import shlex
 import tomllib
-from typing import Any
+from functools import partial
 
 from skyarm.control.actuator_layer import plain_model
 from skyarm.control.catalogue import AUTOPILOTS, entry_of, no_option
 from skyarm.control.controller import autopilot_of, innermost, with_innermost
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.fields import Fields
+from skyarm.records.files.toml import Entry
 from skyarm.scenario.controller_table import PYTHON_ONLY, by_words
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
@@ -33,18 +34,27 @@ def autopilot_name(typed: str, controller: str | None) -> str:
     return name
 
 
-def load_under_autopilot(source: str, typed: str, controller: str | None, **words: Any) -> Scenario:
+def load_under_autopilot(
+    source: str,
+    typed: str,
+    controller: str | None,
+    *,
+    plant: str | None = None,
+    seed: int | None = None,
+    duration: float | None = None,
+) -> Scenario:
     """Load a scenario under an autopilot: with a file's own options where the file has the same one.
 
     Raises:
         ValueError: an autopilot, an option or a value that cannot be, or a scenario that cannot be loaded.
     """
     name = autopilot_name(typed, controller)
+    load = partial(load_scenario, source, plant=plant, seed=seed, duration=duration)
     same = False
     with contextlib.suppress(ValueError):  # the scenario's own law may not load where another stands in its place
-        own = autopilot_of(load_scenario(source, **words).controller)
+        own = autopilot_of(load().controller)
         same = own is not None and own.name == name
-    return with_typed_options(load_scenario(source, controller=None if same else name, **words), typed)
+    return with_typed_options(load(controller=None if same else name), typed)
 
 
 def with_typed_options(planned: Scenario, typed: str) -> Scenario:
@@ -72,7 +82,7 @@ def with_typed_options(planned: Scenario, typed: str) -> Scenario:
     return planned.with_controller(dataclasses.replace(controller, par=with_innermost(controller.par, own)))
 
 
-def _options(words: str, typed: str) -> dict[str, Any]:
+def _options(words: str, typed: str) -> dict[str, Entry]:
     """Names and values between commas that stand in no text and no brackets; a value is one of TOML, or else text.
 
     Raises:
@@ -85,18 +95,19 @@ def _options(words: str, typed: str) -> dict[str, Any]:
             pieces.append("")
         else:
             pieces[-1] += part
-    found: dict[str, Any] = {}
+    options: dict[str, Entry] = {}
     for name, given, text in (piece.partition("=") for piece in pieces if piece):
-        if name in found:
+        if name in options:
             raise ValueError(f"--autopilot = {shown(typed)}: {name} = {shown(text)}: must be given once")
-        found[name] = _value(text) if given else True
-    return found
+        options[name] = _value(text) if given else True
+    return options
 
 
-def _value(text: str) -> Any:
+def _value(text: str) -> Entry:
     """Value of TOML, or the text itself where it is none."""
     with contextlib.suppress(tomllib.TOMLDecodeError, RecursionError):
-        if len(table := tomllib.loads(f"value = {text}")) == 1:
+        table: dict[str, Entry] = tomllib.loads(f"value = {text}")
+        if len(table) == 1:
             return table["value"]
     return text
 

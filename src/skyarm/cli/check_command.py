@@ -32,8 +32,8 @@ def check(
     its reference against limits. Exit code 1 if a fault was found.
     """
     with bar(f"{what}: checking"):
-        found = assess(what, payload=payload, poses=poses, gravity=gravity)
-    give(found.plain())
-    tell(*sheet(found))
-    if not found.flies:
+        assessment = assess(what, payload=payload, poses=poses, gravity=gravity)
+    give(assessment.plain())
+    tell(*sheet(assessment))
+    if not assessment.flies:
         raise typer.Exit(DIFFERENT)

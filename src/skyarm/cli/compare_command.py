@@ -132,7 +132,7 @@ def _fly(suite: Suite[Any], folder: Path, count: int, on: str | None) -> None:
     for flights in {each.entrant.name: each for each in todo if loaded_plugins()}.values():
         check_law(flights.scenario())  # here, that no process has to
     with bar(suite.name, pause=0.0) as advance:
-        found = fly_suite(suite, folder, workers=count, on=on, progress=advance)
-    report = suite.report(found)
-    give(found, folder=folder, title=report.title)
+        results = fly_suite(suite, folder, workers=count, on=on, progress=advance)
+    report = suite.report(results)
+    give(results, folder=folder, title=report.title)
     tell(report.markdown(), f"{suite.name} in {folder}: report.html, tables.md, {suite.file}.json")

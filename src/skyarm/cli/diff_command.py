@@ -50,22 +50,22 @@ def diff(
             b = dataclasses.replace(b, info={**b.info, "status": RUNNING})
     else:
         labels, b = ("first", "second"), read(other)
-    found, logs = log_differences(a, b, tolerance), (a, b)
-    equal = found.equal and a.status == b.status
+    differences, logs = log_differences(a, b, tolerance), (a, b)
+    equal = differences.equal and a.status == b.status
     metrics = [_metrics(log) for log in logs]
     scenarios = scenario_differences(written_scenario(a.info), written_scenario(b.info))
     give(
         equal=equal,
-        instants=dict(zip(("both", "first", "second"), found.instants, strict=True)),
+        instants=dict(zip(("both", "first", "second"), differences.instants, strict=True)),
         status=[log.status for log in logs],
         versions=[log.info.get("versions") for log in logs],
-        differences=found.columns,
-        unmatched=found.unmatched,
+        differences=differences.columns,
+        unmatched=differences.unmatched,
         metrics=metrics,
         scenario=scenarios,
     )
     laws = [str(log.info.get("controller", "")) for log in logs]
-    tell(*difference_lines(found, labels, tolerance))
+    tell(*difference_lines(differences, labels, tolerance))
     ends = [f"{log.status} at {log.info['end_time']:g} s" for log in logs]
     rows = [(name, *(f"{each[name]:.4g}" for each in metrics)) for name in SHORT if all(name in of for of in metrics)]
     tell(*aligned_lines([("", *labels), ("law", *laws), ("ended", *ends), *rows]))

@@ -56,7 +56,7 @@ TRIALS: dict[str, tuple[str, str, bool]] = {
 
 
 @immutable
-class Part:
+class CheckResult:
     """Result of one installation check: name, state, finding and remedy."""
 
     name: str
@@ -94,35 +94,35 @@ def doctor(
         raise typer.Exit(DIFFERENT)
 
 
-def examine() -> list[Part]:
+def examine() -> list[CheckResult]:
     """Check Python, libraries, extras, machine code cache and engines; returns the results in order of display."""
     from skyarm import __version__
 
-    wanted = {name: trial for name, trial in TRIALS.items() if trial[0] != JAX or installed_versions(["jax"])}
+    trials = {name: trial for name, trial in TRIALS.items() if trial[0] != JAX or installed_versions(["jax"])}
     python = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count() or 1} cores"
     with ThreadPoolExecutor() as pool:
-        tried = pool.map(lambda name: _try_program(name, *wanted[name]), wanted)
+        tried = pool.map(lambda name: _try_program(name, *trials[name]), trials)
         return [
-            Part(name="Python", state=WORKS, found=python, needed=True),
-            Part(name="skyarm", state=WORKS, found=__version__, needed=True),
+            CheckResult(name="Python", state=WORKS, found=python, needed=True),
+            CheckResult(name="skyarm", state=WORKS, found=__version__, needed=True),
             *(*_libraries(), *_extras(), _cache(), *tried),
         ]
 
 
-def _libraries() -> list[Part]:
+def _libraries() -> list[CheckResult]:
     there = installed_versions(FLOORS)
     parts = []
     for name, floor in FLOORS.items():
         version = there.get(name)
         state = MISSING if version is None else BROKEN if below_floor({name: version}) else WORKS
-        found, remedy = version or "", ""
+        finding, remedy = version or "", ""
         if state != WORKS:
-            found, remedy = f"{found}, needs {floor}", f"python -m pip install --upgrade '{name}>={floor}'"
-        parts.append(Part(name=name, state=state, found=found.removeprefix(", "), remedy=remedy, needed=True))
+            finding, remedy = f"{finding}, needs {floor}", f"python -m pip install --upgrade '{name}>={floor}'"
+        parts.append(CheckResult(name=name, state=state, found=finding.removeprefix(", "), remedy=remedy, needed=True))
     return parts
 
 
-def works(parts: list[Part]) -> bool:
+def works(parts: list[CheckResult]) -> bool:
     """True if all parts of the installation that flights need are in order."""
     return all(part.state == WORKS for part in parts if part.needed)
 
@@ -136,35 +136,39 @@ def extras() -> dict[str, list[str]]:
         lines = metadata.requires("skyarm") or []
     except metadata.PackageNotFoundError:
         return {}
-    found: dict[str, list[str]] = {}
+    packages: dict[str, list[str]] = {}
     for match in filter(None, map(REQUIREMENT.match, lines)):
         if match[2] not in FOR_DEVELOPERS:
-            found.setdefault(match[2], []).append(match[1].lower().replace("_", "-"))
-    return dict(sorted(found.items()))
+            packages.setdefault(match[2], []).append(match[1].lower().replace("_", "-"))
+    return dict(sorted(packages.items()))
 
 
-def _extras() -> list[Part]:
+def _extras() -> list[CheckResult]:
     parts = []
     for name, packages in extras().items():
         there = installed_versions(packages)
         missing = not set(packages) <= set(there)
-        found = ", ".join(f"{package} {there.get(package, 'is missing')}" for package in packages)
+        finding = ", ".join(f"{package} {there.get(package, 'is missing')}" for package in packages)
         state, remedy = (MISSING, how_to_install(name)) if missing else (WORKS, "")
-        parts.append(Part(name=f"extra {name}", state=state, found=found, remedy=remedy))
+        parts.append(CheckResult(name=f"extra {name}", state=state, found=finding, remedy=remedy))
     return parts
 
 
-def _cache() -> Part:
+def _cache() -> CheckResult:
     """Check that compiled machine code can be cached between runs."""
     reason, folder = unused_reason(), cache_folder()
     if reason:
-        return Part(name="cache of code", state=BROKEN, found=reason, remedy="set SKYARM_CACHE to a folder of your own")
-    found = object_cache.contents()
-    size = f"{found.entries} entries, {found.size / MB:.1f} MB of at most {size_limit() / MB:g} MB (SKYARM_CACHE_SIZE)"
-    return Part(name="cache of code", state=WORKS, found=f"{folder}: {size}; --clear removes them")
+        return CheckResult(
+            name="cache of code", state=BROKEN, found=reason, remedy="set SKYARM_CACHE to a folder of your own"
+        )
+    cached = object_cache.contents()
+    size = (
+        f"{cached.entries} entries, {cached.size / MB:.1f} MB of at most {size_limit() / MB:g} MB (SKYARM_CACHE_SIZE)"
+    )
+    return CheckResult(name="cache of code", state=WORKS, found=f"{folder}: {size}; --clear removes them")
 
 
-def _try_program(name: str, program: str, remedy: str, needed: bool) -> Part:
+def _try_program(name: str, program: str, remedy: str, needed: bool) -> CheckResult:
     """Run a short Python program in a separate process and report whether it works."""
     state = BROKEN
     try:
@@ -181,13 +185,13 @@ def _try_program(name: str, program: str, remedy: str, needed: bool) -> Part:
             env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         )
     except subprocess.TimeoutExpired:
-        found = f"no answer in {PATIENCE:g} s"
+        finding = f"no answer in {PATIENCE:g} s"
     except OSError as error:
-        found = str(error)
+        finding = str(error)
     else:
-        found = ((done.stderr if done.returncode else done.stdout).strip().splitlines() or ["no words"])[-1]
+        finding = ((done.stderr if done.returncode else done.stdout).strip().splitlines() or ["no words"])[-1]
         if done.returncode == 0:
             state, remedy = WORKS, ""
         elif done.returncode < 0:
-            found = f"ended by signal {-done.returncode}"
-    return Part(name=name, state=state, found=found, remedy=remedy, needed=needed)
+            finding = f"ended by signal {-done.returncode}"
+    return CheckResult(name=name, state=state, found=finding, remedy=remedy, needed=needed)

@@ -105,15 +105,15 @@ def _require_renderer(*, recorded: bool) -> None:
 def _logs(flights: Sequence[str], names: Sequence[str], settings: FilmSettings) -> list[Log]:
     """Load the named logs, and simulate the named scenarios."""
     laws: Sequence[str | None] = names or [None]
-    found = []
+    logs = []
     for name in flights:
         if _is_flown(name):
-            found += [_fly(name, law, settings.stop) for law in laws]
+            logs += [_fly(name, law, settings.stop) for law in laws]
         elif names:
             raise ValueError(f"--laws = {names[0]!r}: must be left out, {name!r} is the log of a flight")
         else:
-            found.append(load_log(name))
-    return found
+            logs.append(load_log(name))
+    return logs
 
 
 def _is_flown(name: str) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -17,6 +17,7 @@ from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, requ
 from skyarm.log.flight_summary import facts, headline, summary
 from skyarm.records.files import require_replaceable, require_writable, taken_back
 from skyarm.scenario.scenario_file import load_scenario
+from skyarm.view.pages import Facts
 
 
 def fly(
@@ -69,19 +70,19 @@ def fly(
                 autopilot.close()
         finally:
             arm.close()
-        written, kept = save_logs(log, files)
-    found = facts(log) | {"outside": log.info["outside"]}
+        written, earlier = save_logs(log, files)
+    values = facts(log) | {"outside": log.info["outside"]}
     words = f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}"
-    tell(*summary(log, found), *_times(log.info["outside"]), words)
-    give(found, logs=written, kept=kept)
+    tell(*summary(log, values), *_times(log.info["outside"]), words)
+    give(values, logs=written, kept=earlier)
     if flight.interrupted is not None:
         raise flight.interrupted
     if log.status != "completed":
-        say_cause(headline(log, found))
+        say_cause(headline(log, values))
         raise typer.Exit(NOT_COMPLETED)
 
 
-def _times(said: dict[str, Any]) -> list[str]:
+def _times(said: Facts) -> list[str]:
     """Lines on the times of the set points."""
     words = {"computing": "from an estimate's arrival to its set point", "round_trip": "to the autopilot and back"}
     lines = [

@@ -127,26 +127,26 @@ def flights(
                 warn=lambda fault: say(f"warning: {fault.words}"),
                 progress=advance,
             )
-            found, document = report.found, report.document()
+            identified, document = report.found, report.document()
             contents = {VEHICLE: report.vehicle_file().encode(), NUMBERS: json_text(document).encode()}
-            if found.held_out is not None:
-                contents[TABLE] = prediction_csv(found.held_out).encode()
-                if folder is not None and found.held_out.has_poses:
-                    contents[FIGURE] = prediction_png(found.held_out)
+            if identified.held_out is not None:
+                contents[TABLE] = prediction_csv(identified.held_out).encode()
+                if folder is not None and identified.held_out.has_poses:
+                    contents[FIGURE] = prediction_png(identified.held_out)
         tell_report(report.lines())
-        if found.held_out is not None:
-            tell_report(prediction_lines(found.held_out))
-        shows, written = any(each.is_known for each in found.numbers), list[Path]()
+        if identified.held_out is not None:
+            tell_report(prediction_lines(identified.held_out))
+        shows, written = any(each.is_known for each in identified.numbers), list[Path]()
         if folder is not None and shows:
             written = _write(folder, contents)
-            following = [f"next: skyarm check {folder / VEHICLE}"] if found.settled else []
+            following = [f"next: skyarm check {folder / VEHICLE}"] if identified.settled else []
             tell(f"written: {', '.join(map(str, written))}", *following)
         give(document, files=written)
-        if not found.settled:
+        if not identified.settled:
             say("the search did not settle: give known numbers (--known), or fly with more motion")
         if not shows:
             say("the flights show none of these numbers: fly with more motion, or longer")
-        if not (found.settled and shows):
+        if not (identified.settled and shows):
             raise typer.Exit(NOT_COMPLETED)
 
 
@@ -171,15 +171,15 @@ def lags(
         felt = None if gravity is None else require_gravity(gravity, "--gravity")
         (model, felt), stated = nominal_model(flight, vehicle, felt), stated_delays(flight)
         with bar(f"{name}: delays and lags"):
-            found = loop_lags(flight, model, felt)
-        tables = lag_tables(found, measured=stated["measurement"] or 0.0)
-        tell_report(lag_lines(f"{name}: {found.seconds:g} s, vehicle {model.name}", found, stated))
+            loops = loop_lags(flight, model, felt)
+        tables = lag_tables(loops, measured=stated["measurement"] or 0.0)
+        tell_report(lag_lines(f"{name}: {loops.seconds:g} s, vehicle {model.name}", loops, stated))
         if tables:
             tell(f"\n{tables}")
             if written is not None:
                 write_atomically(written, tables.encode())
-        give(plain(found), vehicle=model.name, stated=stated, tables=tables, file=written if tables else None)
-        if not any(each.is_known for each in every_lag(found)):
+        give(plain(loops), vehicle=model.name, stated=stated, tables=tables, file=written if tables else None)
+        if not any(each.is_known for each in every_lag(loops)):
             say("the flight does not tell: fly with more motion, or longer")
             raise typer.Exit(NOT_COMPLETED)
 
@@ -214,12 +214,12 @@ def design(
         folder = Path() if written is None else Path(written).parent
         name = model if model in list_vehicles() else os.path.relpath(model, folder)
         with bar(f"design {start.name}") as advance:
-            found = design_flight(start, name, limits, folder=folder, progress=advance)
-        tell_report(design_lines(found, start.name, limits.seconds))
+            designed = design_flight(start, name, limits, folder=folder, progress=advance)
+        tell_report(design_lines(designed, start.name, limits.seconds))
         if written is not None:
-            write_atomically(written, found.text().encode())
+            write_atomically(written, designed.text().encode())
             tell(f"written: {written}", f"next: skyarm run {written}")
-        give(numbers=design_facts(found), vehicle=start.name, file=written)
+        give(numbers=design_facts(designed), vehicle=start.name, file=written)
 
 
 SUBCOMMANDS: Mapping[str, Callable[..., None]] = {"flights": flights, "lags": lags, "design": design}

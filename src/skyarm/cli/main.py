@@ -9,7 +9,10 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from types import FrameType
 
 PATIENCE = 50_000
 """New objects before the first search for garbage: libraries and traced programs are many objects that stay."""
@@ -56,7 +59,7 @@ def main() -> None:
     sys.exit(code)
 
 
-class Ended(BaseException):
+class EndedBySignal(BaseException):
     """Exception raised when a termination signal arrives, not caught by handlers of Exception."""
 
 
@@ -68,11 +71,11 @@ def endings() -> Iterator[list[signal.Signals]]:
     """
     came: list[signal.Signals] = []
 
-    def note(number: int, _frame: Any) -> None:
+    def note(number: int, _frame: FrameType | None) -> None:
         came.append(signal.Signals(number))
-        raise Ended
+        raise EndedBySignal
 
-    def unraisable(lost: Any) -> None:
+    def unraisable(lost: sys.UnraisableHookArgs) -> None:
         """Hide errors in destructors after a termination signal interrupted a library."""
         if not came:
             dropped(lost)
@@ -80,8 +83,8 @@ def endings() -> Iterator[list[signal.Signals]]:
     dropped, sys.unraisablehook = sys.unraisablehook, unraisable
     usual: dict[signal.Signals, Any] = {}
     if threading.current_thread() is threading.main_thread():
-        known = [getattr(signal, name) for name in WORDS if hasattr(signal, name)]
-        handlers = zip(known, map(signal.getsignal, known), strict=True)
+        signals = [getattr(signal, name) for name in WORDS if hasattr(signal, name)]
+        handlers = zip(signals, map(signal.getsignal, signals), strict=True)
         usual = {each: handler for each, handler in handlers if handler not in (signal.SIG_IGN, None)}
         for each in usual:
             signal.signal(each, note)

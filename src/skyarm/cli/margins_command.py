@@ -52,17 +52,17 @@ def margins(
         written = None if file is None else output_file(file, "--out", ".json")
         drawn = None if page is None else output_file(page, "--html", ".html")
         with bar(planned.name) as advance:
-            found = evidence(frozen, instants, lambda done, total: advance(done, total, "instants"))
-    tell_report(margin_lines(found))
+            examined = evidence(frozen, instants, lambda done, total: advance(done, total, "instants"))
+    tell_report(margin_lines(examined))
     if frozen is not planned:
         tell("the law's slow adaptation of load and friction is held")
-    if found.left_out:
-        tell(f"disturbances are left out: {', '.join(found.left_out)}")
+    if examined.left_out:
+        tell(f"disturbances are left out: {', '.join(examined.left_out)}")
     if planned.changes:
         tell("changes in flight are left out: these are the margins of the scenario as it begins")
-    if not found.completed:
+    if not examined.completed:
         tell("the flight ended before its time: no instants beyond")
-    document = {"schema": 1, **plain(found), **plugin_facts()}
+    document = {"schema": 1, **plain(examined), **plugin_facts()}
     give(document, **({} if drawn is None else {"page": drawn}))
     if drawn is not None:
         from skyarm.studies.stability.nyquist_figure import nyquist_figure
@@ -71,11 +71,11 @@ def margins(
         with bar("Nyquist diagrams"):
             loci = hover_loci(planned)
             picture = image_bytes(nyquist_figure(loci), dpi=DPI) if loci else b""
-            write_atomically(drawn, margins_page(found, loci, picture).encode())
+            write_atomically(drawn, margins_page(examined, loci, picture).encode())
         tell(f"page: {drawn}")
     if written is not None:
         tell(f"written: {write_json(written, document)}")
-    if not found.completed:
+    if not examined.completed:
         raise typer.Exit(NOT_COMPLETED)
 
 

@@ -36,7 +36,7 @@ from skyarm.records.files import printable, write_atomically
 from skyarm.records.files.user_code import require_result
 from skyarm.records.registry.plugins import identities
 from skyarm.view import pages
-from skyarm.view.pages import Line, Mark
+from skyarm.view.pages import Facts, Line, Mark
 
 SCHEMA = 1
 """Of the document: keys are added under the same number; one that goes or means something else raises it."""
@@ -47,9 +47,6 @@ PAUSE = 10.0
 Advance = Callable[..., None]
 """(done, total, last): counts so far, and words about the last step."""
 
-
-Facts = dict[str, Any]
-"""Result of a command as plain data, for its document."""
 
 STYLES = {"ok": "green", "note": "dim", "warning": "yellow", "fault": "bold red"}
 """Level of a finding, as the title of its mark -> colour."""
@@ -121,7 +118,7 @@ _asked: ContextVar[_Asked] = ContextVar("asked")
 """Set while a command runs."""
 
 
-def give(result: Mapping[str, Any] | None = None, **more: Any) -> None:
+def give(result: Facts | None = None, **more: Any) -> None:
     """Add results of the running command to its JSON document."""
     _asked.get(_Asked()).result |= {**(result or {}), **more}
 
@@ -142,7 +139,11 @@ def say_cause(line: str) -> None:
         say(line)
 
 
-def with_output_options(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+Command = Callable[..., float | None]
+"""Function of a command: its parameters are the options, its result an exit code or None."""
+
+
+def with_output_options(name: str, function: Command) -> Command:
     """Decorator that adds the options of every command to one."""
     signature = inspect.signature(function, eval_str=True)
     own = list(signature.parameters.values())
@@ -153,7 +154,7 @@ def with_output_options(name: str, function: Callable[..., Any]) -> Callable[...
     ]
 
     @functools.wraps(function)
-    def perform(*arguments: Any, **options: Any) -> Any:
+    def perform(*arguments: Any, **options: Any) -> float | None:
         asked = {each.name: bool(options.pop(each.name, False)) for each in added}
         with _output(name, _Asked(asked.get("as_json", False), asked.get("quiet", False))):
             code = function(*arguments, **options)
@@ -193,12 +194,12 @@ def _output(name: str, asked: _Asked) -> Iterator[None]:
         _asked.reset(before)
 
 
-def json_text(document: Mapping[str, Any], first: Iterable[str] = ()) -> str:
+def json_text(document: Facts, first: Iterable[str] = ()) -> str:
     """Format a document as strict JSON text, with some keys first."""
     return json.dumps(plain({**dict.fromkeys(first), **document}), indent=1, allow_nan=False) + "\n"
 
 
-def write_json(file: Path, document: Mapping[str, Any]) -> Path:
+def write_json(file: Path, document: Facts) -> Path:
     """Write a document as a JSON file, atomically."""
     return write_atomically(file, json_text(document).encode())
 
@@ -237,13 +238,13 @@ def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
         timer = threading.Timer(pause or 1e6, say, (f"{title} ...",))
         timer.daemon = True
         timer.start()
-        told = [time.monotonic()]
+        printed = [time.monotonic()]
 
         def line(done: int = 0, total: int = 0, last: str = "") -> None:
             timer.cancel()
             now = time.monotonic()
-            if now - told[0] >= pause:
-                told[0] = now
+            if now - printed[0] >= pause:
+                printed[0] = now
                 say(f"{title}: {done} of {total} {last}" if total else f"{title}: {last}")
 
         try:

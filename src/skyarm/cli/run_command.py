@@ -7,9 +7,10 @@ import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -25,7 +26,7 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.autopilot_option import load_under_autopilot, outside_command
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious, say_unlikely
-from skyarm.cli.output import Advance, Facts, bar, give, say_cause, tell
+from skyarm.cli.output import Advance, bar, give, say_cause, tell
 from skyarm.control.catalogue import require_different
 from skyarm.control.controller import autopilot_of
 from skyarm.log.flight_log import Log
@@ -47,6 +48,7 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import run as fly
 from skyarm.simulate.loop import run_until_interrupted
+from skyarm.view.pages import Facts
 
 if TYPE_CHECKING:
     from skyarm.links.ros.live_flight import LiveFlight
@@ -92,15 +94,16 @@ def run(
     if ros is None:
         require_left_out(context, ["--pace"], " without --ros")
     require_not_another(scenario, "scenario")
-    words: dict[str, Any] = {"plant": plant, "seed": seed, "duration": duration}
     names = law_names(laws)
     require_different(names, "--laws")
     if len(names) > 1:
         require_left_out(context, ["--log", "--ros"], " with several laws, whose logs are OUT/NAME_LAW")
     if autopilot is None:
-        flights = [load_scenario(scenario, controller=name, **words) for name in names or (None,)]
+        load = partial(load_scenario, scenario, plant=plant, seed=seed, duration=duration)
+        flights = [load(controller=name) for name in names or (None,)]
     else:
-        flights = [load_under_autopilot(scenario, autopilot, ",".join(names) or None, **words)]
+        law = ",".join(names) or None
+        flights = [load_under_autopilot(scenario, autopilot, law, plant=plant, seed=seed, duration=duration)]
     files = [log_files(logs)] if logs else _files_by_law(Path(out), flights, names)
     drawn = None if picture is None else picture_file(picture, "--plot")
     flown = list[tuple[Log, Facts, BaseException | None]]()
@@ -109,13 +112,13 @@ def run(
         flown.append(_fly_one(planned, own, None if logs else out, ros, pace, hint, force=force))
         if flown[-1][2] is not None:
             break
-    found = [each | {"picture": drawn} for _, each, _ in flown]
+    documents = [each | {"picture": drawn} for _, each, _ in flown]
     if drawn is not None:
         from skyarm.view.figures.flight_plot import plot
 
         plot([log for log, *_ in flown] if len(flown) > 1 else flown[0][0], drawn)
         tell(f"picture: {drawn}")
-    give(found[0] if len(names) < 2 else {"flights": found})
+    give(documents[0] if len(names) < 2 else {"flights": documents})
     for log, each, interrupted in flown:
         if interrupted is not None:
             raise interrupted
@@ -154,25 +157,25 @@ def _fly_one(
         say_suspicious(planned)
         with bar(planned.name) as advance:
             log, interrupted, live = _fly(planned, ros, pace, advance, hint)
-        written, kept = save_logs(log, files, replace=force)
-    found = facts(log)
+        written, earlier = save_logs(log, files, replace=force)
+    values = facts(log)
     if planned.worlds:
         from skyarm.studies.assess.pressing_flights import lost_force
 
         say_unlikely(planned.name, lost_force(planned, log))
     tell(
-        *summary(log, found),
+        *summary(log, values),
         *(live.lines if live else []),
         f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}",
     )
-    if kept:
-        tell(f"the flight before it is kept: {', '.join(map(str, kept))}")
-    found |= {"logs": written, "kept": kept}
+    if earlier:
+        tell(f"the flight before it is kept: {', '.join(map(str, earlier))}")
+    values |= {"logs": written, "kept": earlier}
     if live is not None:
-        found["ros"] = {
+        values["ros"] = {
             "version": live.version, "commanded": live.commanded, "goals": live.goals, "late_s": live.late
         }  # fmt: skip
-    return log, found, interrupted
+    return log, values, interrupted
 
 
 def _fly(
@@ -221,13 +224,13 @@ def log_files(names: Sequence[str]) -> list[Path]:
         ValueError: a suffix that no log format is registered for, with those there are; or a file that is named twice.
         OSError: one of them cannot be written.
     """
-    found: dict[Path, str] = {}
+    names_by_place: dict[Path, str] = {}
     for name in names:
         require_format(name, "--log")
         place = output_file(name, "--log").resolve()
-        if place in found:
-            raise ValueError(f"--log = {shown(name)}: must be another file than --log = {shown(found[place])}")
-        found[place] = name
+        if place in names_by_place:
+            raise ValueError(f"--log = {shown(name)}: must be another file than --log = {shown(names_by_place[place])}")
+        names_by_place[place] = name
     return [Path(name) for name in names]
 
 
@@ -246,11 +249,11 @@ def save_logs(log: Log, files: Sequence[Path], *, replace: bool = False) -> tupl
     written, errors = [], []
     with ExitStack() as lock:
         try:
-            kept = lock.enter_context(earlier_kept(files, replace=replace or beside))
+            earlier = lock.enter_context(earlier_kept(files, replace=replace or beside))
             names = _free_names(files) if beside else files
         except TakenError as error:
             say(f"warning: {error}; this flight's logs get names of their own")
-            names, kept = _free_names(files, os.getpid()), []
+            names, earlier = _free_names(files, os.getpid()), []
         for file in names:
             try:
                 written.append(save_log(log, file))
@@ -258,7 +261,7 @@ def save_logs(log: Log, files: Sequence[Path], *, replace: bool = False) -> tupl
                 errors.append(error)
         if errors:
             raise errors[0]
-    return written, kept
+    return written, earlier
 
 
 @contextmanager
@@ -270,7 +273,7 @@ def earlier_kept(files: Sequence[Path], *, replace: bool = False) -> Iterator[li
     at the names to the last file's end no other process names logs in these folders.
 
     Args:
-        files: of one flight.
+        files: files of one flight.
         replace: rename none.
 
     Raises:

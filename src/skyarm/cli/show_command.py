@@ -9,7 +9,7 @@ import typer
 
 from skyarm.cli.arguments import name_completion, out_option, require_left_out, require_not_another
 from skyarm.cli.lines import say_unlikely
-from skyarm.cli.output import Facts, bar, console, give, is_document_wanted, tell
+from skyarm.cli.output import bar, console, give, is_document_wanted, tell
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.plant.interface import require_gravity
@@ -20,7 +20,7 @@ from skyarm.studies.assess.data_sheet import sheet, vehicle_facts
 from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
 from skyarm.studies.sweep.study_file import list_studies
 from skyarm.vehicle.vehicle_files import RIGID, list_vehicles, load_vehicle
-from skyarm.view.pages import table_of
+from skyarm.view.pages import Facts, table_of
 
 
 def show(
@@ -71,10 +71,10 @@ def show(
     loaded = load_vehicle(shown)
     at = f"{shown}: rotors = "
     with errors_as(ValueError, at, of=AllocationError), bar(f"{loaded.name}: reach and static efforts"):
-        known = vehicle_facts(loaded, gravity)
+        numbers = vehicle_facts(loaded, gravity)
     say_unlikely(loaded.name, unlikely_in_vehicle(loaded))
-    give(known)
-    for part in sheet(loaded, known) if not is_document_wanted() else ():
+    give(numbers)
+    for part in sheet(loaded, numbers) if not is_document_wanted() else ():
         tell(part, "")
 
 
@@ -143,10 +143,10 @@ def contents() -> Facts:
 
 
 def _show_library() -> None:
-    found = contents()
-    give(found)
+    library = contents()
+    give(library)
     rows = []
-    for each in found["vehicles"]:
+    for each in library["vehicles"]:
         name = each["name"] if each["flies"] else f"{each['name']} (model only)"
         rows.append((name, f"{each['mass_kg']:.3f}", str(each["rotors"]), str(each["joints"])))
     tell(table_of(("vehicle", "mass, kg", "rotors", "joints"), rows))
@@ -157,5 +157,5 @@ def _show_library() -> None:
         ("control law (+: LAW_tuned, too)", "laws"),
         ("autopilot (skyarm run --autopilot NAME)", "autopilots"),
     ):
-        named = [(each["name"] + (" +" if each.get("tuned") else ""), each["title"]) for each in found[kind]]
+        named = [(each["name"] + (" +" if each.get("tuned") else ""), each["title"]) for each in library[kind]]
         tell("", table_of((head, "what"), named, left=2))

@@ -11,7 +11,7 @@ import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,8 +20,9 @@ from skyarm.cli.lines import say
 from skyarm.cli.output import tell
 from skyarm.records.files import one_line, require_writable, shown
 from skyarm.view.studio.server import (
-    Guard,
+    AccessGuard,
     StudioError,
+    ViserServer,
     close_server,
     listening_socket,
     open_server,
@@ -30,7 +31,7 @@ from skyarm.view.studio.server import (
 
 if TYPE_CHECKING:
     from skyarm.view.studio.page_loop import PageLoop
-    from skyarm.view.studio.replay import Replay
+    from skyarm.view.studio.replay import PredictionReplay
 
 OF_SIMULATION, OF_REPLAY = ("--laws", "--out"), ("--horizon", "--delay", "--columns")
 """Options without effect with and without ``--vehicle``."""
@@ -73,7 +74,7 @@ def studio(
         require_left_out(context, OF_SIMULATION, " with --vehicle: no law flies in a replay")
         replay = _replay(scenario, vehicle, horizon, delay, columns)
 
-        def replay_page(server: Any) -> PageLoop:
+        def replay_page(server: ViserServer) -> PageLoop:
             from skyarm.view.studio.replay_page import ReplayPage
 
             return ReplayPage(server, replay)
@@ -87,7 +88,7 @@ def studio(
     for each in made:  # they come with the first flight that is saved
         each.rmdir()
 
-    def simulation() -> Callable[[Any], PageLoop]:
+    def simulation() -> Callable[[ViserServer], PageLoop]:
         from skyarm.view.studio.fleet import open_fleet
         from skyarm.view.studio.page import Page
 
@@ -97,7 +98,7 @@ def studio(
     _serve(port, no_browser, f"skyarm studio: {scenario}", simulation)
 
 
-def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, columns: str | None) -> Replay:
+def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, columns: str | None) -> PredictionReplay:
     """Read a flight and a vehicle, with what was identified together with it, and predict the flight."""
     from skyarm.flight_data.flight_data import load_flight
     from skyarm.flight_data.motion import joints_in_order
@@ -107,7 +108,7 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     from skyarm.studies.identify.isolate_fault import find_faults
     from skyarm.studies.identify.open_loop import OpenLoopFlight
     from skyarm.vehicle.vehicle_files import load_vehicle
-    from skyarm.view.studio.replay import HORIZONS, Replay
+    from skyarm.view.studio.replay import HORIZONS, PredictionReplay
 
     require_within("--horizon", horizon, *HORIZONS)
     model = load_vehicle(vehicle)
@@ -130,23 +131,23 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     warning = one_line(f"{flown.name}: {count}: {'; '.join(faults)}") if faults else ""
     if warning:
         say(f"warning: {warning}")
-    return Replay(flown.name, model, predicted.measured, predicted.over, horizon, warning)
+    return PredictionReplay(flown.name, model, predicted.measured, predicted.over, horizon, warning)
 
 
-def _serve(port: int, no_browser: bool, title: str, prepare: Callable[[], Callable[[Any], PageLoop]]) -> None:
+def _serve(port: int, no_browser: bool, title: str, prepare: Callable[[], Callable[[ViserServer], PageLoop]]) -> None:
     """Serve a page until Ctrl-C.
 
     Args:
-        port: of the page; 0 takes a free one.
+        port: port of the page; 0 takes a free one.
         no_browser: whether no browser is opened.
-        title: of the page.
+        title: title of the page.
         prepare: called once the port is taken; returns the function that makes the page on a server.
     """
     require_viser()
     listening = listening_socket(port)
     try:
         page_on = prepare()
-        guard = Guard(int(listening.getsockname()[1]), secrets.token_hex(16))
+        guard = AccessGuard(int(listening.getsockname()[1]), secrets.token_hex(16))
         server = open_server(listening, guard, title)
     except BaseException:
         listening.close()

@@ -102,7 +102,7 @@ LONGEST_NUMBER = 20
 """Digits of an episode's number that are read: no study has so many episodes."""
 
 
-def _save_episodes(study: str, controllers: list[str] | None, out: str | None, wanted: list[str]) -> None:
+def _save_episodes(study: str, controllers: list[str] | None, out: str | None, episodes: list[str]) -> None:
     """Write episodes of a study as scenario files, those that are named by their rows with each controller's own."""
     from skyarm.studies.sweep.plan import prepare, save_episode
     from skyarm.studies.sweep.stats import FAILED, Rows
@@ -110,17 +110,17 @@ def _save_episodes(study: str, controllers: list[str] | None, out: str | None, w
 
     loaded = _load(study, controllers)
     folder, named = Path("out") / loaded.name if out is None else Path(out), (FAILED, *loaded.metrics)
-    for which in wanted:
+    for which in episodes:
         if not which.isdecimal() and which not in named:
             raise StudyError(f"--save = {shown(which)}: {must_be_one_of(named, which)}, or a number")
         if which.isdecimal() and (len(which) > LONGEST_NUMBER or int(which) >= loaded.episodes):
             raise StudyError(f"--save = {shown(which)}: must be less than {loaded.episodes}, the episodes of {study}")
-    rows = None if all(each.isdecimal() for each in wanted) else Rows(folder)
+    rows = None if all(each.isdecimal() for each in episodes) else Rows(folder)
     if rows is not None and not rows.manifest.is_of(prepare(loaded).manifest):
         raise StudyError(f"{folder}: holds rows of another study than {study}; choose its --out")
     names, meant = file_names(loaded.scenarios, "", ".toml"), list[tuple[str, int]]()
     with errors_as(StudyError, "--save = ", of=StudyError):
-        for which in wanted:
+        for which in episodes:
             for label in loaded.scenarios:
                 episode = int(which) if rows is None or which.isdecimal() else rows.episode(label, which)
                 meant.append((label, episode))
@@ -157,10 +157,10 @@ def _fly(
 
         summary = run_sweep(loaded, folder, workers=count, on=place, part=part, progress=progress)
     flights = summary.flown * len(loaded.scenarios)
-    known = f", {summary.found} episodes were there" if summary.found else ""
+    stored = f", {summary.found} episodes were there" if summary.found else ""
     tell(
         f"{summary.rows} rows in {folder}: {loaded.episodes} episodes of {', '.join(loaded.scenarios)}; "
-        f"{flights} flights in {summary.seconds:.1f} s{known}",
+        f"{flights} flights in {summary.seconds:.1f} s{stored}",
         f"next: skyarm sweep {folder}",
     )
     give(
@@ -184,12 +184,12 @@ def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tupl
     with bar(f"statistics of {folder}"):
         maps = robustness_maps(rows, paths)
         target = require_writable(require_no_link(Path(folder) / "stats") if out is None else out)
-        found, pictures = statistics(rows), _draw_maps(maps)
-    write_inside(target / "stats.json", json_text(found).encode())
-    write_inside(target / "report.html", page(found, rows.manifest, pictures).encode())
+        results, pictures = statistics(rows), _draw_maps(maps)
+    write_inside(target / "stats.json", json_text(results).encode())
+    write_inside(target / "report.html", page(results, rows.manifest, pictures).encode())
     files = ["report.html", "stats.json", *pictures.write(target)]
-    give(found, folder=target, files=files)
-    tell(*summary(found), f"statistics in {target}: {', '.join(files)}")
+    give(results, folder=target, files=files)
+    tell(*summary(results), f"statistics in {target}: {', '.join(files)}")
 
 
 def _draw_maps(maps: Sequence[RobustnessMap]) -> Pictures:

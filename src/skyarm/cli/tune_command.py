@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -34,7 +34,7 @@ from skyarm.records.files import (
 from skyarm.records.immutable import immutable
 from skyarm.records.registry.plugins import is_law_of_file, law_of_file_name
 from skyarm.scenario.controller_table import LAYERS, is_gains_file
-from skyarm.scenario.save import law_entry, save_scenario
+from skyarm.scenario.save import Tables, law_entry, save_scenario
 from skyarm.scenario.scenario_file import LIBRARY, kind_of_file, load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -72,56 +72,56 @@ def tune(
     from skyarm.studies.flights.executor import LOCAL, require_place
 
     place, count = require_place(LOCAL if on is None else on, "--on"), workers(flying)
-    wanted = wanted_of(target, one_law(laws))
+    inputs = wanted_of(target, one_law(laws))
     from skyarm.studies.flights.store import ROWS, require_parquet
     from skyarm.studies.tune.front import POINTS
     from skyarm.studies.tune.gain_search import Effort
     from skyarm.studies.tune.tune_page import front_lines, front_name, gains_text, plain_tuning, tune_page
 
-    scenario = wanted.scenario
+    scenario = inputs.scenario
     say_suspicious(scenario)
     effort = Effort().scale(candidates, plants)
-    plan = plan_of(scenario, wanted.has_motion, wanted.label, names_of("--knobs", knobs) or None, effort, seed)
-    folder = Path("out") / f"tune_{wanted.name}" if out is None else Path(out)
+    plan = plan_of(scenario, inputs.has_motion, inputs.label, names_of("--knobs", knobs) or None, effort, seed)
+    folder = Path("out") / f"tune_{inputs.name}" if out is None else Path(out)
     begin = time.perf_counter()
     try:
         require_parquet()
     except ValueError as error:
         say(f"this search cannot be resumed: {error}")
-    with taken_back(folder, folder / ROWS), bar(f"{wanted.label} for {scenario.name}") as advance:
+    with taken_back(folder, folder / ROWS), bar(f"{inputs.label} for {scenario.name}") as advance:
         require_writable(folder)
         files = (GAINS, PAGE, BEST, *map(front_name, range(POINTS)))
         require_replaceable(*(folder / name for name in files))
-        found = tune_plan(plan, workers=count, on=place, folder=folder, progress=advance)
-    for i, point in enumerate(found.points):
-        write_atomically(folder / front_name(i), gains_text(found, point, wanted.words, wanted.kept).encode())
-    for stale in range(len(found.points), POINTS):
+        tuning = tune_plan(plan, workers=count, on=place, folder=folder, progress=advance)
+    for i, point in enumerate(tuning.points):
+        write_atomically(folder / front_name(i), gains_text(tuning, point, inputs.words, inputs.kept).encode())
+    for stale in range(len(tuning.points), POINTS):
         (folder / front_name(stale)).unlink(missing_ok=True)
-    write_atomically(folder / PAGE, tune_page(found).encode())
-    write_atomically(folder / GAINS, gains_text(found, found.pick, wanted.words, wanted.kept).encode())
-    best = _save_best(folder / BEST, scenario, found, target, one_law(laws)) if wanted.has_motion else None
-    tell_report(front_lines(found, time.perf_counter() - begin))
-    if found.pick.margins.why_none:
-        say(f"margins are not asked for: {found.pick.margins.why_none}")
-    if not found.meets:
+    write_atomically(folder / PAGE, tune_page(tuning).encode())
+    write_atomically(folder / GAINS, gains_text(tuning, tuning.pick, inputs.words, inputs.kept).encode())
+    best = _save_best(folder / BEST, scenario, tuning, target, one_law(laws)) if inputs.has_motion else None
+    tell_report(front_lines(tuning, time.perf_counter() - begin))
+    if tuning.pick.margins.why_none:
+        say(f"margins are not asked for: {tuning.pick.margins.why_none}")
+    if not tuning.meets:
         say("no point meets all constraints; the pick is the one that is least short of them")
-    loads = f" --plugin {wanted.label.rpartition(':')[0]}" if is_law_of_file(wanted.label) else ""
-    flown = target if wanted.has_motion else "SCENARIO"
+    loads = f" --plugin {inputs.label.rpartition(':')[0]}" if is_law_of_file(inputs.label) else ""
+    flown = target if inputs.has_motion else "SCENARIO"
     tell(
         f"written: {folder / GAINS}; the page of the front: {folder / PAGE}",
         f"next: skyarm run {flown}{loads} --laws {folder / GAINS}",
         *([] if best is None else [f"the scenario under them, with all digits: skyarm run {best}"]),
     )
-    give(plain_tuning(found), **plugin_facts(), folder=folder, gains=folder / GAINS, page=folder / PAGE, best=best)
-    if not found.meets:
+    give(plain_tuning(tuning), **plugin_facts(), folder=folder, gains=folder / GAINS, page=folder / PAGE, best=best)
+    if not tuning.meets:
         raise typer.Exit(NOT_COMPLETED)
 
 
-def _save_best(file: Path, scenario: Scenario, found: Tuning, target: str, law: str | None) -> Path | None:
+def _save_best(file: Path, scenario: Scenario, tuning: Tuning, target: str, law: str | None) -> Path | None:
     """Write a scenario under the picked law; None, and why, if no file can say it."""
     file.unlink(missing_ok=True)
     try:
-        return save_scenario(file, scenario.with_controller(found.controller), target, law)
+        return save_scenario(file, scenario.with_controller(tuning.controller), target, law)
     except ValueError as error:
         say(f"no scenario under the picked law is written: {error}")
         return None
@@ -133,8 +133,8 @@ class Wanted:
 
     scenario: Scenario
     has_motion: bool
-    words: dict[str, Any]
-    kept: dict[str, Any]
+    words: Tables
+    kept: Tables
     label: str
     name: str
 
@@ -160,21 +160,21 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         scenario = load_scenario(target, controller=controller)
         file = LIBRARY / f"{target}.toml" if target in names else Path(target)
         # nothing of a log
-        document: dict[str, Any] = read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}
+        document: Tables = read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}
         table = document.get("controller", {}) if controller is None else {}
         words = {name: value for name, value in table.items() if name not in LAYERS}
         words = words or law_entry(scenario.controller.name)  # of a log
-    kept: dict[str, Any] = {}
+    gains: Tables = {}
     tuned = controller if is_gains_file(controller) else words.get("tuned")
     if is_gains_file(tuned):
         path = Path(str(tuned)) if controller is not None else Path(target).parent / str(tuned)
-        stated: dict[str, Any] = read_toml(path.read_bytes())
-        words, kept = dict(stated["law"]), dict(stated.get("gains", {}))
+        stated: Tables = read_toml(path.read_bytes())
+        words, gains = dict(stated["law"]), dict(stated.get("gains", {}))
     elif controller is not None:
         words = law_entry(controller)
     label = str(words.get("preset", words.get("law")))
     name = f"{scenario.name}_{law_of_file_name(label)}"
-    return Wanted(scenario=scenario, has_motion=not of_a_vehicle, words=words, kept=kept, label=label, name=name)
+    return Wanted(scenario=scenario, has_motion=not of_a_vehicle, words=words, kept=gains, label=label, name=name)
 
 
 def _is_vehicle(target: str) -> bool:

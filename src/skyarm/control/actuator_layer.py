@@ -17,11 +17,11 @@ from skyarm.control.law_checks import check_controller, checked_law, wrong
 from skyarm.control.model import LayerParameters, Model
 from skyarm.control.vectored_layer import VectoredMemory, angles_seen
 from skyarm.dynamics.actuators import Command, joint_force, make_mixer
-from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
+from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, blend
+from skyarm.records.leaves import Place, Tree, blend
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -160,7 +160,7 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
     )
 
 
-def _first_memories(drives: Sequence[Any], control_period: float) -> tuple[Any, ...]:
+def _first_memories(drives: Sequence[Drive], control_period: float) -> tuple[Tree, ...]:
     """Initial internal states of the modelled joint drives, at joint position zero."""
     return tuple(drive.begin(0.0, 0.0, control_period) for drive in drives)
 
@@ -185,7 +185,7 @@ def with_consequences(controller: Controller, changed: Collection[Place], contro
     return controller
 
 
-def believed_drives(model: Model) -> tuple[Any, ...]:
+def believed_drives(model: Model) -> tuple[Drive, ...]:
     """Modelled drive of each joint: as listed in the vehicle model, else an ideal torque drive."""
     carried = {each.name: each.drive for each in model.vehicle.drives}
     return tuple(carried.get(link.joint.name, TORQUE_DRIVE) for link in model.vehicle.links)
@@ -253,7 +253,7 @@ def _setpoints(
     return dataclasses.replace(memory, drives=tuple(drives), joints=tuple(ahead)), tuple(setpoints)
 
 
-def _mean_motion(drive: Any, q: Scalar, qd: Scalar, qdd: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
+def _mean_motion(drive: Drive, q: Scalar, qd: Scalar, qdd: Scalar, dt: Scalar) -> tuple[Scalar, Scalar]:
     """Mean joint position and rate over the period that begins when a setpoint arrives, at constant acceleration."""
     ahead = add(getattr(drive, "latency", 0), 0.5 * dt)
     square = add(mul(ahead, ahead), dt * dt / 12.0)

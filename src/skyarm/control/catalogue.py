@@ -20,7 +20,7 @@ from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, mul
-from skyarm.control.controller import Controller, ControllerError, FormerNameWarning
+from skyarm.control.controller import Controller, ControllerError, FormerNameWarning, LawOptions
 from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
@@ -117,10 +117,10 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     return dataclasses.replace(made, name=name) if made.name in LAWS else made
 
 
-def suitable_options(law: str, known: Mapping[str, float]) -> dict[str, Any]:
+def suitable_options(law: str, given: Mapping[str, float]) -> dict[str, Any]:
     """Subset of given options that a law accepts."""
     options = entry_of(law).options()
-    return {name: value for name, value in known.items() if name in options}
+    return {name: value for name, value in given.items() if name in options}
 
 
 HUMMINGBIRD = GeometricGains(
@@ -148,7 +148,7 @@ class Preset:
 
     title: str
     law: str
-    options: Mapping[str, Any]
+    options: LawOptions
 
 
 PRESETS: Mapping[str, Preset] = {

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any, TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias, TypeVar
 
 from skyarm.algebra import Quaternion
 from skyarm.algebra.scalars import Scalar, logical_and, where
@@ -17,6 +17,9 @@ from skyarm.records.leaves import Dataclass, Tree, is_record
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Memory = TypeVar("Memory")
+
+LawOptions: TypeAlias = Mapping[str, Any]
+"""Options of a law by name, as a file or a call states them: each reader checks those that it takes."""
 
 Law = Callable[..., tuple[Any, Command]]
 """step(memory, measurement, reference, dt, *, par) -> (memory, command)."""

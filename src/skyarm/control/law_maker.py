@@ -10,7 +10,7 @@ from typing import Any
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.geometric import RATE_ERRORS
-from skyarm.control.controller import Controller, ControllerError, Law
+from skyarm.control.controller import Controller, ControllerError, Law, LawOptions
 from skyarm.control.model import GeometricGains, JointGains, Model, Options, Parameters
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.actuators import Mixer, make_mixer
@@ -80,11 +80,11 @@ def law_maker(
     *,
     shared: Sequence[str] = (),
     readers: Mapping[str, tuple[Any, Reader]] | None = None,
-    constants: Callable[[Model], Mapping[str, Any]] | None = None,
+    constants: Callable[[Model], LawOptions] | None = None,
     memory: Callable[[Any], Tree] | None = None,
     torque_gains: bool = False,
     rate_error: str = "corrected",
-    bounds: Callable[[Any], Mapping[str, Any]] | None = None,
+    bounds: Callable[[Any], LawOptions] | None = None,
     **of_controller: Any,
 ) -> Callable[..., Controller]:
     """Make the function (model, **options) -> Controller of a control law.
@@ -167,7 +167,7 @@ def option_numbers(option: str, value: Any, count: int) -> tuple[Any, ...]:
         return tuple(coerce.number(f"{at}[{i}]", each) for i, each in enumerate(rows))
 
 
-def _require_fitting(values: Mapping[str, Any], joints: int) -> None:
+def _require_fitting(values: LawOptions, joints: int) -> None:
     """Reject options per joint with a wrong number of values, and an unknown value of the option ``rate_error``."""
     gains = values["joint_gains"]
     for field, row in (("stiffness", gains.stiffness), ("damping", gains.damping)):

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
+from skyarm.log.flown_scenario import Info
 from skyarm.log.log_columns import COLUMNS, layout
 from skyarm.log.sensor_data import sources_of
+from skyarm.records.arrays import AnyArray
 from skyarm.records.files import Fields, shown
 from skyarm.records.leaves import field_names
+from skyarm.records.plain import Plain
 
 SCHEMA = 1
 
@@ -51,12 +53,12 @@ OF_TEXTS = ("plugins", "code", "versions", "phases")
 KINDS: Mapping[type, str] = {dict: "table", list: "list", str: "text"}
 
 
-def log_info(log: Log) -> dict[str, Any]:
+def log_info(log: Log) -> Info:
     """Description of a log to be written to its file, with the column names of each array."""
     return {**log.info, LAYOUT: layout(log)}
 
 
-def log_of(content: Mapping[str, Any], info: Any) -> Log:
+def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
     """Make a log from the arrays and the description in a file, after checks.
 
     Raises:
@@ -64,13 +66,15 @@ def log_of(content: Mapping[str, Any], info: Any) -> Log:
             one of a flight.
     """
     absent = ["info", "received", *(name for name in IF_ANY if name not in content)]
-    wanted = [name for name in field_names(Log) or () if name not in absent]
-    axes = _axes(info) if isinstance(info, dict) and info.get("schema") == SCHEMA else None
-    if axes is None or sorted(content) != sorted([*wanted, *axes]):
+    names = [name for name in field_names(Log) or () if name not in absent]
+    if not isinstance(info, dict) or info.get("schema") != SCHEMA:
+        raise ValueError(WORDS)
+    axes = _axes(info)
+    if axes is None or sorted(content) != sorted([*names, *axes]):
         raise ValueError(WORDS)
     count = np.shape(content["time"])
     joints, rotors = np.shape(content["joints"])[1:], np.shape(content["rotor_speeds"])[1:]
-    for name in wanted:
+    for name in names:
         array, group = np.asarray(content[name]), COLUMNS.get(name, ("", ""))[1]
         width = {"joints": joints, "rotors": rotors}.get(group, (4,) if name == "quaternion" else (3,))
         width = () if name in SCALARS else array.shape[1:2] if name in IF_ANY else width
@@ -86,7 +90,7 @@ def log_of(content: Mapping[str, Any], info: Any) -> Log:
     return log_of_arrays(arrays, {name: value for name, value in info.items() if name != LAYOUT})
 
 
-def _axes(info: Mapping[str, Any]) -> dict[str, list[str] | None] | None:
+def _axes(info: Info) -> dict[str, list[str] | None] | None:
     """Column labels of each logged sensor and estimator array (None for scalars), or None for a damaged file."""
     try:
         sources = sources_of(info)
@@ -95,7 +99,7 @@ def _axes(info: Mapping[str, Any]) -> dict[str, list[str] | None] | None:
     return {f"{source}.{name}": each.axes for source, of in sources.items() for name, each in of.fields.items()}
 
 
-def _require_description(info: dict[str, Any]) -> None:
+def _require_description(info: Info) -> None:
     """Raise an error if fields of a log file's description have wrong types.
 
     Raises:
@@ -114,9 +118,9 @@ def _require_description(info: dict[str, Any]) -> None:
         if info.get(name) is not None and not isinstance(info[name], kind):
             raise ValueError(f"info.{name} = {shown(info[name])}: must be a {KINDS[kind]}")
     for name in OF_TEXTS:
-        held = info.get(name) or []
-        if not all(isinstance(each, str) for each in (held.values() if isinstance(held, dict) else held)):
-            raise ValueError(f"info.{name} = {shown(held)}: must hold texts only")
+        texts = info.get(name) or []
+        if not all(isinstance(each, str) for each in (texts.values() if isinstance(texts, dict) else texts)):
+            raise ValueError(f"info.{name} = {shown(texts)}: must hold texts only")
     for k, wait in enumerate(info.get("waits") or ()):
         fields = Fields(wait, f"info.waits[{k}]")
         for name in ("phase", "at", "timeout"):

@@ -13,9 +13,9 @@ import numpy as np
 from skyarm.algebra import Quaternion
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.dynamics.state import State
-from skyarm.log.flown_scenario import flown_scenario
+from skyarm.log.flown_scenario import Info, flown_scenario
 from skyarm.log.log_columns import columns
-from skyarm.log.log_tables import log_frame, log_table
+from skyarm.log.log_tables import ArrowTable, DataFrame, log_frame, log_table
 from skyarm.log.periods import ContactPeriod, GraspPeriod, contact_periods, grasp_periods
 from skyarm.log.sensor_data import COMPONENTS, ESTIMATE, sources_of
 from skyarm.records.arrays import Array
@@ -40,7 +40,7 @@ HELD = "reference as published and held"
 CONTINUOUS = "continuous reference"
 
 
-def _if_any() -> Any:
+def _if_any() -> Array:
     """Dataclass field for an array that only some flights have; by default empty."""
     return field(default_factory=lambda: np.zeros((0, 0)))
 
@@ -119,7 +119,7 @@ class Log:
     tilts: Annotated[Array, units(State)["tilts"]] = _if_any()
     tilt_commands: Annotated[Array, Unit("rad", "commanded")] = _if_any()
     received: Mapping[str, Array] = field(default_factory=dict)
-    info: dict[str, Any]
+    info: Info
 
     def __repr__(self) -> str:
         said = (f"{name}={self.info.get(name)!r}" for name in ("scenario", "controller", "status", "end_time"))
@@ -131,26 +131,25 @@ class Log:
 
     def component(self, name: str) -> Array:
         """Array logged by a wind, force or contact model of the flight; (N, 0) if the flight has no such array."""
-        found = self.received.get(f"{COMPONENTS}.{name}")
-        return np.zeros((self.time.size, 0)) if found is None else found
+        array = self.received.get(f"{COMPONENTS}.{name}")
+        return np.zeros((self.time.size, 0)) if array is None else array
 
     def __getattr__(self, name: str) -> Array:
         """Arrays logged by wind, force and contact models as attributes, such as ``log.contact_force``."""
-        received = self.__dict__.get("received", {})
+        received: Mapping[str, Array] = self.__dict__.get("received", {})
         if f"{COMPONENTS}.{name}" not in received:
             raise AttributeError(f"log.{name}: must be an array of a log, or of a component of this flight")
-        found: Array = received[f"{COMPONENTS}.{name}"]
-        return found
+        return received[f"{COMPONENTS}.{name}"]
 
     @property
     def readings(self) -> dict[str, dict[str, Array]]:
         """Sensor readings by sensor and field, (N,) or (N, k): the latest one received at each instant."""
-        found: dict[str, dict[str, Array]] = {}
+        sensors: dict[str, dict[str, Array]] = {}
         for name, array in self.received.items():
             source, _, last = name.rpartition(".")
             if source not in (ESTIMATE, COMPONENTS):
-                found.setdefault(source.partition(".")[2], {})[last] = array
-        return found
+                sensors.setdefault(source.partition(".")[2], {})[last] = array
+        return sensors
 
     @property
     def estimate(self) -> dict[str, Array]:
@@ -161,11 +160,11 @@ class Log:
     @property
     def phase_ends(self) -> tuple[tuple[str, float | None], ...]:
         """Kind and completion time (s, or None) of each phase of a task."""
-        found = []
+        ends = []
         for number, name in enumerate(self.info.get("phases", ())):
             later = np.flatnonzero(self.phase > number + 0.5)
-            found.append((str(name), float(self.time[later[0]]) if later.size else None))
-        return tuple(found)
+            ends.append((str(name), float(self.time[later[0]]) if later.size else None))
+        return tuple(ends)
 
     @property
     def contact_periods(self) -> tuple[ContactPeriod, ...]:
@@ -212,7 +211,7 @@ class Log:
         """
         return self.scenario_with({})
 
-    def scenario_with(self, replaced: Mapping[str, Any]) -> Any:
+    def scenario_with(self, replaced: Mapping[str, object]) -> Any:
         """Scenario of the flight with some words of its file replaced, such as ``plant.kind``.
 
         Raises:
@@ -250,22 +249,24 @@ class Log:
     @property
     def units(self) -> Mapping[str, Unit]:
         """Unit, frame and meaning of every array and of every column of a wind, force or contact model, by name."""
-        held, of_parts = self.arrays(), f"{COMPONENTS}."
-        found = {each.name: Unit(each.unit, each.meaning) for each in columns(self) if each.array.startswith(of_parts)}
+        arrays, of_parts = self.arrays(), f"{COMPONENTS}."
+        declared = {
+            each.name: Unit(each.unit, each.meaning) for each in columns(self) if each.array.startswith(of_parts)
+        }
         for source, of in sources_of(self.info).items():
             for name, each in of.fields.items():
                 unit = Unit(" or ".join(dict.fromkeys(each.units or [each.unit])), each.meaning)
                 # arrays of components are attributes of the log, too
                 array = f"{source}.{name}"
-                found |= {key: unit for key in (array, array.removeprefix(of_parts)) if array in held}
-        return found | {name: unit for name, unit in units(Log).items() if name in held}
+                declared |= {key: unit for key in (array, array.removeprefix(of_parts)) if array in arrays}
+        return declared | {name: unit for name, unit in units(Log).items() if name in arrays}
 
     def save_csv(self, path: PathLike) -> Path:
         """Write a CSV file: a column for each number, such as ``velocity_x [m/s]``, a row per control instant."""
         written: Path = find(FORMATS, "csv").write(self, path)
         return written
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> DataFrame:
         """Return a pandas DataFrame: the columns of the CSV file over ``time``, units in ``attrs["units"]``.
 
         Raises:
@@ -273,7 +274,7 @@ class Log:
         """
         return log_frame(self)
 
-    def to_arrow(self) -> Any:
+    def to_arrow(self) -> ArrowTable:
         """Return a pyarrow Table: the columns of the CSV file, ``unit`` and ``meaning`` in each field's metadata.
 
         Raises:
@@ -305,7 +306,7 @@ def rows_of(log: Log, chosen: slice) -> Log:
     return log_of_arrays({name: array[chosen] for name, array in log.arrays().items()}, log.info)
 
 
-def log_of_arrays(arrays: Mapping[str, Array], info: dict[str, Any]) -> Log:
+def log_of_arrays(arrays: Mapping[str, Array], info: Info) -> Log:
     """Make a log from its arrays by name, as :meth:`Log.arrays` returns them."""
     own = {name: array for name, array in arrays.items() if "." not in name}
     return Log(**own, received={name: arrays[name] for name in arrays if name not in own}, info=info)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -44,11 +42,11 @@ def facts(log: Log) -> Facts:
     """Summary of a flight as plain data: status, errors, thrust, contacts, grasps and phases."""
     info = log.info
     named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
-    found = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
+    values: Facts = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
     if "autopilot" in info:
-        found["autopilot"] = info["autopilot"]
-    if not log.time.size or not _took_off(found):
-        return found
+        values["autopilot"] = info["autopilot"]
+    if not log.time.size or not _took_off(values):
+        return values
     steady = Windows().of_flight(float(info["duration"]), windows_of(log)).steady
     inside = steady.of(log)
 
@@ -57,18 +55,18 @@ def facts(log: Log) -> Facts:
         return {"mean": mean, "max": most, "max_whole_flight": float(error.max())}
 
     errors = {what: summary(error) for what, error in error_norms(log).items()}
-    found |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
+    values |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
     commands = score(log, COMMANDS)
-    found |= {name: value if math.isfinite(value) else None for name, value in commands.items()}
-    found |= {"peak_thrust": _peak_thrust(log)} | dataclasses.asdict(log.shortfall)
+    values |= {name: value if math.isfinite(value) else None for name, value in commands.items()}
+    values |= {"peak_thrust": _peak_thrust(log)} | dataclasses.asdict(log.shortfall)
     if log.lag_found.size:
-        found["lag_found_s"] = log.lag_found[-1]
-    found |= {name: rows for name, rows in (("contacts", _contacts(log)), ("mechanisms", _mechanisms(log))) if rows}
+        values["lag_found_s"] = log.lag_found[-1]
+    values |= {name: rows for name, rows in (("contacts", _contacts(log)), ("mechanisms", _mechanisms(log))) if rows}
     if log.component("gripper_taken").size:
-        found["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
+        values["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
     if log.phase.size:
         late = timed_out(log)
-        found["phase_ends"] = [
+        values["phase_ends"] = [
             {"phase": name, "end": end, "timeout": number in late} for number, (name, end) in enumerate(log.phase_ends)
         ]
     elif log.path_time.size:
@@ -78,13 +76,13 @@ def facts(log: Log) -> Facts:
         }
         if not np.array_equal(log.tool, log.position):
             distances["tip_to_path"] = path_distance(log.tool, log.tool_reference)
-        found["governor"] = {what: summary(distance) for what, distance in distances.items()}
-    return found
+        values["governor"] = {what: summary(distance) for what, distance in distances.items()}
+    return values
 
 
-def _took_off(found: Mapping[str, Any]) -> bool:
+def _took_off(values: Facts) -> bool:
     """True unless the log is that of an autopilot's take-off, which failed."""
-    return "autopilot" not in found or found["autopilot"]["prepared_s"] > 0.0
+    return "autopilot" not in values or values["autopilot"]["prepared_s"] > 0.0
 
 
 def error_norms(log: Log) -> dict[str, Array]:
@@ -129,30 +127,30 @@ def _contacts(log: Log) -> list[Facts]:
 def _mechanisms(log: Log) -> list[Facts]:
     """List the coordinate of each mechanism, such as a door: first, farthest and last value."""
     rows = [each for each in columns(log) if each.array == f"{COMPONENTS}.mechanism_position"]
-    found = []
+    moved = []
     for name, column in zip(component_labels(log, "mechanism_position"), rows, strict=True):
         place = column.of(log)
         furthest = place[np.abs(place - place[0]).argmax()]
-        found.append({"name": name, "first": place[0], "furthest": furthest, "last": place[-1], "unit": column.unit})
-    return found
+        moved.append({"name": name, "first": place[0], "furthest": furthest, "last": place[-1], "unit": column.unit})
+    return moved
 
 
-def summary(log: Log, found: Facts) -> list[Line]:
+def summary(log: Log, values: Facts) -> list[Line]:
     """Text of a flight's summary: status, table of tracking errors, thrust and events."""
-    if not _took_off(found):
-        return [heading(headline(log, found))]
-    lines: list[Line] = [heading(headline(log, found)), printable(_flight_words(log))]
-    if "steady_window_s" not in found:
+    if not _took_off(values):
+        return [heading(headline(log, values))]
+    lines: list[Line] = [heading(headline(log, values)), printable(_flight_words(log))]
+    if "steady_window_s" not in values:
         return lines
-    start, stop = found["steady_window_s"]
-    errors = found["errors_continuous"] | found.get("governor", {})
+    start, stop = values["steady_window_s"]
+    errors = values["errors_continuous"] | values.get("governor", {})
     rows = [
         (LABELS[what], *("-" if value is None else shown_number(value, 4) for value in errors[what].values()))
         for what in LABELS
         if what in errors
     ]
     lines.append(table_of((f"error, {start:.4g} to {stop:.4g} s", "mean", "max", "max, whole flight"), rows))
-    jitter, limited = (found[name] for name in COMMANDS)
+    jitter, limited = (values[name] for name in COMMANDS)
     if jitter is not None:
         words = (
             ""
@@ -160,48 +158,48 @@ def summary(log: Log, found: Facts) -> list[Line]:
             else f", a rotor at its limit in {100.0 * limited:.3g} % of the periods"
         )
         lines.append(f"rotor commands then: jitter {shown_number(jitter, 4)} rad/s a period{words}")
-    if found["peak_thrust"] is not None:
-        cut = "" if found["saturation"] or _has_battery(log) else "; no command at a limit"
-        lines.append(f"peak thrust: {found['peak_thrust']:.0%} of a rotor's highest{cut}")
-    return [*lines, *log.shortfall.lines, *sentences(found)]
+    if values["peak_thrust"] is not None:
+        cut = "" if values["saturation"] or _has_battery(log) else "; no command at a limit"
+        lines.append(f"peak thrust: {values['peak_thrust']:.0%} of a rotor's highest{cut}")
+    return [*lines, *log.shortfall.lines, *sentences(values)]
 
 
-def headline(log: Log, found: Mapping[str, Any]) -> str:
+def headline(log: Log, values: Facts) -> str:
     """Line of scenario, status, duration and cause."""
-    end, duration = (f"{found[name]:g} s" for name in ("end_time", "duration"))
-    if _took_off(found):
-        title = f"{found['scenario']}: {log.status}, {end}" + (f" of {duration}" if end != duration else "")
+    end, duration = (f"{values[name]:g} s" for name in ("end_time", "duration"))
+    if _took_off(values):
+        title = f"{values['scenario']}: {log.status}, {end}" + (f" of {duration}" if end != duration else "")
     else:
-        title = f"{found['scenario']}: {log.status}, no take-off in {end}"
-    return title + (f": {found['cause']}" if found["cause"] else "")
+        title = f"{values['scenario']}: {log.status}, no take-off in {end}"
+    return title + (f": {values['cause']}" if values["cause"] else "")
 
 
-def sentences(found: Facts) -> list[str]:
+def sentences(values: Facts) -> list[str]:
     """List sentences on estimated lags, contacts, mechanisms, grasps and phases of a flight."""
     lines = []
-    if "autopilot" in found:
-        said = found["autopilot"]
+    if "autopilot" in values:
+        said = values["autopilot"]
         counts = f"; {said['answered']} of {said['steps']} messages answered" if "answered" in said else ""
         lines.append(f"autopilot {said['name']}: hovered {said['prepared_s']:.3g} s after power-on{counts}")
-    if "lag_found_s" in found:
-        rotors, joints = 1e3 * found["lag_found_s"]
+    if "lag_found_s" in values:
+        rotors, joints = 1e3 * values["lag_found_s"]
         lines.append(f"lag found at the end, beyond the law's nominal: rotors {rotors:.1f} ms, joints {joints:.1f} ms")
-    for each in found.get("contacts", ()):
+    for each in values.get("contacts", ()):
         touch = f"{each['surface']} touched {each['point']} at {each['first_touch']:g} s"
         lines.append(f"{touch}: lost {each['losses']} times, largest force {each['peak']:.3g} N")
-    for each in found.get("mechanisms", ()):
+    for each in values.get("mechanisms", ()):
         first, furthest, last = (shown_number(each[name]) for name in ("first", "furthest", "last"))
         lines.append(
             f"{each['name']} moved from {first} to {furthest} {each['unit']}, at the end {last} {each['unit']}"
         )
-    for each in found.get("grasps", ()):
+    for each in values.get("grasps", ()):
         ended = f"{'gave way' if each['gave_way'] else 'let go'} at {each['end']:g} s" if each["end"] else ""
         grasp = f"{each['gripper']} took {each['held']} at {each['start']:g} s: {ended or 'holds it to the end'}"
         lines.append(f"{grasp}, largest force {each['peak']:.3g} N")
     ends = [
         f"{each['phase']} {'-' if each['end'] is None else '{:g} s'.format(each['end'])}"
         + (" (timeout)" if each["timeout"] else "")
-        for each in found.get("phase_ends", ())
+        for each in values.get("phase_ends", ())
     ]
     lines += [f"phases done: {', '.join(ends)}"] if ends else []
     return lines

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
-from typing import Any
+from typing import Any, TypeAlias
 
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.identity import log_digest, own_files
 from skyarm.records.leaves import Place, replace_at
+from skyarm.records.plain import Plain
 from skyarm.records.registry import RegistryError
 from skyarm.records.registry.plugins import code_of, identities
 from skyarm.records.restore import restore
@@ -18,22 +19,25 @@ from skyarm.records.words import slots
 SCENARIO = "skyarm.scenario.scenario_record:Scenario"
 """Class of what a log keeps as ``scenario_record``."""
 
+Info: TypeAlias = dict[str, Any]
+"""Description of a flight as its log's file has it, plain data: each reader tries what it expects."""
 
-def written_scenario(info: Mapping[str, Any]) -> dict[str, Any]:
+
+def written_scenario(info: Info) -> Info:
     """Scenario of a log as plain data; empty if the log stores none."""
     record = info.get("scenario_record")
     return record if isinstance(record, dict) else {}
 
 
-def written_at(info: Mapping[str, Any], path: str) -> Any:
+def written_at(info: Info, path: str) -> Any:
     """Plain data at a path of a log's scenario, such as plant.vehicle, by the words of its file; None if not there."""
     head, tail = path.split("."), list[str]()
     while head and ".".join(head) not in _places():
         tail = [head.pop(), *tail]
-    found: Any = written_scenario(info)
+    data: Any = written_scenario(info)
     for name in (*_places().get(".".join(head), ()), *tail):
-        found = found.get(name) if isinstance(found, dict) else None
-    return found
+        data = data.get(name) if isinstance(data, dict) else None
+    return data
 
 
 @cache
@@ -43,12 +47,12 @@ def _places() -> dict[str, Place]:
     return {slot.table: slot.record for slot in reversed(slots(kind))}
 
 
-def restored_at(info: Mapping[str, Any], path: str) -> Any:
+def restored_at(info: Info, path: str) -> Any:
     """Part of a log's scenario as dataclasses, by path as of :func:`written_at`; None if it cannot be restored."""
     return restore_written(info, written_at(info, path))
 
 
-def restore_written(info: Mapping[str, Any], written: Any) -> Any:
+def restore_written(info: Info, written: Plain) -> Any:
     """Restore a dataclass from plain data in a log; None if that fails."""
     try:
         return restore(written, info.get("plugins"))
@@ -56,7 +60,7 @@ def restore_written(info: Mapping[str, Any], written: Any) -> Any:
         return None
 
 
-def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
+def flown_scenario(info: Info, replaced: Mapping[str, object]) -> Any:
     """Restore the scenario of a log from its description, with some words of its file replaced, by path."""
     written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
     of = (info.get("versions") or {}).get("skyarm", "unknown")
@@ -65,20 +69,20 @@ def flown_scenario(info: Mapping[str, Any], replaced: Mapping[str, Any]) -> Any:
     if not _matches_digest(info, written, code):
         raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
     with _convert_errors(plugins):
-        found = restore(written, {**code, **plugins})
-    now = own_files(found)
+        scenario = restore(written, {**code, **plugins})
+    now = own_files(scenario)
     for name in sorted(code):
         if now.get(name, code[name]) != code[name]:
             raise ValueError(f"code {name!r} = {shown(now[name])}: must be {shown(code[name])} as it was flown")
-    kind: type = type(found)
+    kind: type = type(scenario)
     fields = {slot.path: slot.field for slot in slots(kind)}
     for path in replaced:
         if path not in fields:
             raise ValueError(f"path = {shown(path)}: {must_be_one_of(fields, path)}")
-    return replace_at(found, {fields[path]: value for path, value in replaced.items()})
+    return replace_at(scenario, {fields[path]: value for path, value in replaced.items()})
 
 
-def _matches_digest(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> bool:
+def _matches_digest(info: Info, written: Info, code: Info) -> bool:
     """True if a log's digest matches its scenario and files of user code."""
     try:
         return isinstance(code, dict) and log_digest(written, code) == info.get("digest")

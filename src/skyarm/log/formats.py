@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from skyarm.log.contents import log_info, log_of
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import columns
+from skyarm.records.arrays import Array
 from skyarm.records.files import PathLike, must_be_one_of, shown, unreadable, write_atomically
 from skyarm.records.files.own_inputs import stamp_of
 from skyarm.records.files.unpacked import TooLargeError, npz_arrays
@@ -38,13 +40,9 @@ class LogFormat:
     read: Callable[[Path], Log] | None = None
 
 
-def _of_ros_files(function: str) -> Callable[..., Any]:
-    """Make a function that imports its module at the first call."""
-
-    def call(*arguments: Any) -> Any:
-        return getattr(import_module("skyarm.log.ros.files"), function)(*arguments)
-
-    return call
+def _ros_files() -> ModuleType:
+    """Module of MCAP files, imported at the first use: it imports this one."""
+    return import_module("skyarm.log.ros.files")
 
 
 def write_npz(log: Log, path: PathLike) -> Path:
@@ -90,27 +88,27 @@ def log_from_npz(file: bytes, name: str) -> Log:
 
 def write_csv(log: Log, path: PathLike) -> Path:
     """Write a log as CSV: a column for each number, in the shortest text that is read back exactly."""
-    known: dict[bytes, list[str]] = {}
+    written: dict[bytes, list[str]] = {}
     every = columns(log)
     heads = [f"{each.name} [{each.unit}]" if each.unit else each.name for each in every]
-    rows = zip(*(_texts(each.of(log), known) for each in every), strict=True)
+    rows = zip(*(_texts(each.of(log), written) for each in every), strict=True)
     lines = "".join(f"{','.join(row)}\n" for row in rows)
     return write_atomically(path, f"{','.join(heads)}\n{lines}".encode())
 
 
-def _texts(column: Any, known: dict[bytes, list[str]]) -> list[str]:
+def _texts(column: Array, written: dict[bytes, list[str]]) -> list[str]:
     """Format the numbers of a column as the shortest texts that are read back exactly."""
     bits = column.tobytes()
-    if bits not in known:
+    if bits not in written:
         same = bits == bits[:8] * column.size
         texts = list(map(repr, (column[:1] if same else column).tolist()))
-        known[bits] = texts * column.size if same else texts
-    return known[bits]
+        written[bits] = texts * column.size if same else texts
+    return written[bits]
 
 
 NPZ = LogFormat(write_npz, read_npz)
 CSV = LogFormat(write_csv)
-MCAP = LogFormat(_of_ros_files("write_mcap"), _of_ros_files("read_mcap"))
+MCAP = LogFormat(lambda log, path: _ros_files().write_mcap(log, path), lambda path: _ros_files().read_mcap(path))
 
 
 def require_format(path: PathLike, field: str = "log") -> LogFormat:
@@ -129,8 +127,8 @@ def require_readable(path: PathLike, field: str = "log") -> Callable[[Path], Log
         RegistryError: no such format, or one that keeps too little; names the formats that can be read.
     """
     suffix, at = Path(path).suffix.removeprefix("."), f"{field} = {shown(str(path))}"
-    known = [name for name in names("log_format") if _format(name, at, [name]).read is not None]
-    reader = _format(suffix, f"{at}: cannot be read back" if suffix in names("log_format") else at, known).read
+    readable = [name for name in names("log_format") if _format(name, at, [name]).read is not None]
+    reader = _format(suffix, f"{at}: cannot be read back" if suffix in names("log_format") else at, readable).read
     assert reader is not None
     return reader
 
@@ -138,9 +136,9 @@ def require_readable(path: PathLike, field: str = "log") -> Callable[[Path], Log
 def _format(suffix: str, at: str, allowed: Sequence[str]) -> LogFormat:
     if suffix not in allowed:
         raise RegistryError(f"{at}: suffix {shown(suffix)}: {must_be_one_of(allowed, suffix)}")
-    found: LogFormat = find("log_format", suffix)
-    refuse_mistake(format_mistake(found), "log_format", suffix)
-    return found
+    log_format: LogFormat = find("log_format", suffix)
+    refuse_mistake(format_mistake(log_format), "log_format", suffix)
+    return log_format
 
 
 def save_log(log: Log, path: PathLike) -> Path:

@@ -8,18 +8,21 @@ underscores, as ROS 2 asks of the fields of a message.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
-from skyarm.log.flown_scenario import restore_written, restored_at, written_at
+from skyarm.log.flown_scenario import Info, restore_written, restored_at, written_at
 from skyarm.log.sensor_data import COMPONENTS, sources_of
 from skyarm.records.arrays import Array
 from skyarm.records.files.names import distinct
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.records.units import Unit, units
 from skyarm.vehicle.linkage import Link
 from skyarm.vehicle.vehicle_records import Rotor
+
+Part = TypeVar("Part", Link, Rotor)
 
 COLUMNS: dict[str, tuple[str, str]] = {
     "joints": ("joint", "joints"),
@@ -68,7 +71,7 @@ class FlightArrays(Arrays, Protocol):
         """Time of the reference (N,), s; empty where it is the flight's."""
 
     @property
-    def info(self) -> dict[str, Any]:
+    def info(self) -> Info:
         """Description of the flight."""
 
     def arrays(self) -> dict[str, Array]:
@@ -79,11 +82,11 @@ class FlightArrays(Arrays, Protocol):
 
 
 @immutable(kw_only=False)
-class Column:
+class LogColumn:
     """Column of a log: one number over time, with name, unit and meaning.
 
     Attributes:
-        name: of the column. unit: SI; empty for pure numbers. meaning: in words, with axes.
+        name: name of the column. unit: SI; empty for pure numbers. meaning: in words, with axes.
         array: name of the log's array. index: place in its rows; None for an array without any.
     """
 
@@ -118,51 +121,51 @@ class Names:
 def names_of(log: FlightArrays) -> Names:
     """Read the names of joints and rotors from a log; numbers if the log does not name them."""
     joints, rotors = log["joints"].shape[1], log["rotor_speeds"].shape[1]
-    found = [link.joint for link in _records(log.info, Link, "links")]
+    driven = [link.joint for link in _records(log.info, Link, "links")]
     turning, takes = _records(log.info, Rotor, "rotors"), setpoints_of(log.info)
-    if len(found) != joints or len(turning) != rotors:
+    if len(driven) != joints or len(turning) != rotors:
         return Names(tuple(map(str, range(joints))), ("",) * joints, tuple(map(str, range(rotors))), (None,) * joints)
     return Names(
-        tuple(each.name for each in found),
-        tuple(each.kind for each in found),
+        tuple(each.name for each in driven),
+        tuple(each.kind for each in driven),
         tuple(each.name for each in turning),
-        tuple(unit_of_kind(Unit(takes[each.name]), each.kind) if each.name in takes else None for each in found),
+        tuple(unit_of_kind(Unit(takes[each.name]), each.kind) if each.name in takes else None for each in driven),
         tuple(each.name for each in turning if each.tilt is not None),
     )
 
 
-def _records(info: Mapping[str, Any], kind: type[Any], part: str) -> list[Any]:
+def _records(info: Info, kind: type[Part], part: str) -> list[Part]:
     """Restore the links or rotors of the logged vehicle; empty for a damaged file."""
-    found = restored_at(info, f"plant.vehicle.{part}")
-    return [each for each in found if isinstance(each, kind)] if isinstance(found, tuple) else []
+    records = restored_at(info, f"plant.vehicle.{part}")
+    return [each for each in records if isinstance(each, kind)] if isinstance(records, tuple) else []
 
 
-def columns(log: FlightArrays) -> tuple[Column, ...]:
+def columns(log: FlightArrays) -> tuple[LogColumn, ...]:
     """List the columns of a log, in the order of its arrays."""
-    names, found = names_of(log), list[Column]()
+    names, listed = names_of(log), list[LogColumn]()
     for array, unit in units(type(log)).items():
         width = log[array].shape[1:]
         kinds = names.kinds if COLUMNS.get(array, ("", ""))[1] == "joints" else ()
         for index, name in enumerate(_endings(array, width[0] if width else None, names)):
-            told = names.setpoints[index] if array == "efforts" else None
-            own = unit_of_kind(unit, kinds[index] if index < len(kinds) else "") if told is None else told
-            found.append(Column(name, own, unit.meaning, array, index if width else None))
-    found += _sensor_columns(log, names)
-    unique = distinct([each.name for each in found])
-    return tuple(replace(each, name=name) for name, each in zip(unique, found, strict=True))
+            setpoint = names.setpoints[index] if array == "efforts" else None
+            own = unit_of_kind(unit, kinds[index] if index < len(kinds) else "") if setpoint is None else setpoint
+            listed.append(LogColumn(name, own, unit.meaning, array, index if width else None))
+    listed += _sensor_columns(log, names)
+    unique = distinct([each.name for each in listed])
+    return tuple(replace(each, name=name) for name, each in zip(unique, listed, strict=True))
 
 
-def _sensor_columns(log: FlightArrays, names: Names) -> Iterator[Column]:
+def _sensor_columns(log: FlightArrays, names: Names) -> Iterator[LogColumn]:
     """Yield the columns of sensor readings, estimate and environment models of a log."""
-    held = log.arrays()
+    arrays = log.arrays()
     for source, described in sources_of(log.info).items():
         begin = "" if source == COMPONENTS else f"{word(source.rpartition('.')[2])}_"
         for name, each in described.fields.items():
             array, group = f"{source}.{name}", COLUMNS.get(name, ("", ""))[1]
-            if array not in held:
+            if array not in arrays:
                 continue
             if each.axes is None:
-                yield Column(f"{begin}{word(name)}", each.unit, each.meaning, array, None)
+                yield LogColumn(f"{begin}{word(name)}", each.unit, each.meaning, array, None)
                 continue
             named = group in KINDS_OF_NAMES and len(getattr(names, group)) == len(each.axes)
             endings = _endings(name, len(each.axes), names) if named else []
@@ -170,7 +173,7 @@ def _sensor_columns(log: FlightArrays, names: Names) -> Iterator[Column]:
                 ending = endings[index] if named else f"{word(name)}_{word(axis) if axis else index}"
                 kind = names.kinds[index] if named and group == "joints" else ""
                 unit = each.units[index] if each.units else unit_of_kind(Unit(each.unit), kind)
-                yield Column(f"{begin}{ending}", unit, each.meaning, array, index)
+                yield LogColumn(f"{begin}{ending}", unit, each.meaning, array, index)
 
 
 def _endings(array: str, width: int | None, names: Names) -> list[str]:
@@ -184,7 +187,7 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         return [f"{begin}_{i}" for i in range(width)]
     begins = [begin] * len(parts)
     if array == "efforts":
-        begins = [begin if told is None else SETPOINT for told in names.setpoints]
+        begins = [begin if setpoint is None else SETPOINT for setpoint in names.setpoints]
     kind = KINDS_OF_NAMES.get(group)
     labels = [word(each, kind) if kind else each for each in parts]
     return [
@@ -209,43 +212,43 @@ def unit_of_kind(unit: Unit, kind: str) -> str:
 def component_labels(log: FlightArrays, array: str) -> list[str]:
     """Column labels of an array that a wind, force or contact model logged."""
     source = sources_of(log.info).get(COMPONENTS)
-    found = None if source is None else source.fields.get(array)
-    return [] if found is None else found.axes or []
+    field = None if source is None else source.fields.get(array)
+    return [] if field is None else field.axes or []
 
 
-def layout(log: FlightArrays) -> dict[str, dict[str, Any]]:
+def layout(log: FlightArrays) -> dict[str, dict[str, list[str]]]:
     """Names and units of each array's columns as plain data, for files that store arrays."""
-    found: dict[str, dict[str, Any]] = {}
+    arrays: dict[str, dict[str, list[str]]] = {}
     for each in columns(log):
-        entry = found.setdefault(each.array, {"columns": [], "units": []})
+        entry = arrays.setdefault(each.array, {"columns": [], "units": []})
         entry["columns"].append(each.name)
         entry["units"].append(each.unit)
-    return found
+    return arrays
 
 
-def setpoints_of(info: Mapping[str, Any]) -> dict[str, str]:
+def setpoints_of(info: Info) -> dict[str, str]:
     """Setpoint unit of each joint that is not commanded by torque, by the joint's name.
 
     Args:
-        info: of a log, which keeps the scenario that was flown.
+        info: description of a log, which keeps the scenario that was flown.
 
     Returns:
         units as ``rad or m``, of a revolute and of a prismatic joint; empty where a user's drive states none,
         or its plugin is not loaded.
     """
-    found = {}
+    units_of_joints = {}
     for joint, drive in drives_of(info).items():
         if not getattr(drive, "takes_torque", False):
             takes = getattr(drive, "takes", "")
-            found[joint] = takes if isinstance(takes, str) else ""
-    return found
+            units_of_joints[joint] = takes if isinstance(takes, str) else ""
+    return units_of_joints
 
 
-def drives_of(info: Mapping[str, Any]) -> dict[str, Any]:
+def drives_of(info: Info) -> dict[str, Any]:
     """Drive of each joint that has one, by the joint's name; of one whose plugin is not loaded what is written.
 
     Args:
-        info: of a log, which keeps the scenario that was flown.
+        info: description of a log, which keeps the scenario that was flown.
     """
     carried = _rows(written_at(info, "plant.vehicle.drives"))
     # the scenario's own drive of a joint wins over the vehicle's
@@ -254,5 +257,5 @@ def drives_of(info: Mapping[str, Any]) -> dict[str, Any]:
     return {joint: restore_written(info, drive) for joint, drive in given.items() if isinstance(joint, str)}
 
 
-def _rows(data: Any) -> list[Mapping[str, Any]]:
+def _rows(data: Plain) -> list[dict[str, Plain]]:
     return [each for each in data if isinstance(each, dict)] if isinstance(data, list) else []

@@ -18,7 +18,8 @@ class Difference:
     """Difference of two logs in one column: first time, numbers there, and largest difference.
 
     Attributes:
-        name, unit: of the column. time: of the first instant at which they differ, s. first, second: numbers there.
+        name, unit: name and unit of the column. time: first instant at which they differ, s.
+        first, second: numbers there.
         largest: size of the largest difference. at: its time, s.
     """
 
@@ -37,7 +38,7 @@ class LogDifferences:
 
     Attributes:
         instants: number of common instants, and number of each log's.
-        columns: those that differ, the earliest first, of one time the order of the columns.
+        columns: differing columns, the earliest first, of one time in the order of the log's columns.
         unmatched: columns that only one of them has.
     """
 
@@ -62,14 +63,14 @@ def log_differences(a: Log, b: Log, tolerance: float = 0.0) -> LogDifferences:
             NaN equals NaN, and a zero one of the other sign.
     """
     times, ours, theirs = np.intersect1d(a.time, b.time, return_indices=True)
-    found, others = {each.name: each for each in columns(a)}, {each.name: each for each in columns(b)}
+    named, others = {each.name: each for each in columns(a)}, {each.name: each for each in columns(b)}
     differing = []
-    for name, column in found.items():
+    for name, column in named.items():
         if name in others and name != "time":
             pair = column.of(a)[ours], others[name].of(b)[theirs]
             differing += list(_difference(name, column.unit, times, pair, tolerance))
     differing.sort(key=lambda each: each.time)
-    unmatched = tuple(name for name in {**found, **others} if (name in found) != (name in others))
+    unmatched = tuple(name for name in {**named, **others} if (name in named) != (name in others))
     return LogDifferences(
         instants=(len(times), len(a.time), len(b.time)), columns=tuple(differing), unmatched=unmatched
     )
@@ -103,28 +104,28 @@ MOST_COLUMNS = 12
 """Quantities that a terminal shows; ``--json`` has all."""
 
 
-def difference_lines(found: LogDifferences, labels: tuple[str, str], tolerance: float) -> list[str]:
+def difference_lines(differences: LogDifferences, labels: tuple[str, str], tolerance: float) -> list[str]:
     """Text of the first difference between two logs, and of the largest difference in each quantity."""
-    both, first, second = found.instants
+    both, first, second = differences.instants
     within = f" within {tolerance:g}" if tolerance else ""
     lines = []
     if first != second:
         lines.append(f"control periods: {first} in {labels[0]}, {second} in {labels[1]}, {both} in both")
-    if found.unmatched:
-        lines.append(f"columns of one log alone: {', '.join(found.unmatched)}")
-    if not found.columns:
+    if differences.unmatched:
+        lines.append(f"columns of one log alone: {', '.join(differences.unmatched)}")
+    if not differences.columns:
         return [*lines, f"every number is the same{within} in {both} control periods"]
-    one, *_ = found.columns
+    one, *_ = differences.columns
     numbers = f"{one.first!r} and {one.second!r} {one.unit}".rstrip()
     lines.append(f"first difference{f' above {tolerance:g}' if tolerance else ''}: at {one.time:g} s, {one.name} = "
                  f"{numbers}, {abs(one.first - one.second):.3g} apart")  # fmt: skip
     rows = [("quantity", "unit", "from, s", "largest", "at, s")]
     rows += [
         (each.name, each.unit, f"{each.time:g}", f"{each.largest:.3g}", f"{each.at:g}")
-        for each in found.columns[:MOST_COLUMNS]
+        for each in differences.columns[:MOST_COLUMNS]
     ]
     lines += [line.rstrip() for line in aligned_lines(rows)]
-    return lines + more_lines(len(found.columns) - MOST_COLUMNS, "quantities")
+    return lines + more_lines(len(differences.columns) - MOST_COLUMNS, "quantities")
 
 
 def more_lines(count: int, what: str) -> list[str]:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, TypeAlias
 
 from skyarm.log.log_columns import FlightArrays, columns
 from skyarm.records.files import needs_extra
 
+if TYPE_CHECKING:
+    import pandas
+    import pyarrow
 
-def log_frame(log: FlightArrays) -> Any:
+DataFrame: TypeAlias = "pandas.DataFrame"
+
+ArrowTable: TypeAlias = "pyarrow.Table"
+
+
+def log_frame(log: FlightArrays) -> DataFrame:
     """Return a log as a pandas DataFrame with the index ``time``; ``attrs["units"]`` and ``["meanings"]`` by column.
 
     Raises:
@@ -25,7 +33,7 @@ def log_frame(log: FlightArrays) -> Any:
     return frame
 
 
-def log_table(log: FlightArrays) -> Any:
+def log_table(log: FlightArrays) -> ArrowTable:
     """Return a log as a pyarrow Table; the metadata of each field are ``unit`` and ``meaning``.
 
     Raises:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from skyarm.log.flown_scenario import written_at
 from skyarm.log.log_columns import FlightArrays, component_labels
+from skyarm.records.arrays import Mask
 from skyarm.records.immutable import immutable
 
 SAME = 1e-6
@@ -53,14 +52,14 @@ class GraspPeriod:
 
 def contact_periods(log: FlightArrays) -> tuple[ContactPeriod, ...]:
     """List all periods of contact in a log, ordered by start."""
-    found: list[ContactPeriod] = []
+    touches: list[ContactPeriod] = []
     for (surface, point), force in zip(contact_pairs(log), log.component("contact_force").T, strict=False):
         for begin, end in runs_of(force > 0.0):
             inside = force[begin:end]
             peak, mean = float(inside.max()), float(inside.mean())
             start, stop = float(log.time[begin]), _time(log, end)
-            found.append(ContactPeriod(surface=surface, point=point, start=start, end=stop, peak=peak, mean=mean))
-    return tuple(sorted(found, key=lambda each: each.start))
+            touches.append(ContactPeriod(surface=surface, point=point, start=start, end=stop, peak=peak, mean=mean))
+    return tuple(sorted(touches, key=lambda each: each.start))
 
 
 def contact_pairs(log: FlightArrays) -> tuple[tuple[str, str], ...]:
@@ -78,7 +77,7 @@ def points_at_tip(log: FlightArrays) -> frozenset[str]:
 
 def grasp_periods(log: FlightArrays) -> tuple[GraspPeriod, ...]:
     """List all grasps in a log, ordered by start."""
-    found = list[GraspPeriod]()
+    grasps = list[GraspPeriod]()
     bodies = [label.partition("/")[0] for label in component_labels(log, "object_position")[::3]]
     bodies += component_labels(log, "mechanism_position")
     grippers = component_labels(log, "gripper_taken")
@@ -87,7 +86,7 @@ def grasp_periods(log: FlightArrays) -> tuple[GraspPeriod, ...]:
         taken, lost, force = columns
         for number in np.unique(taken[taken > 0.0]):
             for begin, end in runs_of(taken == number):
-                found.append(
+                grasps.append(
                     GraspPeriod(
                         gripper=gripper,
                         held=bodies[int(number) - 1],
@@ -97,7 +96,7 @@ def grasp_periods(log: FlightArrays) -> tuple[GraspPeriod, ...]:
                         peak=float(force[begin:end].max()),
                     )
                 )
-    return tuple(sorted(found, key=lambda each: each.start))
+    return tuple(sorted(grasps, key=lambda each: each.start))
 
 
 def timed_out(log: FlightArrays) -> frozenset[int]:
@@ -105,15 +104,15 @@ def timed_out(log: FlightArrays) -> frozenset[int]:
 
     A guard that is met in the very last period of its timeout counts among them.
     """
-    found = set()
+    phases = set()
     for wait in log.info.get("waits", ()) if log.path_time.size else ():
         resting = log.time[np.abs(log.path_time - wait["at"]) < SAME]
         if resting.size and resting[-1] - resting[0] > wait["timeout"] - SAME:
-            found.add(int(wait["phase"]))
-    return frozenset(found)
+            phases.add(int(wait["phase"]))
+    return frozenset(phases)
 
 
-def runs_of(true: Any) -> list[tuple[int, int]]:
+def runs_of(true: Mask) -> list[tuple[int, int]]:
     """Start index, and end index (exclusive), of each run of true values in a mask."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(int)))
     return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]

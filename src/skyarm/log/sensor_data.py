@@ -7,16 +7,16 @@ needs no line here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.log.flown_scenario import Info
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import is_record, parts, walk
+from skyarm.records.leaves import Tree, is_record, parts, walk
 from skyarm.records.units import Unit, units
 
 READINGS, ESTIMATE = "readings", "estimate"
@@ -32,13 +32,13 @@ BARE = "value"
 
 
 @immutable(kw_only=False)
-class Field:
+class LoggedField:
     """Field of a sensor reading or estimate: unit, meaning and column labels.
 
     Attributes:
         unit: SI; empty for pure numbers. meaning: in words.
         axes: endings of its columns; None for one number an instant.
-        units: of each column, where they differ.
+        units: unit of each column, where they differ.
     """
 
     unit: str
@@ -52,64 +52,64 @@ class Source:
     """Sensor or estimator whose readings a log stores: fields, interval, delay and frame.
 
     Attributes:
-        fields: of its record, by name.
-        every: control periods from one reading to the next. late: from taking a reading to its arrival.
-        frame: of the vehicle at which a force is read, in its axes; None for any other sensor.
+        fields: fields of its record, by name.
+        every: control periods from one reading to the next. late: control periods of a reading's delay.
+        frame: frame of the vehicle at which a force is read, in its axes; None for any other sensor.
     """
 
-    fields: dict[str, Field]
+    fields: dict[str, LoggedField]
     every: int = 1
     late: int = 0
     frame: str | None = None
 
     @property
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> Info:
         """Convert the source to plain data for a log file."""
         return asdict(self)
 
 
-def fields_of(record: Any, count: int) -> Iterator[tuple[str, Field, Array]]:
+def fields_of(record: Tree, count: int) -> Iterator[tuple[str, LoggedField, Array]]:
     """Yield name, description and values over time, (N,) or (N, k), of each field of a sensor reading.
 
     Args:
-        record: whose scalars are columns (N,), or numbers that stand for every instant.
-        count: of instants, N.
+        record: record whose scalars are columns (N,), or numbers that stand for every instant.
+        count: number of instants, N.
     """
     whole = is_record(record) and not isinstance(record, (Vec3, Quaternion))
     said = units(type(record)) if whole else {}
     for name, value in (parts(record) if whole else {BARE: record}).items():
-        found = [(place, each) for place, each in walk(value) if not isinstance(each, (str, bool, type(None)))]
-        if not found:
+        numbers = [(place, each) for place, each in walk(value) if not isinstance(each, (str, bool, type(None)))]
+        if not numbers:
             continue
-        table = np.stack([np.broadcast_to(np.asarray(each, dtype=float), (count,)) for _, each in found], axis=1)
-        single = found[0][0] == ()
+        table = np.stack([np.broadcast_to(np.asarray(each, dtype=float), (count,)) for _, each in numbers], axis=1)
+        single = numbers[0][0] == ()
         unit = said.get(name, Unit())
-        axes = None if single else ["_".join(place) for place, _ in found]
-        yield name, Field(unit.unit, unit.meaning, axes), table[:, 0] if single else table
+        axes = None if single else ["_".join(place) for place, _ in numbers]
+        yield name, LoggedField(unit.unit, unit.meaning, axes), table[:, 0] if single else table
 
 
-def sources_of(info: Mapping[str, Any]) -> dict[str, Source]:
+def sources_of(info: Info) -> dict[str, Source]:
     """Read the sensors, estimator and environment models that a log stores, by name.
 
     Raises:
         ValueError: one line: a damaged description.
     """
     try:
-        found = {
+        sources = {
             name: Source(
-                {key: Field(**field) for key, field in each["fields"].items()},
+                {key: LoggedField(**field) for key, field in each["fields"].items()},
                 each["every"],
                 each["late"],
                 each["frame"],
             )
             for name, each in info.get(DESCRIPTION, {}).items()
         }
-        sound = all(map(_has_valid_types, found.values()))
+        sound = all(map(_has_valid_types, sources.values()))
     except (AttributeError, KeyError, TypeError):
         sound = False
     if not sound:
         raise ValueError(f"{DESCRIPTION}: must be what skyarm writes of sensors and estimate")
-    return found
+    return sources
 
 
 def _has_valid_types(source: Source) -> bool:

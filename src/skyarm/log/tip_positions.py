@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from skyarm.algebra.frames import unit_rows
@@ -19,12 +17,12 @@ def tip(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> 
     return frame_pose_world(vehicle, position, unit_rows(quaternion), joints)[0]
 
 
-def level_tip(vehicle: Vehicle, position: Array, yaw: Any, joints: Array) -> Array:
+def level_tip(vehicle: Vehicle, position: Array, yaw: Array, joints: Array) -> Array:
     """World position of the tip (N, 3), m, if the base were level at the given yaw."""
     return tip(vehicle, position, yaw_quaternion(yaw), joints)
 
 
-def yaw_quaternion(yaw: Any) -> Array:
+def yaw_quaternion(yaw: Array) -> Array:
     """Quaternions wxyz (N, 4) of a level attitude with the given yaw."""
     zero = np.zeros_like(yaw)
     return np.stack([np.cos(0.5 * yaw), zero, zero, np.sin(0.5 * yaw)], axis=1)

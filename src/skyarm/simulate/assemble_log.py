@@ -10,7 +10,7 @@ import numpy as np
 from skyarm.control.law_estimates import found_by_law
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.metrics.windows import Windows
-from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, Field, Source, fields_of
+from skyarm.log.sensor_data import COMPONENTS, DESCRIPTION, ESTIMATE, READINGS, LoggedField, Source, fields_of
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.records.arrays import Array
 from skyarm.records.files import versions
@@ -201,7 +201,7 @@ def sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
 
     columns = [Column(*column) for each in scenario.components for column in each.columns]
     declared = {
-        array: Field(each[0].unit, each[0].meaning, [column.label for column in each], _differing_units(each))
+        array: LoggedField(each[0].unit, each[0].meaning, [column.label for column in each], _differing_units(each))
         for array, each in by_array(scenario.components, columns).items()
     }
     if declared:

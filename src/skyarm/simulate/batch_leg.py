@@ -16,7 +16,7 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.compile.tracing.lower import live
 from skyarm.compile.tracing.tracer import Node
 from skyarm.log.metrics.accumulate import Total, advance_totals, first_totals
-from skyarm.log.metrics.metric import Goal, Instant, Limits
+from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.leaves import leaves, rebuild
@@ -55,7 +55,7 @@ class Feed:
         self._scenario, self._windows = scenario, tuple(masks)
         # windows that hold every instant are structure
         self._flags = tuple(name for name in masks if not masks[name].all())
-        table, goals = inputs.times[:, None], list[Goal]()
+        table, goals = inputs.times[:, None], list[MetricGoal]()
         row: GivenRow = Row(time=0.0, reference=())
         if not (scenario.reference.guards or any(path.startswith("reference.") for path in paths)):
             row, table = inputs.row_example, inputs.rows
@@ -64,15 +64,17 @@ class Feed:
         self.example: Any = (row, (0.0,) * len(flags), *map(structure_of, goals))
         self.rows = np.hstack([table, *flags, *(table_of(goal, scenario.steps) for goal in goals)])
 
-    def _goal_table(self, reference: Reference) -> Goal:
+    def _goal_table(self, reference: Reference) -> MetricGoal:
         """Desired positions of base, joints and tip at every control instant, from a reference given as arrays."""
         vehicle = self._scenario.plant.vehicle
         dense = reference.dense()
         program = trace(lambda one: goal_of(vehicle, one), structure_of(dense))
-        goal: Goal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
+        goal: MetricGoal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
         return goal
 
-    def read(self, varied: Scenario, fed: Any, ticks: Scalar) -> tuple[GivenRow, tuple[Goal, ...], dict[str, Any]]:
+    def read(
+        self, varied: Scenario, fed: Any, ticks: Scalar
+    ) -> tuple[GivenRow, tuple[MetricGoal, ...], dict[str, Any]]:
         """Decode a row of inputs: reference, desired positions for the metrics, flags of the metrics' time windows.
 
         Without goals where phases wait for guards: the loop itself evaluates its reference.
@@ -94,7 +96,9 @@ class Feed:
         return any(node.op == "input" for node in live(nodes))
 
 
-def _instant(stages: Stages, loop: LoopState, row: Row[Reference], sample: Sample, goals: tuple[Goal, ...]) -> Instant:
+def _instant(
+    stages: Stages, loop: LoopState, row: Row[Reference], sample: Sample, goals: tuple[MetricGoal, ...]
+) -> MetricInstant:
     """Collect the quantities of one control instant from which the metrics are computed."""
     vehicle, waits, command = stages.scenario.plant.vehicle, stages.waits, sample.command
     if not goals:
@@ -102,7 +106,7 @@ def _instant(stages: Stages, loop: LoopState, row: Row[Reference], sample: Sampl
         goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
     first = loop.ticks < 0.5
     pairs = zip(command.rotor_speeds, loop.agent.queue[-1].rotor_speeds, strict=True)
-    return Instant(
+    return MetricInstant(
         state=sample.state,
         tool=tool_of(vehicle, sample.state),
         command=command,
@@ -112,7 +116,7 @@ def _instant(stages: Stages, loop: LoopState, row: Row[Reference], sample: Sampl
         lag=row.time - _path_time(row),
         phase=waits.phase(_path_time(row)),
         time=row.time,
-        limits=Limits.of(vehicle, stages.scenario.commands_setpoints),
+        limits=ActuatorLimits.of(vehicle, stages.scenario.commands_setpoints),
         **_contact_inputs(stages.scenario, row, sample),
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, cos, sin
 from skyarm.dynamics import State, frame_pose
-from skyarm.log.metrics.metric import Goal
+from skyarm.log.metrics.metric import MetricGoal
 from skyarm.reference import Reference
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -23,16 +23,16 @@ def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: tup
     return position + quaternion.rotation().apply(held)
 
 
-def goal_of(vehicle: Vehicle, reference: Reference) -> Goal:
+def goal_of(vehicle: Vehicle, reference: Reference) -> MetricGoal:
     """Desired positions of base, joints and tip of a reference; without a tip reference, the tip of the level vehicle.
 
     The latter is p_d + R_z(psi_d) p_e(th_d).
     """
     if reference.tip:
-        return Goal(position=reference.position, joints=reference.joints, tool=Vec3(*reference.tip))
+        return MetricGoal(position=reference.position, joints=reference.joints, tool=Vec3(*reference.tip))
     tool = reference.position
     if vehicle.end_effector:
         held = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), reference.joints).p
         c, s = cos(reference.yaw), sin(reference.yaw)
         tool = tool + Vec3(c * held.x - s * held.y, s * held.x + c * held.y, held.z)
-    return Goal(position=reference.position, joints=reference.joints, tool=tool)
+    return MetricGoal(position=reference.position, joints=reference.joints, tool=tool)

@@ -13,7 +13,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics.accumulate import advance_totals, first_totals
-from skyarm.log.metrics.metric import Goal, Instant
+from skyarm.log.metrics.metric import MetricGoal, MetricInstant
 from skyarm.log.metrics.metric_catalogue import GROUPS, required_totals, values
 from skyarm.log.metrics.score import score
 from skyarm.simulate.batch import Batch
@@ -25,12 +25,12 @@ STATE = State(
     position=ZERO, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=ZERO, rate=ZERO, joints=(), joint_rates=(),
     rotor_speeds=(0.0,),
 )  # fmt: skip
-GOAL = Goal(position=ZERO, joints=(), tool=ZERO)
+GOAL = MetricGoal(position=ZERO, joints=(), tool=ZERO)
 
 
 def instant(k, force, wanted=1.0, tool=ZERO, parts={}, **more):  # noqa: B006
     """The k-th control instant of a flight with a push along -x, forces (N) at two pairs."""
-    return Instant(
+    return MetricInstant(
         state=STATE, tool=tool, command=Command(rotor_speeds=(0.0,), efforts=()), before=(0.0,), held=GOAL,
         continuous=GOAL, time=PERIOD * k, push=(wanted, 0.1, -1.0, 0.0, 0.0),
         parts=(("contact_force", (0.75 * force, 0.25 * force)), *parts.items()), **more,
@@ -111,7 +111,7 @@ def test_what_was_moved_is_told_where_the_flight_leaves_it():
 def test_a_flight_that_touches_nothing_has_no_such_numbers():
     free = metrics_of([instant(0, 0.0), instant(1, 0.0)])
     assert all(math.isnan(free[name]) for name in NAMES if name.startswith("contact_") and "la" not in name)
-    bare = Instant(
+    bare = MetricInstant(
         state=STATE, tool=ZERO, command=Command(rotor_speeds=(0.0,), efforts=()), before=(0.0,), held=GOAL,
         continuous=GOAL,
     )  # fmt: skip

@@ -13,7 +13,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics.interaction import TOTALED, GripTotals
-from skyarm.log.metrics.metric import Goal, Instant
+from skyarm.log.metrics.metric import MetricGoal, MetricInstant
 from skyarm.log.metrics.score import score
 from skyarm.scenario.numbers import with_numbers
 from skyarm.simulate.batch import Batch
@@ -33,10 +33,11 @@ def instant(angle, turned, pull, taken=1.0, grip=1.0, **more):
     goal = Vec3(1.0 - 0.5 * math.sin(angle), -0.1 + 0.5 * math.cos(angle), 7.0)
     out = (-math.sin(turned), math.cos(turned), 0.0)
     along = (-math.cos(turned), -math.sin(turned), 0.0)
-    return Instant(
+    return MetricInstant(
         state=STATE, tool=Vec3(1.0 + 0.4 * out[0], 0.4 * out[1], 7.1), command=Command(rotor_speeds=(0.0,), efforts=()),
-        before=(0.0,), held=Goal(position=ZERO, joints=(), tool=goal), continuous=Goal(position=ZERO, joints=(),
-        tool=goal), push=(0.0, 0.1, 0.0, 1.0, 0.0, grip, *BELIEVED, 0.0, 0.0, 1.0),
+        before=(0.0,), held=MetricGoal(position=ZERO, joints=(), tool=goal),
+        continuous=MetricGoal(position=ZERO, joints=(), tool=goal),
+        push=(0.0, 0.1, 0.0, 1.0, 0.0, grip, *BELIEVED, 0.0, 0.0, 1.0),
         parts=(
             ("mechanism_position", (0.3 + turned, 9.0)),
             ("mechanism_hinge", (*TRUE, 0.0, 0.0, 1.0)),

@@ -15,7 +15,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics import interaction
 from skyarm.log.metrics.accumulate import QUANTITIES, quantity, roll_and_pitch, tilt
-from skyarm.log.metrics.metric import Goal, Instant, Limits
+from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 TURN = Rotation.from_euler("ZYX", [0.9, -0.7, 0.4])
@@ -26,7 +26,7 @@ COMMANDED, BEFORE, EFFORTS = [470.0, 520.0, 455.0, 500.0], [480.0, 500.0, 485.0,
 
 
 def goal(where):
-    return Goal(position=Vec3(*where["position"]), joints=tuple(where["joints"]), tool=Vec3(*where["tool"]))
+    return MetricGoal(position=Vec3(*where["position"]), joints=tuple(where["joints"]), tool=Vec3(*where["tool"]))
 
 
 def instant():
@@ -40,7 +40,7 @@ def instant():
         joint_rates=(0.0, 0.0),
         rotor_speeds=(480.0,) * 4,
     )
-    return Instant(
+    return MetricInstant(
         state=state,
         tool=Vec3(*NOW["tool"]),
         command=Command(rotor_speeds=tuple(COMMANDED), efforts=tuple(EFFORTS)),
@@ -49,7 +49,7 @@ def instant():
         continuous=goal(SMOOTH),
         lag=0.35,
         phase=2.0,
-        limits=Limits(speeds=(838.0, 838.0, 455.0, 838.0), efforts=(0.08, math.inf)),
+        limits=ActuatorLimits(speeds=(838.0, 838.0, 455.0, 838.0), efforts=(0.08, math.inf)),
     )
 
 
@@ -91,7 +91,7 @@ def test_an_effort_is_that_of_its_joint():
     assert [quantity(f"effort{i}", instant()) for i in range(2)] == EFFORTS
 
 
-LIMITS = Limits(speeds=(838.0,) * 4, efforts=(0.5, 0.5))
+LIMITS = ActuatorLimits(speeds=(838.0,) * 4, efforts=(0.5, 0.5))
 
 
 def limited(speeds=(470.0,) * 4, efforts=(0.0, 0.0), limits=LIMITS):
@@ -111,12 +111,13 @@ def test_a_period_counts_once_however_many_commands_are_at_limits():
 
 def test_what_has_no_limit_is_never_at_it_and_an_unknown_vehicle_has_no_share():
     found = load_vehicle("quadrotor_roll_arm2")
-    assert Limits.of(found, [True, True]).efforts == (math.inf, math.inf), "setpoints of servos"
-    assert limited(efforts=(1e9, 1e9), limits=Limits(speeds=(math.inf,) * 4, efforts=(math.inf,) * 2)) == (0.0, 0.0)
+    assert ActuatorLimits.of(found, [True, True]).efforts == (math.inf, math.inf), "setpoints of servos"
+    unlimited = ActuatorLimits(speeds=(math.inf,) * 4, efforts=(math.inf,) * 2)
+    assert limited(efforts=(1e9, 1e9), limits=unlimited) == (0.0, 0.0)
     arm = load_vehicle("hummingbird_arm2")
     passive = dataclasses.replace(arm.links[0].joint, effort_limit=0)
     slack = dataclasses.replace(arm, links=(dataclasses.replace(arm.links[0], joint=passive), arm.links[1]))
-    assert Limits.of(slack, [False, False]).efforts == (math.inf, 0.5)
+    assert ActuatorLimits.of(slack, [False, False]).efforts == (math.inf, 0.5)
     assert np.isnan(limited(limits=None)).all()
 
 

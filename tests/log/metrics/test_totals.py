@@ -14,7 +14,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics.accumulate import advance_totals, first_totals, roll_and_pitch, tilt
-from skyarm.log.metrics.metric import Goal, Instant
+from skyarm.log.metrics.metric import MetricGoal, MetricInstant
 from skyarm.log.metrics.metric_catalogue import GROUPS, measures, metric_names, required_totals, values
 from skyarm.log.metrics.score import score
 from skyarm.log.metrics.windows import Windows
@@ -240,9 +240,9 @@ STILL = State(
 
 def instant(x):
     """An instant at which the vehicle is x metres from where it should be."""
-    goal = Goal(position=Vec3(-x, 0.0, 0.0), joints=(0.0,), tool=Vec3(0.0, 0.0, 0.0))
+    goal = MetricGoal(position=Vec3(-x, 0.0, 0.0), joints=(0.0,), tool=Vec3(0.0, 0.0, 0.0))
     command = Command(rotor_speeds=(x, 3.0), efforts=(0.0,))
-    return Instant(
+    return MetricInstant(
         state=STILL, tool=Vec3(0.0, 0.0, 0.0), command=command, before=(0.0, 3.0), held=goal, continuous=goal
     )
 

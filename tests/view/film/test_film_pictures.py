@@ -13,7 +13,7 @@ from film_flights import flight, needs_display
 from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW, CameraPath
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights, ghost_solids, vehicle_solids
 from skyarm.view.film.make_film import FilmSettings, film_frames, make_film
-from skyarm.view.film.stage import Panel, open_stage
+from skyarm.view.film.stage import FramePanel, open_stage
 from skyarm.world.scene.shapes import Shape, Solid
 
 pytestmark = needs_display
@@ -35,7 +35,7 @@ def pixel(path: CameraPath, k: int, place: np.ndarray) -> np.ndarray:
 
 
 def pictures(path: CameraPath, solids: list[Solid], frames: list[int]) -> list[np.ndarray]:
-    panel = Panel(0, 0, WIDTH, HEIGHT, path, solids, lambda _k: [])
+    panel = FramePanel(0, 0, WIDTH, HEIGHT, path, solids, lambda _k: [])
     with open_stage([panel], WIDTH, HEIGHT) as stage:
         return [stage.draw(k).astype(int) for k in frames]
 
@@ -83,7 +83,7 @@ def test_a_panel_is_drawn_where_it_stands_in_the_frame() -> None:
     path = CAMERAS["fixed"]([one], TIMES, WIDTH / HEIGHT)
     drawn = []
     for solids in (only(vehicle_solids(one), "hull"), []):
-        panels = [Panel(30, 50, WIDTH, HEIGHT, path, solids, lambda _k: [])]
+        panels = [FramePanel(30, 50, WIDTH, HEIGHT, path, solids, lambda _k: [])]
         with open_stage(panels, WIDTH + 70, HEIGHT + 60) as stage:
             drawn.append(stage.draw(9).astype(int))
     np.testing.assert_allclose(centre_of_change(*drawn), pixel(path, 9, one.position[9]) + np.array([30, 50]), atol=1.0)

@@ -13,7 +13,7 @@ from skyarm.records.registry import registrations
 from skyarm.records.units import Unit
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.view.studio.fleet import Fleet, law_names
-from skyarm.view.studio.knobs import Knob, knobs_of
+from skyarm.view.studio.knobs import AdjustableNumber, knobs_of
 from skyarm.world import Wrench
 
 GROUPS = {"law", "reference", "wind and forces", "payload", "sensors", "delay", "faults"}
@@ -31,7 +31,7 @@ class Tug(skyarm.Force):
         return (Wrench(force_W=Vec3(self.pull, 0, 0)),)
 
 
-def knobs(case: str, law: str | None = None) -> dict[str, Knob]:
+def knobs(case: str, law: str | None = None) -> dict[str, AdjustableNumber]:
     fleet = Fleet(case)
     return {knob.path: knob for knob in knobs_of(fleet.under(law), fleet.push_path)}
 

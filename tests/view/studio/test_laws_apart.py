@@ -12,7 +12,7 @@ import pytest
 import skyarm
 from scenes_without_browser import Scene as Nodes
 from skyarm.view.studio.controls import Chart
-from skyarm.view.studio.picture import Picture, Stage
+from skyarm.view.studio.picture import FleetPicture, StudioStage
 
 
 def plotted(flights: int, errors: Sequence[float], columns: Sequence[str] = ("",)) -> tuple[Chart, Any]:
@@ -64,7 +64,7 @@ def test_a_plot_of_several_curves_says_which_is_which_where_they_lie_on_each_oth
 @pytest.mark.parametrize("dark", [False, True])
 def test_a_floor_is_about_as_light_as_its_page(dark: bool) -> None:
     server = SimpleNamespace(scene=Nodes(), initial_camera=SimpleNamespace(), dark=False)
-    stage, page = Stage(server), 20.0 if dark else 255.0
+    stage, page = StudioStage(server), 20.0 if dark else 255.0
     server.dark = dark
     stage._follow(np.zeros(3))
     ground = server.scene.nodes["/stage/ground"]
@@ -79,7 +79,7 @@ def test_laws_at_one_place_are_a_solid_and_wires_around_it() -> None:
     for kind, add in plain.items():
         scene.__dict__[kind] = lambda name, *args, add=add, **words: made.append((name, words)) or add(name, *args)
     server = SimpleNamespace(scene=scene, initial_camera=SimpleNamespace())
-    Picture(server).build(skyarm.load_scenario("case2"), ["one", "two"])
+    FleetPicture(server).build(skyarm.load_scenario("case2"), ["one", "two"])
     for law, wires in (("law1", False), ("law2", True)):
         assert {words["wireframe"] for name, words in made if name.startswith(f"/stage/{law}/")} == {wires}
     one, two = ({name.partition(law)[2]: words for name, words in made if law in name} for law in ("law1", "law2"))

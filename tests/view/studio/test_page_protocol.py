@@ -18,7 +18,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from skyarm.view.studio.fleet import Fleet
 from skyarm.view.studio.page import Page
 from skyarm.view.studio.picture import COLORS
-from skyarm.view.studio.server import Guard, close_server, listening_socket, open_server
+from skyarm.view.studio.server import AccessGuard, close_server, listening_socket, open_server
 
 TOKEN = "0123456789abcdef"
 
@@ -29,7 +29,7 @@ class Open:
     def __init__(self, folder: Path) -> None:
         listening = listening_socket(0)
         self.port = listening.getsockname()[1]
-        self.server = open_server(listening, Guard(self.port, TOKEN), "test")
+        self.server = open_server(listening, AccessGuard(self.port, TOKEN), "test")
         self.page = Page(self.server, Fleet("case2"), ["paper_ct", "paper_pd"], folder)
         self.thread = threading.Thread(target=self.page.run)
         self.thread.start()

@@ -12,9 +12,9 @@ from tab import Tab
 import skyarm
 from scenes_without_browser import Scene
 from skyarm.flight_data.motion import Motion, PredictedMotion, join_motions
-from skyarm.view.studio.replay import RATE, Replay, mean_error
+from skyarm.view.studio.replay import RATE, PredictionReplay, mean_error
 from skyarm.view.studio.replay_page import ReplayPage, ReplayPicture
-from skyarm.view.studio.server import Guard, close_server, listening_socket, open_server
+from skyarm.view.studio.server import AccessGuard, close_server, listening_socket, open_server
 
 START, SECONDS = 100.0, 4.0
 """s on the flight's own clock: begin and duration of the flight."""
@@ -48,9 +48,9 @@ def predicted(horizon: float) -> PredictedMotion:
     return PredictedMotion(model=model, held=held, begins=START + begins)
 
 
-def replay(horizon: float = 1.0) -> Replay:
+def replay(horizon: float = 1.0) -> PredictionReplay:
     measured = motion(0.0, SECONDS, 0.0)
-    return Replay("swings", skyarm.load_vehicle("hummingbird_arm2"), measured, predicted, horizon)
+    return PredictionReplay("swings", skyarm.load_vehicle("hummingbird_arm2"), measured, predicted, horizon)
 
 
 @pytest.mark.parametrize(("time", "age"), [(0.5, 0.0), (1.25, 0.75), (1.49, 0.99), (1.5, 0.0), (3.25, 0.75)])
@@ -132,7 +132,7 @@ def test_the_picture_has_the_flight_as_a_ghost_and_the_model_only_where_it_is_pr
 def test_the_page_tells_the_errors_and_its_slider_sets_the_horizon() -> None:
     listening = listening_socket(0)
     port, token = listening.getsockname()[1], "0123456789abcdef"
-    server = open_server(listening, Guard(port, token), "test")
+    server = open_server(listening, AccessGuard(port, token), "test")
     page = ReplayPage(server, replay())
     thread = threading.Thread(target=page.run)
     thread.start()

@@ -20,7 +20,7 @@ from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.studio.controls import charts
 from skyarm.view.studio.fleet import Flight
-from skyarm.view.studio.picture import NEWTON, VIEWS, Picture, force_arrows, tones_of, touch_arrows
+from skyarm.view.studio.picture import NEWTON, VIEWS, FleetPicture, force_arrows, tones_of, touch_arrows
 from skyarm.view.studio.scene_nodes import Arrows, SolidNodes, VehicleNodes
 from skyarm.view.studio.sights import sight
 from skyarm.world.scene.component_scenes import scene_now
@@ -100,10 +100,10 @@ def test_arrows_of_contact_are_shown_while_something_pushes() -> None:
     assert not node.visible
 
 
-def picture_of(scenario: Any) -> tuple[Picture, Nodes, SimpleNamespace]:
+def picture_of(scenario: Any) -> tuple[FleetPicture, Nodes, SimpleNamespace]:
     """A picture of a scenario under two laws, on a server without a browser."""
     scene, camera = Nodes(), SimpleNamespace()
-    picture = Picture(SimpleNamespace(scene=scene, initial_camera=camera))
+    picture = FleetPicture(SimpleNamespace(scene=scene, initial_camera=camera))
     picture.build(scenario, ["a", "b"])
     return picture, scene, camera
 

@@ -19,7 +19,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_plot import path_figure
 from skyarm.view.film.filmed_flight import COLORS, film_flight, marks_of, vehicle_solids
 from skyarm.view.studio.fleet import Flight
-from skyarm.view.studio.picture import Picture
+from skyarm.view.studio.picture import FleetPicture
 from skyarm.world import ForceWind, Gust
 from skyarm.world.component import Column, Force, Wrench
 from skyarm.world.hanging_payload import HangingPayload
@@ -92,7 +92,7 @@ def test_a_rope_and_a_cord_are_in_a_film_where_vehicle_and_load_are() -> None:
 
 def test_a_rope_is_in_the_studio() -> None:
     nodes = Nodes()
-    picture = Picture(SimpleNamespace(scene=nodes, initial_camera=SimpleNamespace()))
+    picture = FleetPicture(SimpleNamespace(scene=nodes, initial_camera=SimpleNamespace()))
     picture.build(scenario(), ["a"])
     rope = nodes.nodes["/stage/lines1/rope"]
     flight = Flight(None, scenario(), "environment.forces.2")

@@ -155,7 +155,7 @@ def test_a_record_without_a_mesh_is_written_as_it_was_and_one_whose_file_has_gon
 def test_a_film_draws_a_mesh_where_the_same_box_would_be(file: Path) -> None:
     """A mesh beside the origin of its body, that is turned, against a box there: MuJoCo moves a mesh's vertices."""
     from skyarm.view.film.camera_paths import CameraPath
-    from skyarm.view.film.stage import Panel, open_stage
+    from skyarm.view.film.stage import FramePanel, open_stage
 
     turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
     at = np.array([0.1, 0.2, 1.0])
@@ -164,7 +164,7 @@ def test_a_film_draws_a_mesh_where_the_same_box_would_be(file: Path) -> None:
     panels = []
     for i, (shape, place) in enumerate(((mesh, at), (BOX, at + turn @ SHIFT), (BOX, at))):
         solid = Solid(shape, place[None], turn[None], (0.8, 0.2, 0.1, 1.0))
-        panels.append(Panel(0, 64 * i, 96, 64, path, [solid], lambda k: ()))
+        panels.append(FramePanel(0, 64 * i, 96, 64, path, [solid], lambda k: ()))
     with open_stage(panels, 96, 192) as stage:
         pictures = np.split(stage.draw(0).astype(int), 3)
     off, wrong = (np.abs(pictures[0] - each).max(axis=2) > 30 for each in pictures[1:])

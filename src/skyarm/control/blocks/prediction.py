@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm import dynamics
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, ZERO3_DATA, Force, Mat3, Quaternion, Vec3, inner_product
@@ -25,7 +25,7 @@ class Disturbance:
 
     force: Annotated[Vec3, Unit("N", "fed forward, world axes")]
     torque: Annotated[Vec3, Unit("N m", "fed forward, base axes")]
-    efforts: Annotated[tuple[Any, ...], Unit("N m or N", "fed forward")]
+    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "fed forward")]
 
     def __add__(self, other: Disturbance) -> Disturbance:
         return Disturbance(

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from skyarm.links.ros.node import LOOPBACK, MOST_WAITING, RosError
-from skyarm.log.ros.messages import DEFINITIONS, Field, fields
+from skyarm.log.ros.messages import DEFINITIONS, MessageField, fields
 from skyarm.records.files import needs_extra, shown
 
 DOMAIN = "ROS_DOMAIN_ID"
@@ -194,7 +194,7 @@ class DdsTypes:
             self._made[kind] = made
         return self._made[kind]
 
-    def _field(self, field: Field) -> Any:
+    def _field(self, field: MessageField) -> Any:
         _, kind, length = field
         one = str if kind == "string" else bool if kind == "bool" else getattr(self._types, kind, None) or self.of(kind)
         if length is None:

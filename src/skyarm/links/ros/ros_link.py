@@ -25,7 +25,7 @@ from skyarm.links.ros.node import Node
 from skyarm.log.log_columns import names_of
 from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.log.ros.messages import FLIGHT
-from skyarm.log.ros.scene import Part
+from skyarm.log.ros.scene import LogSection
 from skyarm.log.ros.topics import FlightTopics, Topic, every_of
 from skyarm.records.arrays import Array
 from skyarm.scenario.scenario_record import Scenario
@@ -192,7 +192,7 @@ class RosLink:
             if not due:
                 continue
             with np.errstate(all="ignore"):
-                values = topic.values(Part(instant, slice(None)))
+                values = topic.values(LogSection(instant, slice(None)))
             data = encode(topic.kind, self._definitions, values, 1, packed=self.node.packed)
             self.node.send(topic.name, data[0].tobytes())
         self._begun = True
@@ -245,15 +245,15 @@ def _own_topics(session: Session, log: Any) -> tuple[Topic, ...]:
     fast, _ = every_of(log)
     rotors = names_of(log).rotors
 
-    def clock(part: Part) -> dict[str, Any]:
+    def clock(part: LogSection) -> dict[str, Any]:
         return {"clock": part.stamps}
 
-    def turning(part: Part) -> dict[str, Any]:
+    def turning(part: LogSection) -> dict[str, Any]:
         return {"header": part.header(""), "name": rotors, "velocity": part["rotor_speeds"]}
 
     arrays = ["rotor_commands", "efforts", *(["tilt_commands"] if session.scenario.plant.vehicle.tilts else [])]
 
-    def command(part: Part) -> dict[str, Any]:
+    def command(part: LogSection) -> dict[str, Any]:
         return {"data": np.hstack([part[name] for name in arrays])}
 
     return (

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, asin, atan2, clip, maximum, minimum, sqrt, where
 from skyarm.log.metrics import interaction
-from skyarm.log.metrics.metric import Goal, Instant, Metric
+from skyarm.log.metrics.metric import Metric, MetricInstant
 from skyarm.records import coerce
 from skyarm.records.files.user_code import place_of
-from skyarm.records.leaves import leaves, named_parts, rebuild
+from skyarm.records.leaves import Tree, leaves, named_parts, rebuild
 from skyarm.records.registry import RegistryError, find
 from skyarm.records.registry.class_signatures import class_mistake, refuse_mistake
 
@@ -27,10 +27,10 @@ CONTINUOUS = "_continuous"
 """Suffix of what is measured against the continuous reference; without it, against the held samples."""
 
 
-def joint_norm(joints: tuple[Scalar, ...], wanted: tuple[Scalar, ...]) -> Scalar:
+def joint_norm(joints: tuple[Scalar, ...], desired: tuple[Scalar, ...]) -> Scalar:
     """Euclidean norm of the joint position errors."""
     total: Scalar = 0.0
-    for q, q_d in zip(joints, wanted, strict=True):
+    for q, q_d in zip(joints, desired, strict=True):
         total = total + (q - q_d) * (q - q_d)
     return sqrt(total)
 
@@ -47,12 +47,12 @@ def roll_and_pitch(q: Quaternion) -> tuple[Scalar, Scalar]:
     return roll, asin(clip(2.0 * (w * y - z * x), -1.0, 1.0))
 
 
-def tilt(q: Quaternion) -> Any:
+def tilt(q: Quaternion) -> Scalar:
     """Tilt of the body's z axis against the vertical, from a unit quaternion, rad; accurate near zero."""
     return 2.0 * asin(minimum(sqrt(q.x * q.x + q.y * q.y), 1.0))
 
 
-def _jitter(now: Instant, size: Callable[[Any], Any]) -> Scalar:
+def _jitter(now: MetricInstant, size: Callable[[Scalar], Scalar]) -> Scalar:
     """Change of the commanded rotor speeds since the last control period, by size, averaged over the rotors."""
     total: Scalar = 0.0
     for new, old in zip(now.command.rotor_speeds, now.before, strict=True):
@@ -64,30 +64,30 @@ ROUNDING = 1e-9
 """Share of a limit by which a law that cuts its own commands may stay below it."""
 
 
-def _limited_rotors(now: Instant) -> Scalar:
+def _limited_rotors(now: MetricInstant) -> Scalar:
     """1 if a rotor command is 0 or less, or at its largest speed or beyond it, else 0; NaN without known limits."""
     if now.limits is None:
         return math.nan
-    found: Scalar = 0.0
+    limited: Scalar = 0.0
     for speed, highest in zip(now.command.rotor_speeds, now.limits.speeds, strict=True):
-        found = where(speed <= 0.0, 1.0, where(speed >= (1.0 - ROUNDING) * highest, 1.0, found))
-    return found
+        limited = where(speed <= 0.0, 1.0, where(speed >= (1.0 - ROUNDING) * highest, 1.0, limited))
+    return limited
 
 
-def _limited_joints(now: Instant) -> Scalar:
+def _limited_joints(now: MetricInstant) -> Scalar:
     """1 if a joint's torque or force is at its limit or beyond it, else 0; NaN without known limits."""
     if now.limits is None:
         return math.nan
-    found: Scalar = 0.0
+    limited: Scalar = 0.0
     for effort, highest in zip(now.command.efforts, now.limits.efforts, strict=True):
-        found = where(absolute(effort) >= (1.0 - ROUNDING) * highest, 1.0, found)
-    return found
+        limited = where(absolute(effort) >= (1.0 - ROUNDING) * highest, 1.0, limited)
+    return limited
 
 
 NEAR = 0.05
 """m: beyond it a tip counts as away from its reference."""
 
-QUANTITIES: Mapping[str, Callable[[Instant, Goal], Any]] = {
+QUANTITIES: Mapping[str, interaction.Quantity] = {
     "position": lambda now, goal: distance(now.state.position, goal.position),
     "joint": lambda now, goal: joint_norm(now.state.joints, goal.joints),
     "ee": lambda now, goal: distance(now.tool, goal.tool),
@@ -117,12 +117,15 @@ Total = tuple[str, str, str]
 
 Of kind "added" it is the memory of a registered metric, by its name."""
 
+Totals: TypeAlias = tuple[Any, ...]
+"""Values of some totals in their order: scalars, and what registered metrics remember."""
+
 ADDED = "added"
 
 STARTS = {"sum": 0.0, "square": 0.0, "max": -HUGE, "min": HUGE, "peak": 0.0, "last": HUGE}
 
 
-def quantity(name: str, now: Instant) -> Any:
+def quantity(name: str, now: MetricInstant) -> Scalar | None:
     """Compute a named quantity, such as the position error, at an instant; None if the flight lacks it."""
     goal = now.held
     if name.endswith(CONTINUOUS):
@@ -148,21 +151,21 @@ def added_metric(name: str) -> Metric:
     return made
 
 
-def first_totals(wanted: Sequence[Total]) -> tuple[Any, ...]:
+def first_totals(counted: Sequence[Total]) -> Totals:
     """Initial values of the running sums and extremes from which metrics are computed."""
     return tuple(
         added_numbers(name, "start", added_metric(name).start()) if kind == ADDED else STARTS[kind]
-        for kind, _, name in wanted
+        for kind, _, name in counted
     )
 
 
-def added_numbers(name: str, method: str, result: Any, like: Any = None) -> Any:
+def added_numbers(name: str, method: str, result: Tree, like: Tree = None) -> Tree:
     """Result of a method of a registered metric, after a check that it is of numbers.
 
     Args:
-        name: of the metric.
-        method: of it.
-        result: what it gave.
+        name: name of the metric.
+        method: name of its method.
+        result: result of that method.
         like: accumulator whose structure it must have; None for any.
 
     Raises:
@@ -178,27 +181,27 @@ def added_numbers(name: str, method: str, result: Any, like: Any = None) -> Any:
 
 
 def advance_totals(
-    totals: tuple[Any, ...], wanted: Sequence[Total], now: Instant, inside: Mapping[str, Any]
-) -> tuple[Any, ...]:
+    totals: Totals, counted: Sequence[Total], now: MetricInstant, inside: Mapping[str, Scalar]
+) -> Totals:
     """Add the quantities of one control instant to the running sums and extremes of the metrics.
 
     Args:
-        totals: so far.
-        wanted: definition of each of them.
-        now: the instant.
+        totals: totals so far.
+        counted: definition of each of them.
+        now: control instant.
         inside: window -> whether the instant counts for it, a condition.
     """
-    found = {name: quantity(name, now) for name in dict.fromkeys(name for kind, _, name in wanted if kind != ADDED)}
-    following: list[Any] = []
-    for total, (kind, window, name) in zip(totals, wanted, strict=True):
+    amounts = {name: quantity(name, now) for name in dict.fromkeys(name for kind, _, name in counted if kind != ADDED)}
+    following: list[Tree] = []
+    for total, (kind, window, name) in zip(totals, counted, strict=True):
         if kind == ADDED:
             more = leaves(added_numbers(name, "count", added_metric(name).count(total, now), total))
             pairs = zip(more, leaves(total), strict=True)
             following.append(rebuild(total, iter([where(inside[window], new, old) for new, old in pairs])))
-        elif found[name] is None:
+        elif (amount := amounts[name]) is None:
             following.append(total)
         else:
-            following.append(where(inside[window], _with_one_more(kind, total, found[name]), total))
+            following.append(where(inside[window], _with_one_more(kind, total, amount), total))
     return tuple(following)
 
 

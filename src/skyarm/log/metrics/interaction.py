@@ -17,7 +17,8 @@ import numpy as np
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, atan2, cos, logical_and, maximum, sin, where
 from skyarm.dynamics.kinematics import out_of_axis
-from skyarm.log.metrics.metric import Instant, Metric
+from skyarm.log.metrics.metric import Metric, MetricGoal, MetricInstant
+from skyarm.records.arrays import AnyArray
 from skyarm.records.immutable import immutable
 
 BOUNCES = 0.3
@@ -65,21 +66,21 @@ class PushTotals(Metric):
         """Initial running sums of the contact metrics: all zero, no touch yet."""
         return PushMemory()
 
-    def count(self, memory: PushMemory, now: Instant) -> PushMemory:
+    def count(self, memory: PushMemory, now: MetricInstant) -> PushMemory:
         """Add one control instant to the running sums of force error, contact losses and tip error."""
         forces = now.part("contact_force")
         if not now.push or not forces:
             return memory
-        wanted, normal = now.push[0], now.push[2:5]
+        desired, normal = now.push[0], now.push[2:5]
         force = reduce(add, forces)
-        asked, touches = wanted > 0.0, force > 0.0
+        asked, touches = desired > 0.0, force > 0.0
         begins = logical_and(logical_and(asked, touches), memory.first >= NOT_YET)
         first = where(begins, now.time, memory.first)
         after = now.time - first
         lost = logical_and(logical_and(asked, memory.touching > 0.5), logical_and(force <= 0.0, after >= BOUNCES))
         settled = logical_and(asked, after >= SETTLED)
-        error = force - wanted
-        held = logical_and(settled, absolute(error) <= BAND * wanted)
+        error = force - desired
+        near_desired = logical_and(settled, absolute(error) <= BAND * desired)
         apart = _tangential_error(now, normal)
         near = logical_and(asked, after >= 0.0)
         return PushMemory(
@@ -90,14 +91,14 @@ class PushTotals(Metric):
             count=memory.count + where(settled, 1.0, 0.0),
             error=memory.error + where(settled, error, 0.0),
             square=memory.square + where(settled, error * error, 0.0),
-            held=memory.held + where(held, 1.0, 0.0),
+            held=memory.held + where(near_desired, 1.0, 0.0),
             apart=memory.apart + where(near, apart, 0.0),
             farthest=maximum(memory.farthest, where(near, apart, 0.0)),
             near=memory.near + where(near, 1.0, 0.0),
         )
 
 
-def _tangential_error(now: Instant, normal: tuple[Scalar, ...]) -> Scalar:
+def _tangential_error(now: MetricInstant, normal: tuple[Scalar, ...]) -> Scalar:
     """Distance of the tip from its reference parallel to the nominal surface, m."""
     away = now.tool - now.held.tool
     along = away.x * normal[0] + away.y * normal[1] + away.z * normal[2]
@@ -111,7 +112,7 @@ class GripMemory:
     Attributes:
         held: instants in which it is held. force, largest: sum and largest of the radial force's size, N.
         behind: rad, by which it was furthest from where it should be. begun: 1 once the reference takes it along.
-        x, y, z: of the reference about its axis then, m. turned: rad, of the mechanism then.
+        x, y, z: arm of the reference about its axis then, m. turned: angle of the mechanism then, rad.
     """
 
     held: Scalar = 0.0
@@ -133,7 +134,7 @@ class GripTotals(Metric):
         """Initial running sums of the grip metrics: all zero, nothing gripped yet."""
         return GripMemory()
 
-    def count(self, memory: GripMemory, now: Instant) -> GripMemory:
+    def count(self, memory: GripMemory, now: MetricInstant) -> GripMemory:
         """Add one control instant to the running sums of radial force and lag."""
         hinge, turned_to = now.part("mechanism_hinge"), now.part("mechanism_position")
         if not hinge or not now.part("gripper_pull") or len(now.push) <= 6:
@@ -149,9 +150,9 @@ class GripTotals(Metric):
         begins = logical_and(holds, memory.begun < 0.5)
         first = Vec3(*(where(begins, a, b) for a, b in zip(arm, (memory.x, memory.y, memory.z), strict=True)))
         turned = where(begins, turned_to[0], memory.turned)
-        wanted = atan2(about.dot(first.cross(arm)), first.dot(arm))
+        turn = atan2(about.dot(first.cross(arm)), first.dot(arm))
         # about the handle's own axis, and a whole turn more or less is none
-        behind = where(about.dot(axis) < 0.0, -1.0, 1.0) * wanted - (turned_to[0] - turned)
+        behind = where(about.dot(axis) < 0.0, -1.0, 1.0) * turn - (turned_to[0] - turned)
         behind = absolute(atan2(sin(behind), cos(behind)))
         return GripMemory(
             held=memory.held + where(holds, 1.0, 0.0),
@@ -180,7 +181,7 @@ class PhaseTotals(Metric):
         """Initial index and start time, before the first phase."""
         return PhaseMemory()
 
-    def count(self, memory: PhaseMemory, now: Instant) -> PhaseMemory:
+    def count(self, memory: PhaseMemory, now: MetricInstant) -> PhaseMemory:
         """Store the index and start time of a phase when a new one begins."""
         more = now.phase > memory.phase
         return PhaseMemory(
@@ -193,12 +194,16 @@ TOTALS: Mapping[str, Metric] = {"push": PushTotals(), "grip": GripTotals(), "pha
 """Totals by name, as those of registered metrics."""
 
 
-def _of_part(name: str, index: int) -> Callable[[Instant, Any], Any]:
+Quantity = Callable[[MetricInstant, MetricGoal], Scalar | None]
+"""Instant and reference -> number of which totals are counted; None in a flight that lacks it."""
+
+
+def _of_part(name: str, index: int) -> Quantity:
     """Make a function that reads one number of a contact or gripper model's logged array."""
     return lambda now, _: now.part(name)[index] if now.part(name) else None
 
 
-QUANTITIES: Mapping[str, Callable[[Instant, Any], Any]] = {
+QUANTITIES: Mapping[str, Quantity] = {
     "contact": lambda now, _: reduce(add, now.part("contact_force")) if now.part("contact_force") else None,
     **{f"object_{axis}": _of_part("object_position", i) for i, axis in enumerate("xyz")},
     "mechanism": _of_part("mechanism_position", 0),
@@ -217,30 +222,30 @@ COUNTED: Mapping[str, tuple[str, str, str, str]] = {
 """Metric -> its form, its quantity, its words and unit."""
 
 
-def _share(total: Any, count: Any) -> Any:
+def _share(total: Scalar, count: Scalar) -> AnyArray:
     """Divide a sum by a count; NaN for a count of zero."""
-    return np.where(np.asarray(count) > 0, np.asarray(total) / np.maximum(count, 1), np.nan)
+    return np.where(np.asarray(count) > 0, np.asarray(total) / np.maximum(np.asarray(count), 1), np.nan)
 
 
-def _ripple(held: PushMemory) -> Any:
+def _ripple(memory: PushMemory) -> AnyArray:
     """RMS deviation of the contact force from its mean, N."""
-    mean = _share(held.error, held.count)
-    return np.sqrt(np.maximum(_share(held.square, held.count) - mean * mean, 0.0))
+    mean = _share(memory.error, memory.count)
+    return np.asarray(np.sqrt(np.maximum(_share(memory.square, memory.count) - mean * mean, 0.0)))
 
 
-def _if_met(held: PushMemory, number: Any) -> Scalar:
+def _if_met(memory: PushMemory, number: Scalar) -> AnyArray:
     """Return the value of a contact metric, or NaN if no commanded contact occurred."""
-    return np.where(np.asarray(held.first) < NOT_YET, number, np.nan)
+    return np.where(np.asarray(memory.first) < NOT_YET, np.asarray(number), np.nan)
 
 
-def _if_gripped(memory: Any, number: Any) -> Scalar:
+def _if_gripped(memory: GripMemory, number: Scalar) -> AnyArray:
     """Return the value of a grip metric, or NaN if the tip never gripped a handle."""
-    return np.where(np.asarray(memory.held) > 0, number, np.nan)
+    return np.where(np.asarray(memory.held) > 0, np.asarray(number), np.nan)
 
 
 HELD = "share of the time with the contact force within 30 % of the wanted one"
 
-TOTALED: Mapping[str, tuple[str, Callable[[Any], Any], str, str]] = {
+TOTALED: Mapping[str, tuple[str, Callable[[Any], AnyArray], str, str]] = {
     "contact_error_mean": ("push", lambda of: _share(of.error, of.count), "mean error of the contact force", "N"),
     "contact_ripple": ("push", _ripple, "RMS of the contact force about its mean", "N"),
     "contact_held": ("push", lambda of: _share(of.held, of.count), HELD, ""),
@@ -253,9 +258,9 @@ TOTALED: Mapping[str, tuple[str, Callable[[Any], Any], str, str]] = {
     "contact_tip_max": (
         "push", lambda of: _if_met(of, of.farthest), "largest tip error across the normal in contact", "m"
     ),
-    "phases_time": ("phases", lambda of: of.when, "when the last phase was done", "s"),
+    "phases_time": ("phases", lambda of: np.asarray(of.when), "when the last phase was done", "s"),
     "grip_force_mean": (
-        "grip", lambda of: _if_gripped(of, of.force / np.maximum(of.held, 1)),
+        "grip", lambda of: _if_gripped(of, of.force / np.maximum(np.asarray(of.held), 1)),
         "mean radial force on the handle that is held", "N",
     ),
     "grip_force_max": (

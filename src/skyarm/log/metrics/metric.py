@@ -18,7 +18,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @immutable
-class Goal:
+class MetricGoal:
     """Reference of the metrics: base position (m), joint positions, and tip position (m) at a level base."""
 
     position: Vec3
@@ -27,7 +27,7 @@ class Goal:
 
 
 @immutable
-class Limits:
+class ActuatorLimits:
     """Limits of a vehicle's actuators.
 
     Attributes:
@@ -39,7 +39,7 @@ class Limits:
     efforts: tuple[Scalar, ...]
 
     @classmethod
-    def of(cls, vehicle: Vehicle, setpoints: Sequence[bool]) -> Limits:
+    def of(cls, vehicle: Vehicle, setpoints: Sequence[bool]) -> ActuatorLimits:
         """Limits of a vehicle, of whose joints the marked ones take setpoints."""
         joints = zip((link.joint for link in vehicle.links), setpoints, strict=True)
         return cls(
@@ -52,31 +52,31 @@ class Limits:
 
 
 @immutable
-class Instant:
+class MetricInstant:
     """Simulation quantities at one control instant, from which metrics are computed.
 
     Attributes:
-        state: of the plant. tool: its tip, world, m.
+        state: state of the plant. tool: its tip, world, m.
         command: issued now. before: rotor speeds commanded a period ago; those of now at the first instant.
         held, continuous: the reference. lag: s, of the law's governed reference behind it.
         phase: number of the task's phase, where phases wait. time: s.
         push: commanded push of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
         parts: (name, numbers) of each array of the flight's components, and of their constants.
-        limits: of the plant's actuators; None where the vehicle is unknown.
+        limits: limits of the plant's actuators; None where the vehicle is unknown.
     """
 
     state: State
     tool: Vec3
     command: Command
     before: tuple[Scalar, ...]
-    held: Goal
-    continuous: Goal
+    held: MetricGoal
+    continuous: MetricGoal
     lag: Scalar = 0.0
     phase: Scalar = 0.0
     time: Scalar = 0.0
     push: tuple[Scalar, ...] = ()
     parts: tuple[tuple[str, tuple[Scalar, ...]], ...] = ()
-    limits: Limits | None = None
+    limits: ActuatorLimits | None = None
 
     def part(self, name: str) -> tuple[Scalar, ...]:
         """Values of an array logged by a wind, force or contact model at this instant; () if it does not exist."""
@@ -104,7 +104,7 @@ class Metric:
         """Return the initial accumulator of the metric: a dataclass or tuple of scalars, such as sums."""
         raise NotImplementedError(f"{type(self).__name__} must define start()")
 
-    def count(self, memory: Any, now: Instant) -> Any:
+    def count(self, memory: Any, now: MetricInstant) -> Any:
         """Return the accumulator of the metric after one more control instant."""
         raise NotImplementedError(f"{type(self).__name__} must define count()")
 

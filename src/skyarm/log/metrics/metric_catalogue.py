@@ -16,19 +16,18 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field, replace
-from typing import Any
 
 import numpy as np
 
-from skyarm.algebra.scalars import Scalar
 from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, HUGE, Total, added_metric
 from skyarm.log.metrics.interaction import COUNTED, TOTALED
 from skyarm.log.metrics.metric import Metric
 from skyarm.records import coerce
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.files.user_code import place_of
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.records.registry import names as registered_names
 
 
@@ -37,24 +36,24 @@ class Measure:
     """Definition of one metric: required sums, time window, formula, description and unit.
 
     Attributes:
-        totals: that it needs. window: in which its instants are counted.
+        totals: required sums and extremes. window: name of the window whose instants are counted.
         value: (instants, period in s, *totals) -> metric.
-        words, unit: for axes and tables.
+        words, unit: description and unit for axes and tables.
     """
 
     totals: tuple[Total, ...]
     window: str
-    value: Callable[..., Any] = field(repr=False)
+    value: Callable[..., AnyArray] = field(repr=False)
     words: str = ""
     unit: str = ""
 
 
-def _or_nan(_n: Any, _dt: Scalar, total: Any) -> Scalar:
+def _or_nan(_n: Array, _dt: float, total: Array) -> AnyArray:
     """Return an extreme or last value of a quantity, or NaN if the flight lacks the quantity."""
     return np.where(np.abs(total) < HUGE, total, np.nan)
 
 
-FORMS: Mapping[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
+FORMS: Mapping[str, tuple[tuple[str, ...], Callable[..., AnyArray]]] = {
     "mean": (("sum",), lambda n, _dt, total: total / n),
     "rms": (("square",), lambda n, _dt, total: np.sqrt(total / n)),
     "root": (("sum",), lambda n, _dt, total: np.sqrt(total / n)),
@@ -77,11 +76,11 @@ def _measure(form: str, window: str, quantity: str, words: str = "", unit: str =
 
 
 def _tracking(prefix: str, window: str, ending: str = "") -> dict[str, Measure]:
-    found = {}
+    measures = {}
     for name, what, unit in (("position", "position", "m"), ("joint", "joint", "rad"), ("ee", "tip", "m")):
-        found[f"{prefix}{name}_error_mean"] = _measure("mean", window, name, f"mean {what} error{ending}", unit)
-        found[f"{prefix}{name}_error_max"] = _measure("max", window, name, f"largest {what} error{ending}", unit)
-    return found
+        measures[f"{prefix}{name}_error_mean"] = _measure("mean", window, name, f"mean {what} error{ending}", unit)
+        measures[f"{prefix}{name}_error_max"] = _measure("max", window, name, f"largest {what} error{ending}", unit)
+    return measures
 
 
 TRACKING = _tracking("", "steady") | {
@@ -137,7 +136,7 @@ FREE = {
 """Metrics that have no twin."""
 
 INTERACTION = {
-    name: Measure(((ADDED, "whole", totals),), "whole", lambda _n, _dt, held, value=value: value(held), words, unit)
+    name: Measure(((ADDED, "whole", totals),), "whole", lambda _n, _dt, memory, value=value: value(memory), words, unit)
     for name, (totals, value, words, unit) in TOTALED.items()
 } | {name: _measure(form, "whole", *rest) for name, (form, *rest) in COUNTED.items()}
 """Metrics of the interaction with the world, of which a flight without it has none."""
@@ -168,7 +167,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 
 def measures(joints: int) -> dict[str, Measure]:
     """Definitions of all available metrics for an arm with a given number of joints, by name."""
-    found = (
+    by_name = (
         REFERRED
         | FREE
         | INTERACTION
@@ -179,61 +178,63 @@ def measures(joints: int) -> dict[str, Measure]:
     )
     for name, each in REFERRED.items():
         twins = tuple((kind, window, f"{what}{CONTINUOUS}") for kind, window, what in each.totals)
-        found[f"{name}{CONTINUOUS}"] = replace(each, totals=twins, words=f"{each.words}, continuous reference")
+        by_name[f"{name}{CONTINUOUS}"] = replace(each, totals=twins, words=f"{each.words}, continuous reference")
     for name in registered_names("metric"):
-        found[name] = _registered_measure(name)
-    return found
+        by_name[name] = _registered_measure(name)
+    return by_name
 
 
 def _registered_measure(name: str) -> Measure:
     """Make the definition of a registered metric, shipped or a user's."""
     metric = added_metric(name)
     totals, window = ((ADDED, metric.window, name),), metric.window
-    return Measure(totals, window, lambda n, dt, held: _result(name, metric, held, n, dt), metric.words, metric.unit)
+    return Measure(
+        totals, window, lambda n, dt, memory: _result(name, metric, memory, n, dt), metric.words, metric.unit
+    )
 
 
-def _result(name: str, metric: Metric, memory: Any, instants: Array, period: float) -> Array:
+def _result(name: str, metric: Metric, memory: Tree, instants: Array, period: float) -> Array:
     """Result of a registered metric over each flight, after a check."""
-    found = np.asarray(metric.result(memory, instants, period))
-    if found.dtype.kind not in "biuf" or found.shape not in ((), np.shape(instants)):
-        coerce.refuse(f"{place_of(type(metric).result)}: metric {name!r}: result", found, "must be one number a flight")
-    return found
+    value = np.asarray(metric.result(memory, instants, period))
+    if value.dtype.kind not in "biuf" or value.shape not in ((), np.shape(instants)):
+        coerce.refuse(f"{place_of(type(metric).result)}: metric {name!r}: result", value, "must be one number a flight")
+    return value
 
 
-def metric_names(wanted: Sequence[str], joints: int, told: Sequence[bool] = ()) -> tuple[str, ...]:
+def metric_names(words: Sequence[str], joints: int, setpoints: Sequence[bool] = ()) -> tuple[str, ...]:
     """Expand metric names and groups such as "standard" to a list of names, each once.
 
     A group with the suffix ``_continuous`` stands for the twins of those of its metrics that have one.
 
     Args:
-        wanted: names and groups.
-        joints: of the arm.
-        told: per joint, True if its command is a setpoint in place of a torque: groups then leave its torque out.
+        words: names and groups.
+        joints: number of joints of the arm.
+        setpoints: per joint, True if its command is a setpoint in place of a torque: groups then leave its torque out.
 
     Raises:
         ValueError: a name that is none, with those there are; or the torque of a joint that takes a setpoint.
     """
-    if isinstance(wanted, str) or not isinstance(wanted, Collection):
-        raise ValueError(f"metrics = {shown(wanted)}: must be a list of names and groups, as ['standard']")
-    known = measures(joints)
-    found: list[str] = []
-    without = [f"tau{i + 1}_rms" for i, each in enumerate(told) if each]
-    for word in wanted:
+    if isinstance(words, str) or not isinstance(words, Collection):
+        raise ValueError(f"metrics = {shown(words)}: must be a list of names and groups, as ['standard']")
+    every = measures(joints)
+    expanded: list[str] = []
+    without = [f"tau{i + 1}_rms" for i, each in enumerate(setpoints) if each]
+    for word in words:
         group = word.removesuffix(CONTINUOUS) if isinstance(word, str) else ""
         if word in without:
             k = word.removeprefix("tau").removesuffix("_rms")
             raise ValueError(f"metrics: {shown(word)}: must be left out: joint {k} is told setpoints of its drive")
-        if isinstance(word, str) and word in known:
-            found.append(word)
+        if isinstance(word, str) and word in every:
+            expanded.append(word)
         elif group in GROUPS:
             listed = [name for one in GROUPS[group] for name in _written_out(one, joints) if name not in without]
             twins = [f"{name}{CONTINUOUS}" for name in listed if name in REFERRED]
-            found += listed if group == word else twins
+            expanded += listed if group == word else twins
         else:
-            allowed = f"{', '.join(GROUPS)}, or of {', '.join(name for name in known if not name.endswith(CONTINUOUS))}"
-            meant = did_you_mean(word, (*GROUPS, *known))
+            allowed = f"{', '.join(GROUPS)}, or of {', '.join(name for name in every if not name.endswith(CONTINUOUS))}"
+            meant = did_you_mean(word, (*GROUPS, *every))
             raise ValueError(f"metrics: {shown(word)}: {meant}must be one of {allowed}; with {CONTINUOUS} its twin")
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(expanded))
 
 
 def _written_out(name: str, joints: int) -> list[str]:
@@ -242,8 +243,8 @@ def _written_out(name: str, joints: int) -> list[str]:
 
 def required_totals(names: Sequence[str], joints: int) -> tuple[Total, ...]:
     """List the sums and extremes from which the given metrics are computed, each once."""
-    known = measures(joints)
-    return tuple(dict.fromkeys(total for name in names for total in known[name].totals))
+    every = measures(joints)
+    return tuple(dict.fromkeys(total for name in names for total in every[name].totals))
 
 
 def values(
@@ -252,21 +253,21 @@ def values(
     """Compute the metrics of each flight of a batch from accumulated sums; NaN for an empty time window.
 
     Args:
-        names: of the metrics.
-        totals: at the end of each flight.
+        names: names of the metrics.
+        totals: totals at the end of each flight.
         instants: window -> how many instants of each flight lie in it.
-        joints: of the arm.
-        period: s.
+        joints: number of joints of the arm.
+        period: control period, s.
     """
-    known, found = measures(joints), {}
+    every, results = measures(joints), {}
     with np.errstate(all="ignore"):
         for name in names:
-            each = known[name]
+            each = every[name]
             n = instants[each.window]
             value = each.value(n, period, *(totals[total] for total in each.totals))
             empty = 0.0 if each.window == "whole" and name.startswith("iae") else np.nan
-            found[name] = np.where(n > 0, value, empty)
-    return found
+            results[name] = np.where(n > 0, value, empty)
+    return results
 
 
 def metric_words(name: str) -> tuple[str, str]:
@@ -275,5 +276,5 @@ def metric_words(name: str) -> tuple[str, str]:
     Joint errors are in rad; those of joints that slide in m.
     """
     torque = re.fullmatch(r"tau(\d+)_rms", name)
-    found = measures(int(torque[1]) if torque else 0).get(name)
-    return (found.words, found.unit) if found is not None and found.words else (name.replace("_", " "), "")
+    measure = measures(int(torque[1]) if torque else 0).get(name)
+    return (measure.words, measure.unit) if measure is not None and measure.words else (name.replace("_", " "), "")

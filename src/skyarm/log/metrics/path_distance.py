@@ -31,10 +31,10 @@ def path_distance(points: Array, path: Array) -> Array:
         return np.asarray(np.linalg.norm(points - path[0], axis=1))
     begin, along = path[:-1], np.diff(path, axis=0)
     square = (along * along).sum(axis=1)
-    found = np.empty(len(points))
+    distances = np.empty(len(points))
     for start in range(0, len(points), AT_ONCE):
         off = points[start : start + AT_ONCE, None] - begin
         share = np.clip((off * along).sum(axis=2) / square, 0.0, 1.0)
         left = off - share[..., None] * along
-        found[start : start + AT_ONCE] = np.sqrt((left * left).sum(axis=2).min(axis=1))
-    return found
+        distances[start : start + AT_ONCE] = np.sqrt((left * left).sum(axis=2).min(axis=1))
+    return distances

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from skyarm.log.flown_scenario import restored_at
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.accumulate import CONTINUOUS, advance_totals, first_totals, quantity
-from skyarm.log.metrics.metric import Goal, Instant, Limits
+from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.log.metrics.metric_catalogue import metric_names, required_totals, values
 from skyarm.log.metrics.windows import Window, Windows, windows_of
 from skyarm.log.sensor_data import COMPONENTS
@@ -32,7 +31,7 @@ def score(
     """Compute metrics of a logged flight, by metric name.
 
     Args:
-        log: of the flight, or the path of its file.
+        log: log of the flight, or the path of its file.
         metrics: names and groups (:mod:`skyarm.log.metrics.metric_catalogue`), registered ones too.
         windows: time windows, in place of those of the scenario.
 
@@ -47,17 +46,17 @@ def score(
         raise ValueError(f"windows = {shown(windows)}: must be Windows or None")
     joints = log.joints.shape[1]
     names = metric_names(metrics, joints, [unit is not None for unit in names_of(log).setpoints])
-    wanted = required_totals(names, joints)
+    counted = required_totals(names, joints)
     at = (windows or Windows()).of_flight(float(log.info["duration"]), windows_of(log))
     masks = at.masks(log.time)
-    used = tuple(dict.fromkeys(window for _, window, _ in wanted))
-    totals = first_totals(wanted)
+    used = tuple(dict.fromkeys(window for _, window, _ in counted))
+    totals = first_totals(counted)
     instants = _instants(log, whole=True)
     example = rebuild(instants, iter([0.0] * len(leaves(instants))))
     flags = (0.0,) * len(used)
     program = trace(
-        lambda held, now, inside: advance_totals(
-            held, wanted, now, {name: flag > 0.5 for name, flag in zip(used, inside, strict=True)}
+        lambda before, now, inside: advance_totals(
+            before, counted, now, {name: flag > 0.5 for name, flag in zip(used, inside, strict=True)}
         ),
         totals,
         example,
@@ -68,10 +67,10 @@ def score(
     memory = tuple(leaves(totals))
     for row in np.stack(columns, axis=1).tolist() if columns else ():
         memory = program.flat((*memory, *row))
-    held = dict(zip(wanted, rebuild(totals, iter([np.array([x]) for x in memory])), strict=True))
+    last = dict(zip(counted, rebuild(totals, iter([np.array([x]) for x in memory])), strict=True))
     count = {name: np.array([int(mask.sum())]) for name, mask in masks.items()}
     period = 1.0 / float(log.info["rates_hz"]["control"])
-    return {name: float(value[0]) for name, value in values(names, held, count, joints, period).items()}
+    return {name: float(value[0]) for name, value in values(names, last, count, joints, period).items()}
 
 
 SETTLING_BAND = 0.02
@@ -82,7 +81,7 @@ def settling_time(log: Log, steady: Window, *, continuous: bool = False) -> floa
     """Time from which the position error stays within 0.02 m of its steady mean, s; NaN if it never does.
 
     Args:
-        log: of the flight.
+        log: log of the flight.
         steady: window of the mean.
         continuous: against the continuous reference in place of the held samples.
 
@@ -107,15 +106,15 @@ def over_log(log: Log, name: str) -> Array:
     return row
 
 
-def _instants(log: Log, *, whole: bool = False) -> Instant:
+def _instants(log: Log, *, whole: bool = False) -> MetricInstant:
     """Convert a log to the input of the metrics: one dataclass with an array (N,) for every number."""
 
-    def rows(table: Any) -> tuple[Any, ...]:
+    def rows(table: Array) -> tuple[Array, ...]:
         return tuple(table.T)
 
-    def goal(kind: str) -> Goal:
+    def goal(kind: str) -> MetricGoal:
         position, joints, tool = (getattr(log, f"{name}_{kind}") for name in ("position", "joints", "tool"))
-        return Goal(position=Vec3(*position.T), joints=rows(joints), tool=Vec3(*tool.T))
+        return MetricGoal(position=Vec3(*position.T), joints=rows(joints), tool=Vec3(*tool.T))
 
     state = State(
         position=Vec3(*log.position.T),
@@ -129,7 +128,7 @@ def _instants(log: Log, *, whole: bool = False) -> Instant:
     )
     parts = _parts(log) if whole else ()
     before = np.vstack([log.rotor_commands[:1], log.rotor_commands[:-1]])
-    return Instant(
+    return MetricInstant(
         state=state,
         tool=Vec3(*log.tool.T),
         command=Command(
@@ -147,13 +146,13 @@ def _instants(log: Log, *, whole: bool = False) -> Instant:
     )
 
 
-def _limits(log: Log) -> Limits | None:
+def _limits(log: Log) -> ActuatorLimits | None:
     """Limits of the actuators, an array (N,) each; None if the log does not tell its vehicle."""
     vehicle = restored_at(log.info, "plant.vehicle")
     if vehicle is None:
         return None
-    found = Limits.of(vehicle, [unit is not None for unit in names_of(log).setpoints])
-    return rebuild(found, iter([np.full(log.time.size, float(limit)) for limit in leaves(found)]))
+    limits = ActuatorLimits.of(vehicle, [unit is not None for unit in names_of(log).setpoints])
+    return rebuild(limits, iter([np.full(log.time.size, float(limit)) for limit in leaves(limits)]))
 
 
 def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class Saturation:
     """Saturation of a flight's actuators: share of periods at a limit, and the worst command.
 
     Attributes:
-        share: of the control periods in which any command is.
+        share: share of the control periods in which any command is at a limit.
         actuator: the one whose largest command is furthest beyond its limit.
         command, limit: largest size of its command, and the limit on its side, in ``unit``.
     """
@@ -105,16 +105,16 @@ def shortfall(log: Log) -> Shortfall:
     """Find saturated actuators and missed references in a log."""
     if not log.time.size:
         return Shortfall(saturation=None, unreached=())
-    wanted, pushing = _wanted_force(log)
+    desired, pushing = _desired_force(log)
     return Shortfall(
         saturation=_saturation(log),
-        unreached=(*_missed_positions(log, pushing), *_missed_forces(log, wanted), *_missed_phases(log)),
+        unreached=(*_missed_positions(log, pushing), *_missed_forces(log, desired), *_missed_phases(log)),
     )
 
 
 def _saturation(log: Log) -> Saturation | None:
     """Saturation of the actuators; None if no command reached a limit or the log has no vehicle."""
-    beyond, found = np.zeros(log.time.size, dtype=bool), list[tuple[float, str, float, float, str]]()
+    beyond, limited = np.zeros(log.time.size, dtype=bool), list[tuple[float, str, float, float, str]]()
     for actuator, unit, sent, low, high in _actuator_limits(log):
         over = np.where(np.isfinite(sent), np.maximum(sent - high, low - sent), np.inf)
         worst = int(np.argmax(over))
@@ -125,19 +125,19 @@ def _saturation(log: Log) -> Saturation | None:
         at_limit = (over >= least * (abs(limit) or 1.0)) & math.isfinite(limit)
         beyond |= at_limit
         if at_limit.any():
-            found.append((over[worst] / (abs(limit) or 1.0), actuator, float(sent[worst]), limit, unit))
-    if not found:
+            limited.append((over[worst] / (abs(limit) or 1.0), actuator, float(sent[worst]), limit, unit))
+    if not limited:
         return None
-    _, actuator, command, limit, unit = max(found, key=lambda each: each[0])
+    _, actuator, command, limit, unit = max(limited, key=lambda each: each[0])
     return Saturation(share=float(beyond.mean()), actuator=actuator, command=command, limit=limit, unit=unit)
 
 
-def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, Any]]:
+def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float | Array]]:
     """Yield name, unit, commands (N,), lower and upper limit of each limited actuator; the upper one may change."""
     vehicle = restored_at(log.info, "plant.vehicle")
     if vehicle is None:
         return
-    supply: Any = 1.0
+    supply: float | Array = 1.0
     voltage, battery = log.component("battery_voltage"), vehicle.battery
     if voltage.size and battery is not None and battery.esc != "open":  # an open loop scales speeds and cuts none
         supply = voltage.reshape(log.time.size) / float(battery.reference_voltage)
@@ -166,18 +166,18 @@ def _missed_positions(log: Log, pushing: Array) -> Iterator[Unreached]:
     pairs = {"position": ("base", log.position, log.position_reference)}
     if not np.array_equal(log.tip, log.position):
         pairs["tip"] = "tip", log.tip, log.tip_reference
-    for what, (body, flown, wanted) in pairs.items():
+    for what, (body, flown, desired) in pairs.items():
         if log.path_time.size and not log.phase.size:
-            errors = path_distance(flown[at_end], wanted)
+            errors = path_distance(flown[at_end], desired)
         else:
-            errors = np.linalg.norm(flown[at_end] - wanted[at_end], axis=1)
+            errors = np.linalg.norm(flown[at_end] - desired[at_end], axis=1)
         error = float(errors.mean()) if errors.size else 0.0
         if not error <= LARGEST_ERROR:
             words = f"reference of the {body}, {error:.3g} m off in the mean from {start:g} s on"
             yield Unreached(reference=what, start=start, stop=float(log.time[-1]), words=words)
 
 
-def _wanted_force(log: Log) -> tuple[Array, Array]:
+def _desired_force(log: Log) -> tuple[Array, Array]:
     """Commanded contact force (N,), N, and a mask of the instants at which the tip presses or grips."""
     try:
         push = wanted_push(log) if written_at(log.info, "reference.push") else ()
@@ -190,11 +190,11 @@ def _wanted_force(log: Log) -> tuple[Array, Array]:
     return force, (force > 0.0) | gripping
 
 
-def _missed_forces(log: Log, wanted: Array) -> Iterator[Unreached]:
+def _missed_forces(log: Log, desired: Array) -> Iterator[Unreached]:
     """Yield the commanded contacts whose force stayed too small."""
     force = _force_at_tip(log)
-    for first, after in runs_of(wanted > 0.0):
-        most, aim = float(force[first:after].max()), float(wanted[first:after].max())
+    for first, after in runs_of(desired > 0.0):
+        most, aim = float(force[first:after].max()), float(desired[first:after].max())
         if most < (1.0 - BAND) * aim:
             start, stop = float(log.time[first]), float(log.time[after - 1])
             words = f"force of the push from {start:g} to {stop:g} s, at most {most:.3g} N of {aim:.3g} N"

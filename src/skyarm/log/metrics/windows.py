@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -68,11 +68,11 @@ class FlightWindows:
     """Time windows of the metrics in a flight of known duration.
 
     Attributes:
-        steady: of means, RMS and extremes. transient: of peaks.
-        gust: of the metrics that begin with ``gust_``.
+        steady: window of means, RMS and extremes. transient: window of peaks.
+        gust: window of the metrics that begin with ``gust_``.
         hover: before the motion starts. holds: while the arm is held away from the middle.
         last: s before the planned end of the flight.
-        duration: of the flight, s.
+        duration: duration of the flight, s.
     """
 
     steady: Window
@@ -85,15 +85,15 @@ class FlightWindows:
 
     def masks(self, time: Array) -> dict[str, Mask]:
         """Boolean masks of the given times (s) in each window, by the window's name."""
-        found = {name: _within(time, [getattr(self, name)]) for name in NAMES}
-        found["holds"] = _within(time, self.holds)
-        found["last"] = time >= self.duration - self.last
-        return found | {"whole": np.ones_like(time, dtype=bool)}
+        masks = {name: _within(time, [getattr(self, name)]) for name in NAMES}
+        masks["holds"] = _within(time, self.holds)
+        masks["last"] = time >= self.duration - self.last
+        return masks | {"whole": np.ones_like(time, dtype=bool)}
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, float | list[float] | list[list[float]]]:
         """Time windows as plain data, s."""
-        found: dict[str, Any] = {name: _pair(getattr(self, name)) for name in NAMES}
-        return found | {"holds": [_pair(each) for each in self.holds], "last": self.last}
+        pairs = {name: _pair(getattr(self, name)) for name in NAMES}
+        return {**pairs, "holds": [_pair(each) for each in self.holds], "last": self.last}
 
 
 @immutable
@@ -122,20 +122,20 @@ class Windows:
         self.require_within(duration)
         settled = SETTLING_SHARE * duration
         after = Window(settled, duration)
-        general: dict[str, Any] = dict.fromkeys(NAMES, after) | {"transient": Window(0.0, settled)}
-        general |= {"holds": (after,), "last": min(LAST, duration - settled)}
-        stated = Windows() if own is None else own.within(duration)
-        found = general | stated._by_name() | self._by_name()
-        return FlightWindows(duration=duration, **found)
+        general = Windows(
+            steady=after, transient=Window(0.0, settled), gust=after, hover=after, holds=(after,),
+            last=min(LAST, duration - settled),
+        )  # fmt: skip
+        ranked = (self, Windows() if own is None else own.within(duration), general)
+        chosen = {
+            name: next(each for one in ranked if (each := getattr(one, name)) is not None)
+            for name in (*NAMES, "holds", "last")
+        }
+        return FlightWindows(duration=duration, **chosen)
 
     def within(self, duration: float) -> Windows:
         """Windows of these that end within a flight of given duration, s."""
-        ends = self._ends()
-        return Windows(**{name: each for name, each in self._by_name().items() if ends[name][0] <= duration})
-
-    def _by_name(self) -> dict[str, Any]:
-        """Requested windows, by name."""
-        return {name: getattr(self, name) for name in self._ends()}
+        return Windows(**{name: getattr(self, name) for name, (end, _) in self._ends().items() if end <= duration})
 
     def require_within(self, duration: float) -> None:
         """Raise an error if a window ends after the flight.
@@ -149,12 +149,12 @@ class Windows:
 
     def _ends(self) -> dict[str, tuple[float, str]]:
         """End time (s) and text of each requested window, by the window's name."""
-        found = {name: (each.stop, str(each)) for name in NAMES if (each := getattr(self, name)) is not None}
+        ends = {name: (each.stop, str(each)) for name in NAMES if (each := getattr(self, name)) is not None}
         if self.holds is not None:
-            found["holds"] = max((each.stop for each in self.holds), default=0.0), ", ".join(map(str, self.holds))
+            ends["holds"] = max((each.stop for each in self.holds), default=0.0), ", ".join(map(str, self.holds))
         if self.last is not None:
-            found["last"] = self.last, f"{self.last:g} s"
-        return found
+            ends["last"] = self.last, f"{self.last:g} s"
+        return ends
 
 
 def windows_of(log: Log) -> Windows:
@@ -168,7 +168,7 @@ def _pair(window: Window) -> list[float]:
 
 
 def _within(time: Array, windows: Iterable[Window]) -> Mask:
-    found = np.zeros(time.shape, dtype=bool)
+    inside = np.zeros(time.shape, dtype=bool)
     for window in windows:
-        found |= (time >= window.start) & (time < window.stop)
-    return found
+        inside |= (time >= window.start) & (time < window.stop)
+    return inside

@@ -83,7 +83,7 @@ def read_mcap(path: Path) -> Log:
     return log_from_npz(flight, name)
 
 
-def _messages(topics: FlightTopics, log: Log) -> Iterator[tuple[int, Topic, Any]]:
+def _messages(topics: FlightTopics, log: Log) -> Iterator[tuple[int, Topic, bytes]]:
     """Yield time (ns), topic and bytes of every ROS message of a log, ordered by time."""
     length = topics.period * max(1, PIECE // topics.period)
     for begin in range(0, log.time.size, length):

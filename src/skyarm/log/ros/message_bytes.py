@@ -12,16 +12,25 @@ mcap-ros2-support make one message at a time, 20 times slower.
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.log.ros.messages import Field, fields
+from skyarm.log.ros.messages import MessageField, fields
+from skyarm.records.arrays import AnyArray
 
 Bytes = npt.NDArray[np.uint8]
-Values = Mapping[str, Any]
+
+Value: TypeAlias = "float | str | AnyArray | Sequence[Value] | Mapping[str, Value] | None"
+"""Text, number, numbers of many messages (N,) or (N, k), list, or record; None for zero or empty."""
+
+Values: TypeAlias = Mapping[str, Value]
+"""Fields of a message by name."""
+
+Message: TypeAlias = dict[str, Any]
+"""Fields of a message that was read, by name: numbers, texts, lists, and records in turn."""
 
 HEADER = b"\x00\x01\x00\x00"
 """Encapsulation: plain CDR, little endian."""
@@ -55,33 +64,35 @@ class Template:
     """Byte template of many ROS messages of one type, with offsets of the numbers that vary.
 
     Args:
-        definitions: of the types.
+        definitions: definition of each type.
         packed: bytes of ROS 1: no encapsulation, no padding, texts without a closing zero.
     """
 
     def __init__(self, definitions: Mapping[str, str], *, packed: bool = False) -> None:
         self._definitions, self._packed = definitions, packed
         self._bytes = bytearray(b"" if packed else HEADER)
-        self._numbers: list[tuple[int, Any]] = []
+        self._numbers: list[tuple[int, AnyArray]] = []
 
     def record(self, kind: str, values: Values) -> None:
         """Append all fields of a message type to the template; missing values become zero or empty."""
         for field in fields(self._definitions[kind]):
             self._field(field, values.get(field.name))
 
-    def _field(self, field: Field, value: Any) -> None:
+    def _field(self, field: MessageField, value: Value) -> None:
         if field.length is None:
             self._one(field.kind, value)
         elif field.kind in LETTERS:
             self._list(field, value)
         else:
-            items = list(value or ())
+            items = () if value is None else value
+            assert isinstance(items, Sequence)
             self._numbers_at(LENGTH, len(items))
             for item in items:
                 self._one(field.kind, item)
 
-    def _one(self, kind: str, value: Any) -> None:
+    def _one(self, kind: str, value: Value) -> None:
         if kind == "string":
+            assert value is None or isinstance(value, str)
             content = (value or "").encode() + (b"" if self._packed else b"\0")
             self._numbers_at(LENGTH, len(content))
             self._bytes += content
@@ -91,9 +102,10 @@ class Template:
             self._numbers_at("i", np.asarray(value) // NANO)
             self._numbers_at("I", np.asarray(value) % NANO)
         else:
+            assert value is None or isinstance(value, Mapping)
             self.record(kind, value or {})
 
-    def _list(self, field: Field, value: Any) -> None:
+    def _list(self, field: MessageField, value: Value) -> None:
         """Append a list of numbers to the template: (k,) for all messages, or (N, k)."""
         given = np.zeros(field.length or 0) if value is None else np.asarray(value)
         if not field.length:
@@ -101,7 +113,7 @@ class Template:
         if given.shape[-1]:
             self._numbers_at(LETTERS[field.kind], given, row=True)
 
-    def _numbers_at(self, letter: str, value: Any, row: bool = False) -> None:
+    def _numbers_at(self, letter: str, value: Value, row: bool = False) -> None:
         """Append a number or list to the template: its bytes if constant, else a gap to be filled per message."""
         array = np.asarray(value).astype(f"<{letter}", copy=False)
         if not self._packed:
@@ -128,11 +140,11 @@ def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int
 
     Args:
         kind: key of ``definitions``.
-        definitions: of it and of all types in it.
+        definitions: definitions of that type and of all types in it.
         values: fields by name: texts and lists of texts as they are; numbers for all messages, or arrays (count,), and
             (count, k) for lists of numbers; records as tables in turn; a Time in ns. What is left out is zero.
-        count: of messages.
-        packed: bytes of ROS 1.
+        count: number of messages.
+        packed: whether the bytes are of ROS 1.
 
     Returns:
         (count, size): the bytes of each.
@@ -160,49 +172,49 @@ class Decoder:
                 raise MessageError("must be plain CDR")
             self._at, self._order = len(HEADER), "<" if data[1] else ">"
 
-    def record(self, kind: str) -> dict[str, Any]:
+    def record(self, kind: str) -> Message:
         """Fields of a message type by name: numbers, texts, lists and records as dictionaries."""
         return {field.name: self._field(field) for field in fields(self._definitions[kind])}
 
-    def _field(self, field: Field) -> Any:
+    def _field(self, field: MessageField) -> float | str | Message | list[float] | list[float | str | Message]:
         if field.length is None:
             return self._one(field.kind)
-        count = field.length or self._number(LENGTH)
+        count = field.length or int(self._number(LENGTH))
         if field.kind in LETTERS:
             return list(self._numbers(LETTERS[field.kind], count))
         return [self._one(field.kind) for _ in range(count)]
 
-    def _one(self, kind: str) -> Any:
+    def _one(self, kind: str) -> float | str | Message:
         if kind in LETTERS:
             return self._number(LETTERS[kind])
         if kind == "string":
-            content = self._bytes(self._number(LENGTH))
+            content = self._bytes(int(self._number(LENGTH)))
             return content.removesuffix(b"" if self._packed else b"\0").decode(errors="replace")
         return self.record(kind)
 
-    def _number(self, letter: str) -> Any:
+    def _number(self, letter: str) -> int | float:
         return self._numbers(letter, 1)[0]
 
-    def _numbers(self, letter: str, count: int) -> tuple[Any, ...]:
+    def _numbers(self, letter: str, count: int) -> tuple[int | float, ...]:
         size = struct.calcsize(f"<{letter}")
         if count and not self._packed:
             self._at += -(self._at - len(HEADER)) % size
         return struct.unpack(f"{self._order}{count}{letter}", self._bytes(size * count))
 
     def _bytes(self, count: int) -> bytes:
-        found = self._data[self._at : self._at + count]
-        if len(found) < count:
+        data = self._data[self._at : self._at + count]
+        if len(data) < count:
             raise MessageError("is too short for its type")
         self._at += count
-        return found
+        return data
 
 
-def decode(kind: str, definitions: Mapping[str, str], data: bytes, *, packed: bool = False) -> dict[str, Any]:
+def decode(kind: str, definitions: Mapping[str, str], data: bytes, *, packed: bool = False) -> Message:
     """Decode one ROS message.
 
     Args:
         kind: its type, a key of ``definitions``.
-        definitions: of it and of all types in it.
+        definitions: definitions of that type and of all types in it.
         data: its bytes.
         packed: bytes of ROS 1; else CDR.
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
-from skyarm.log.log_columns import Column
+from skyarm.log.log_columns import LogColumn
 
 DEFINITIONS: Mapping[str, str] = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
@@ -101,7 +101,7 @@ FLIGHT = "skyarm_msgs/Flight"
 """Type of our own: every number of a log at one control instant, a field a column."""
 
 
-class Field(NamedTuple):
+class MessageField(NamedTuple):
     """Field of a message: name, type, and length of a list, 0 where the message states it; None for one value."""
 
     name: str
@@ -113,10 +113,12 @@ _FIELD = re.compile(r"^([\w/]+)(\[(\d*)\])? +(\w+) *(?:#.*)?$", re.MULTILINE)
 
 
 @lru_cache(maxsize=256)
-def fields(text: str) -> tuple[Field, ...]:
+def fields(text: str) -> tuple[MessageField, ...]:
     """Fields of a ROS message definition, without its constants."""
     rows = _FIELD.findall(text)
-    return tuple(Field(name, kind, int(length or 0) if bracket else None) for kind, bracket, length, name in rows)
+    return tuple(
+        MessageField(name, kind, int(length or 0) if bracket else None) for kind, bracket, length, name in rows
+    )
 
 
 def full_name(kind: str) -> str:
@@ -125,7 +127,7 @@ def full_name(kind: str) -> str:
     return f"{package}/msg/{name}"
 
 
-def flight_definition(columns: Sequence[Column]) -> str:
+def flight_definition(columns: Sequence[LogColumn]) -> str:
     """Definition of the ROS message that holds all columns of a log, with units as comments."""
     width = max(len(each.name) for each in columns)
     rows = ((each.name, ", ".join(filter(None, (each.unit, each.meaning)))) for each in columns)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.kinematics import every_joint, joint_placement
-from skyarm.log.ros.message_bytes import NANO
+from skyarm.log.ros.message_bytes import NANO, Values
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
 from skyarm.vehicle.linkage import BASE
@@ -18,7 +19,7 @@ from skyarm.world.scene.shapes import turn_onto
 from skyarm.world.scene.vehicle_shapes import matrices, quaternions_of, vehicle_shapes
 
 
-class Instants(Protocol):
+class TimedArrays(Protocol):
     """Arrays of a flight by name, at some control instants: a log, or what a running flight has of its last one."""
 
     @property
@@ -28,10 +29,10 @@ class Instants(Protocol):
     def __getitem__(self, array: str) -> Array: ...
 
 
-class Part:
+class LogSection:
     """Section of a flight log, from which ROS messages are made."""
 
-    def __init__(self, log: Instants, chosen: slice) -> None:
+    def __init__(self, log: TimedArrays, chosen: slice) -> None:
         self.log, self._chosen = log, chosen
         self.stamps = nanoseconds(log.time[chosen])
 
@@ -39,7 +40,7 @@ class Part:
         """Array of the log by name, at the instants of the section."""
         return self.log[array][self._chosen]
 
-    def header(self, frame: str, time: Array | None = None) -> dict[str, Any]:
+    def header(self, frame: str, time: Array | None = None) -> Values:
         """Fields of a std_msgs/Header: time stamps and frame name."""
         stamps = self.stamps if time is None else nanoseconds(np.nan_to_num(time))
         return {"stamp": stamps, "frame_id": frame}
@@ -74,30 +75,30 @@ class Frames:
         """ROS frame name of a link, or of the base."""
         return BASE_LINK if body == BASE else self.links[body]
 
-    def moving(self, stamps: Any, joints: Array) -> list[dict[str, Any]]:
+    def moving(self, stamps: IntArray | int, joints: Array) -> list[Values]:
         """Fields of the transform of each link relative to its parent."""
-        found = []
+        transforms = []
         values = every_joint(self._vehicle, list(joints.T))
         for i, link in enumerate(self._vehicle.moving):
             pose = joint_placement(link.joint, values[i])
             parent = self.of_body(link.parent)
-            found.append(
+            transforms.append(
                 transform(stamps, parent, self.links[i], pose.p, quaternions_of(matrices(pose.R, len(joints))))
             )
-        return found
+        return transforms
 
-    def fixed_transforms(self) -> list[dict[str, Any]]:
+    def fixed_transforms(self) -> list[Values]:
         """Fields of the constant transforms of named frames and rotor hubs."""
-        found = []
+        transforms = []
         for name, frame in zip(self.named, self._vehicle.frames, strict=True):
             turn = quaternions_of(matrices(frame.rotation, 1))[0]
-            found.append(transform(0, self.of_body(frame.link), name, frame.position, turn))
+            transforms.append(transform(0, self.of_body(frame.link), name, frame.position, turn))
         for name, rotor in zip(self.rotors, self._vehicle.rotors, strict=True):
-            found.append(transform(0, BASE_LINK, name, rotor.position, quaternions_of(_upright(rotor.axis))[0]))
-        return found
+            transforms.append(transform(0, BASE_LINK, name, rotor.position, quaternions_of(_upright(rotor.axis))[0]))
+        return transforms
 
 
-def transform(stamps: Any, parent: str, child: str, position: Iterable[Any], wxyz: Any) -> dict[str, Any]:
+def transform(stamps: IntArray | int, parent: str, child: str, position: Iterable[Scalar], wxyz: Array) -> Values:
     """Fields of a geometry_msgs/TransformStamped, for many instants or a constant one."""
     return {
         "header": {"stamp": stamps, "frame_id": parent},
@@ -106,13 +107,13 @@ def transform(stamps: Any, parent: str, child: str, position: Iterable[Any], wxy
     }
 
 
-def xyz(vector: Any) -> dict[str, Any]:
+def xyz(vector: Array | Iterable[Scalar]) -> Values:
     """Message fields x, y, z of a vector: (3,), (N, 3) or a record of three."""
     parts = vector.T if isinstance(vector, np.ndarray) else list(vector)
     return dict(zip("xyz", parts, strict=True))
 
 
-def quaternion(wxyz: Array) -> dict[str, Any]:
+def quaternion(wxyz: Array) -> Values:
     """Message fields x, y, z, w of a quaternion wxyz, (4,) or (N, 4)."""
     return dict(zip("wxyz", wxyz.T, strict=True))
 
@@ -136,15 +137,15 @@ MARKER_TYPES = {"box": 1, "sphere": 2, "ellipsoid": 2}
 """Kind of a shape -> a marker's cube or sphere, by its lengths or diameters; a capsule is its cylinder, 3."""
 
 
-def markers(vehicle: Vehicle, frames: Frames) -> list[dict[str, Any]]:
+def markers(vehicle: Vehicle, frames: Frames) -> list[Values]:
     """Fields of a visualization_msgs/Marker for each shape of a vehicle."""
-    found = []
+    fields: list[Values] = []
     for number, shape in enumerate(vehicle_shapes(vehicle, meshes=False)):
         turn = quaternions_of(np.array([shape.rotation]))[0]
         lengths = [2.0 * half for half in shape.size]
         if shape.kind in ("capsule", "cylinder"):
             lengths = [lengths[0], lengths[0], shape.size[1]]
-        found.append(
+        fields.append(
             {
                 "header": {"stamp": 0, "frame_id": frames.of_body(shape.body)},
                 "ns": shape.name,
@@ -156,4 +157,4 @@ def markers(vehicle: Vehicle, frames: Frames) -> list[dict[str, Any]]:
                 "frame_locked": True,
             }
         )
-    return found
+    return fields

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -16,14 +15,14 @@ from skyarm.algebra.frames import to_base, unit_rows
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_at
 from skyarm.log.log_columns import Names, columns, names_of, word
-from skyarm.log.ros.message_bytes import Bytes, encode
+from skyarm.log.ros.message_bytes import Bytes, Values, encode
 from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, flight_definition
 from skyarm.log.ros.scene import (
     BASE_LINK,
     BASE_REFERENCE,
     WORLD,
     Frames,
-    Part,
+    LogSection,
     markers,
     quaternion,
     transform,
@@ -49,7 +48,7 @@ class Topic:
     """ROS topic of a log: name, message type, rate, and the function that fills the messages.
 
     Attributes:
-        name, kind: of the topic and of its messages.
+        name, kind: name of the topic, and type of its messages.
         every: control instants from one message to the next; 0 for one message at the beginning.
         values: part of a log -> fields of its messages.
         offset: instant of the first message, below ``every``.
@@ -58,7 +57,7 @@ class Topic:
     name: str
     kind: str
     every: int
-    values: Callable[[Part], Mapping[str, Any]]
+    values: Callable[[LogSection], Values]
     offset: int = 0
 
 
@@ -66,7 +65,7 @@ class FlightTopics:
     """All ROS topics of a log, with the encoder of their messages.
 
     Args:
-        log: of the flight, or its first part.
+        log: log of the flight, or its first part.
 
     Attributes:
         topics: in the order in which they are written at an instant.
@@ -80,7 +79,7 @@ class FlightTopics:
         fast, slow = every_of(log)
         self.period = period_of(log)
 
-        def row(part: Part) -> dict[str, Any]:
+        def row(part: LogSection) -> Values:
             return {each.name: each.of(part) for each in every}
 
         efforts = [] if any(names.setpoints) else ["efforts"]  # setpoints of drives are no torques
@@ -103,13 +102,13 @@ class FlightTopics:
             log: the part, which begins at a multiple of :attr:`period`.
         """
         chosen = slice(topic.offset, None, topic.every) if topic.every else slice(0, 1)
-        part = Part(log, chosen)
+        part = LogSection(log, chosen)
         with np.errstate(all="ignore"):
             values = topic.values(part)
         return part.stamps, encode(topic.kind, self.definitions, values, len(part.stamps))
 
 
-def _reference(part: Part) -> dict[str, Any]:
+def _reference(part: LogSection) -> Values:
     """Fields of the PoseStamped messages of the base's reference."""
     pose = _pose(part["position_reference"], yaw_quaternion(part["yaw_reference"]))
     return {"header": part.header(WORLD), "pose": pose}
@@ -117,9 +116,9 @@ def _reference(part: Part) -> dict[str, Any]:
 
 def vehicle_of(log: Log) -> Vehicle | None:
     """Vehicle of a log's plant; None if it cannot be restored."""
-    found = restored_at(log.info, "plant.vehicle")
+    vehicle = restored_at(log.info, "plant.vehicle")
     shape = log.joints.shape[1], log.rotor_speeds.shape[1]
-    return found if isinstance(found, Vehicle) and (found.n, len(found.rotors)) == shape else None
+    return vehicle if isinstance(vehicle, Vehicle) and (vehicle.n, len(vehicle.rotors)) == shape else None
 
 
 def every_of(log: Log) -> tuple[int, int]:
@@ -137,7 +136,7 @@ def period_of(log: Log) -> int:
 def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
     frames = None if vehicle is None else Frames(vehicle)
 
-    def moving(part: Part) -> dict[str, Any]:
+    def moving(part: LogSection) -> Values:
         goal = yaw_quaternion(part["yaw_reference"])
         base = transform(part.stamps, WORLD, BASE_LINK, part["position"], unit_rows(part["quaternion"]))
         reference = transform(part.stamps, WORLD, BASE_REFERENCE, part["position_reference"], goal)
@@ -169,19 +168,19 @@ JOINT_FIELDS = {"joints": "position", "joint_rates": "velocity", "efforts": "eff
 """Array -> its field in a sensor_msgs/JointState."""
 
 
-def _odometry(read: Fields) -> dict[str, Any]:
+def _odometry(read: Fields) -> Values:
     attitude = unit_rows(read["quaternion"])
     twist = {"linear": xyz(to_base(attitude, read["velocity"])), "angular": xyz(read["rate"])}
     return {"pose": {"pose": _pose(read["position"], attitude)}, "twist": {"twist": twist}}
 
 
-def _imu(read: Fields) -> dict[str, Any]:
+def _imu(read: Fields) -> Values:
     unknown = np.array([-1.0, *8 * [0.0]])  # no orientation is read
     rate, force = xyz(read["rate"]), xyz(read["specific_force"])
     return {"orientation_covariance": unknown, "angular_velocity": rate, "linear_acceleration": force}
 
 
-MESSAGES: Mapping[str, tuple[str, Mapping[str, int], Callable[[Fields], dict[str, Any]]]] = {
+MESSAGES: Mapping[str, tuple[str, Mapping[str, int], Callable[[Fields], Values]]] = {
     "sensor_msgs/Imu": (BASE_LINK, {"rate": 3, "specific_force": 3}, _imu),
     "geometry_msgs/PoseStamped": (
         WORLD,
@@ -206,7 +205,7 @@ def _topic(
     kind: str,
     every: int,
     arrays: Mapping[str, str],
-    fixed: Mapping[str, Any],
+    fixed: Values,
     *,
     offset: int = 0,
     time: str = "",
@@ -215,18 +214,18 @@ def _topic(
     """Make a ROS topic whose messages are filled from arrays of the log.
 
     Args:
-        name: of the topic.
-        kind: of its messages.
+        name: name of the topic.
+        kind: type of its messages.
         every: control instants from one message to the next.
         arrays: field that the message is made of -> array of the log.
         fixed: further fields of every message.
         offset: instant of the first message.
         time: array of the time stamps, s; the instants of the log if left out.
-        frame: of the header, in place of the message's usual one.
+        frame: frame of the header, in place of the message's usual one.
     """
     usual, _, fields = MESSAGES[kind]
 
-    def values(part: Part) -> dict[str, Any]:
+    def values(part: LogSection) -> Values:
         header = part.header(usual if frame is None else frame, part[time] if time else None)
         return {"header": header, **fixed, **fields({field: part[array] for field, array in arrays.items()})}
 
@@ -241,28 +240,28 @@ def _joints(name: str, every: int, names: Names, arrays: Mapping[str, str]) -> l
 def _sensor_topics(log: Log, fast: int, names: Names) -> list[Topic]:
     """Make the ROS topics of the estimate and of each sensor."""
     sources = {name: each for name, each in sources_of(log.info).items() if set(each.fields) - {"time"}}
-    found: list[Topic] = []
+    topics: list[Topic] = []
     for name, (source, each) in zip(distinct([word(last_of(name)) for name in sources]), sources.items(), strict=True):
         if source == ESTIMATE:
             arrays = {array: f"{source}.{array}" for array in JOINT_FIELDS if array in each.fields}
-            found.append(_reading("/estimate/base", fast, 0, source, each, names))
-            found += _joints("/estimate/joints", fast, names, arrays)
+            topics.append(_reading("/estimate/base", fast, 0, source, each, names))
+            topics += _joints("/estimate/joints", fast, names, arrays)
         else:
-            found.append(_reading(f"/sensors/{name}", each.every, each.late % each.every, source, each, names))
-    return found
+            topics.append(_reading(f"/sensors/{name}", each.every, each.late % each.every, source, each, names))
+    return topics
 
 
 def _reading(topic: str, every: int, offset: int, source: str, described: Source, names: Names) -> Topic:
     """Make the ROS topic of a sensor or the estimate, with the standard message type that fits if there is one."""
     sizes = {field: len(each.axes or ()) for field, each in described.fields.items()}
     stamped = sizes.pop("time", 1) == 0
-    kind = next((kind for kind, (_, wanted, _) in MESSAGES.items() if wanted == sizes), OWN)
+    kind = next((kind for kind, (_, fitting, _) in MESSAGES.items() if fitting == sizes), OWN)
     if sizes == {"joints": len(names.joints), "joint_rates": len(names.joints)}:
         kind = JOINTS
     elif sizes.items() >= BASE_SIZES.items():
         kind = ODOMETRY
     endings = [f"{field}_{axis}".rstrip("_") for field in sizes for axis in described.fields[field].axes or [""]]
-    named: dict[str, dict[str, Any]] = {
+    named: dict[str, Values] = {
         ODOMETRY: {"child_frame_id": f"base_{last_of(source)}"},
         JOINTS: {"name": names.joints},
         OWN: {"name": endings},
@@ -276,5 +275,5 @@ def last_of(source: str) -> str:
     return source.rpartition(".")[2]
 
 
-def _pose(position: Array, wxyz: Array) -> dict[str, Any]:
+def _pose(position: Array, wxyz: Array) -> Values:
     return {"position": xyz(position), "orientation": quaternion(wxyz)}

@@ -23,8 +23,8 @@ from skyarm.studies.sweep.stats import Rows
 from skyarm.studies.sweep.study import StudyError
 from skyarm.view.figures.style import (
     PAPER,
+    CurveLook,
     Handles,
-    Look,
     Picture,
     Style,
     limits,
@@ -112,7 +112,7 @@ def _axis_limits(found: BandedCurves) -> tuple[float, float]:
     return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
 
 
-def _draw_band(ax: Axes, curve: BandedCurve, look: Look, label: str) -> Line2D:
+def _draw_band(ax: Axes, curve: BandedCurve, look: CurveLook, label: str) -> Line2D:
     """Draw a median curve with its quantile band; returns the line for the legend."""
     ax.fill_between(
         curve.x, curve.low, curve.high, color=look.color, alpha=0.16, linewidth=0.0, zorder=look.layer - 1.0

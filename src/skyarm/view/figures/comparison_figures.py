@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TypedDict
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -47,6 +47,21 @@ KNOWN = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "nmpc")
 """Laws whose look is the same in every picture; others take what these leave, in order."""
 
 
+class EnvelopePoint(TypedDict):
+    """Flights of a law at one value of a condition: whether the vehicle was lost, and the error, m."""
+
+    lost: bool
+    judged: float
+
+
+class EnvelopePanel(TypedDict):
+    """Varied condition of an envelope: its values, their unit, and of each law a point for every value."""
+
+    values: Sequence[float]
+    unit: str
+    laws: Mapping[str, Sequence[EnvelopePoint]]
+
+
 @immutable(kw_only=False)
 class Share:
     """Success rate of a control law with its confidence interval, as shares from 0 to 1."""
@@ -67,11 +82,11 @@ def laws_figure(
     """Draw tracking errors of control laws as dots on a log axis, and success rates on perturbed plants as bars.
 
     Args:
-        names: of the laws, top to bottom.
+        names: names of the laws, top to bottom.
         errors: series -> one error per law, mm; None leaves the place empty.
-        shares: of successes, one per law.
-        error_label: of the axis of errors.
-        share_label: of the axis of shares.
+        shares: shares of successes, one per law.
+        error_label: label of the axis of errors.
+        share_label: label of the axis of shares.
     """
     figure = PAGE.blank(PAGE.width, MARGIN + ROW * len(names))
     left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [3, 2]})
@@ -102,7 +117,7 @@ def _draw_errors(ax: Axes, errors: Mapping[str, Sequence[float | None]]) -> None
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False, prop=PAGE.prop)
 
 
-def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
+def envelope_figure(axes: Mapping[str, EnvelopePanel], laws: Sequence[str]) -> Figure:
     """Draw performance envelopes: a panel per varied condition, a line per controller, a cross where it crashes.
 
     Args:
@@ -122,7 +137,7 @@ def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
     return figure
 
 
-def _lower_limit(axes: Mapping[str, Any]) -> float:
+def _lower_limit(axes: Mapping[str, EnvelopePanel]) -> float:
     """Lower limit of the logarithmic error axis, mm: a power of ten below all errors."""
     errors = [
         1e3 * point["judged"]
@@ -136,9 +151,9 @@ def _lower_limit(axes: Mapping[str, Any]) -> float:
 
 def _line_styles(laws: Sequence[str]) -> dict[str, Style]:
     """Return the line style (colour, marker, dashes) of each controller, by its name."""
-    known = {law: KNOWN.index(law) for law in laws if law in KNOWN}
-    free = iter([place for place in range(len(LINES) + len(laws)) if place not in known.values()])
-    places = {law: known[law] if law in known else next(free) for law in laws}
+    fixed = {law: KNOWN.index(law) for law in laws if law in KNOWN}
+    free = iter([place for place in range(len(LINES) + len(laws)) if place not in fixed.values()])
+    places = {law: fixed[law] if law in fixed else next(free) for law in laws}
     looks = {law: LINES[place % len(LINES)] for law, place in places.items()}
     return {
         law: {"color": color, "marker": marker, "linestyle": (0, dash) if dash else "-", "linewidth": 1.3}
@@ -146,7 +161,7 @@ def _line_styles(laws: Sequence[str]) -> dict[str, Style]:
     }
 
 
-def _draw_panel(panel: Axes, name: str, axis: Mapping[str, Any], looks: Mapping[str, Style], low: float) -> None:
+def _draw_panel(panel: Axes, name: str, axis: EnvelopePanel, looks: Mapping[str, Style], low: float) -> None:
     places = range(len(axis["values"]))
     panel.axhspan(HIGH, TOP, facecolor="#f6dcdc", edgecolor="none", zorder=0.2)
     for k, (law, look) in enumerate(looks.items()):
@@ -166,7 +181,7 @@ def _draw_panel(panel: Axes, name: str, axis: Mapping[str, Any], looks: Mapping[
 def _draw_law(
     panel: Axes,
     places: Sequence[int],
-    points: Sequence[Mapping[str, Any]],
+    points: Sequence[EnvelopePoint],
     look: Style,
     place: float,
     low: float,

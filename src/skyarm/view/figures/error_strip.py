@@ -63,8 +63,8 @@ def error_strip(
         span: first and last instant, s.
         width: pixels.
         height: pixels.
-        scale: of texts, 1 at 720 lines.
-        forces: of touches, N; else errors of the tip, m.
+        scale: scale of texts, 1 at 720 lines.
+        forces: whether the curves are contact forces, N; else errors of the tip, m.
     """
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
     canvas: Any = FigureCanvasAgg(figure)

@@ -91,7 +91,7 @@ def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:
     """Make a unique legend label for each of several flights, from file names, laws, scenarios, plants or seeds.
 
     Args:
-        logs: of the flights.
+        logs: logs of the flights.
         files: their paths, where they come from files.
 
     Returns:
@@ -145,15 +145,15 @@ def flight_events(log: Log) -> tuple[Event, ...]:
     if scenario is None:
         gust = gust_interval(log)
         return () if gust is None else (Event("gust", *gust),)
-    found = [Event(*each) for component in scenario.components for each in component.events]
+    events = [Event(*each) for component in scenario.components for each in component.events]
     for fault in scenario.faults:
         actuator = f"rotor {fault.rotor}" if fault.rotor else f"joint {fault.joint}"
         if fault.stuck or fault.signal is not None:
-            found.append(Event(f"{actuator} {'stuck' if fault.stuck else 'varies'}", float(fault.start), np.inf))
+            events.append(Event(f"{actuator} {'stuck' if fault.stuck else 'varies'}", float(fault.start), np.inf))
         elif float(fault.effectiveness) < 1.0:
             share = f"{actuator} at {100.0 * float(fault.effectiveness):.3g} %"
-            found.append(Event(share, float(fault.start), np.inf))
-    return (*(each for each in found if each.start < min(each.stop, end)), *_changes(scenario, end))
+            events.append(Event(share, float(fault.start), np.inf))
+    return (*(each for each in events if each.start < min(each.stop, end)), *_changes(scenario, end))
 
 
 def _changes(scenario: Scenario, end: float) -> Iterator[Event]:

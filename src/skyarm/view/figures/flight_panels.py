@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, SupportsFloat
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
+from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_facts import desired_push, scenario_of
 
@@ -36,7 +37,7 @@ class Panel:
     """Panel of a time plot: one logged quantity with its unit, reference curve and limits.
 
     Attributes:
-        label: words for the axis. unit: of all that it shows.
+        label: words for the axis. unit: unit of all that it shows.
         of: curve. desired: its reference, drawn dotted.
         limits: values that it must not pass, in the unit of the panel.
         magnitude: never negative, so the axis begins at zero.
@@ -91,7 +92,7 @@ def by_axis(label: str, array: str, desired: str = "", error: str = "") -> Panel
     ]
 
 
-def _joints(logs: Logs) -> Iterator[tuple[int, str, str, list[Any]]]:
+def _joints(logs: Logs) -> Iterator[tuple[int, str, str, list[Joint]]]:
     """Yield (index, label, kind, joint records of all flights) for each joint of the arm with most joints."""
     names = names_of(max(logs, key=lambda log: log.joints.shape[1]))
     for i, (name, kind) in enumerate(zip(names.joints, names.kinds, strict=True)):
@@ -103,7 +104,7 @@ def _vehicles(logs: Logs) -> list[Vehicle]:
     return [scenario.plant.vehicle for log in logs if (scenario := scenario_of(log)) is not None]
 
 
-def _finite(values: Iterable[Any]) -> tuple[float, ...]:
+def _finite(values: Iterable[SupportsFloat]) -> tuple[float, ...]:
     return tuple(sorted({float(each) for each in values if math.isfinite(each)}))
 
 
@@ -176,7 +177,7 @@ def _yaw(log: Log) -> Array:
 
 def _efforts(logs: Logs) -> Panels:
     """Make panels of the joint commands: torque or force, or the setpoint of a drive, with its unit."""
-    found = []
+    panels = []
     for i, label, kind, joints in _joints(logs):
         for setpoint in dict.fromkeys(names_of(log).setpoints[i] for log in logs if i < log.efforts.shape[1]):
             words, unit, limits = f"{label} setpoint", setpoint or "", _finite(())
@@ -186,8 +187,8 @@ def _efforts(logs: Logs) -> Panels:
                 limits = _finite(sign * joint.effort_limit for joint in joints for sign in (-1.0, 1.0))
             elif setpoint in ("rad", "m"):
                 limits = _finite(end for joint in joints for end in (joint.lower, joint.upper))
-            found.append(Panel(label=words, unit=unit, of=_command(i, setpoint), limits=limits))
-    return found
+            panels.append(Panel(label=words, unit=unit, of=_command(i, setpoint), limits=limits))
+    return panels
 
 
 def _command(i: int, setpoint: str | None) -> Read:
@@ -264,8 +265,8 @@ def panels_of(kind: str, logs: Logs) -> Panels:
         raise ValueError(f"kind = {shown(kind)}: {must_be_one_of((*KINDS, ALL, PATH), kind)}")
     has_tip = any(not np.array_equal(log.tip, log.position) for log in logs)
     kinds = [name for name in KINDS if name not in RARE and (name != "tip" or has_tip)] if kind == ALL else [kind]
-    found = [panel for each in kinds for panel in KINDS[each](logs)]
-    if not found:
+    panels = [panel for each in kinds for panel in KINDS[each](logs)]
+    if not panels:
         missing = {"efforts": "joints", "contact": "contact", "parts": "parts that log"}.get(kind, "rotors")
         raise ValueError(f"kind = {shown(kind)}: must be another one, for the flights have no {missing}")
-    return found
+    return panels

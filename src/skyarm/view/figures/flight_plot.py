@@ -25,7 +25,7 @@ from skyarm.view.figures.flight_facts import (
     scenario_of,
 )
 from skyarm.view.figures.flight_panels import ALL, ESTIMATED, MEASURED, PATH, Panel, measured_flights, panels_of
-from skyarm.view.figures.projection import SIDE, TOP, View, outline
+from skyarm.view.figures.projection import SIDE, TOP, Projection, outline
 from skyarm.view.figures.style import PAPER, Handles, Picture, Style, limits, save_picture
 from skyarm.world.scene.component_scenes import scene_in_log
 from skyarm.world.scene.scene import Instants, Line, Scene
@@ -70,7 +70,7 @@ SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]",
 
 
 def draw_view(
-    ax: Axes, view: View, named: Named, span: Span,
+    ax: Axes, view: Projection, named: Named, span: Span,
     world: Scene,
 ) -> Handles:  # fmt: skip
     """Draw tip paths and surroundings in one projection; returns the legend entries.
@@ -80,7 +80,7 @@ def draw_view(
         view: one of TOP, SIDE and BEHIND.
         named: words of the legend -> log.
         span: first and last instant, s.
-        world: as :func:`world_of` has it.
+        world: surroundings, as :func:`world_of` has them.
     """
     PAPER.dress(ax)
     handles = _paths(ax, view, named, span)
@@ -98,7 +98,7 @@ def draw_view(
     return handles
 
 
-def _paths(ax: Axes, view: View, named: Named, span: Span) -> Handles:
+def _paths(ax: Axes, view: Projection, named: Named, span: Span) -> Handles:
     """Draw the tip's path of each flight and its reference; returns the legend entries."""
     handles: Handles = {}
     for i, (label, log) in enumerate(named.items()):
@@ -140,19 +140,19 @@ def world_of(named: Named, span: Span) -> Scene:
             vehicle=scenario.plant.vehicle, times=log.time[ends], position=log.position[ends],
             quaternion=log.quaternion[ends], joints=log.joints[ends], around=np.mean(log.tip[inside], axis=0),
         )  # fmt: skip
-        found = scene_in_log(scenario.components, seen, lambda name: log.component(name)[ends])  # noqa: B023
-        if found.solids or found.lines or found.ground is not None:
-            return found
+        scene = scene_in_log(scenario.components, seen, lambda name: log.component(name)[ends])  # noqa: B023
+        if scene.solids or scene.lines or scene.ground is not None:
+            return scene
     return Scene()
 
 
-def _draw_line(ax: Axes, view: View, line: Line) -> None:
+def _draw_line(ax: Axes, view: Projection, line: Line) -> None:
     """Draw a line of the surroundings at its initial position, and dashed at its final position."""
     for places, style in zip(line.places, ("-", "--"), strict=True):
         ax.plot(*view.flat(places).T, label=line.name, color=PAPER.frame, linestyle=style, linewidth=0.09 * PAPER.small)
 
 
-def _draw_solid(ax: Axes, view: View, solid: Solid) -> None:
+def _draw_solid(ax: Axes, view: Projection, solid: Solid) -> None:
     """Draw the outline of a solid: filled at its initial pose, as a line at its final pose."""
     for k in (0, 1) if solid.moves else (0,):
         if solid.shape.kind == "patch" and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON:
@@ -252,7 +252,7 @@ def _draw(ax: Axes, panel: Panel, named: Named, span: Span) -> Handles:
     """Draw curves, references and limits of one panel; returns the drawn lines by legend label."""
     handles: Handles = {}
     # what fits the value axis: flights that were completed, and those that were lost
-    kept: list[Array] = []
+    completed: list[Array] = []
     lost: list[Array] = []
     PAPER.name_axis(ax, panel.label, panel.unit)
     for i, (label, log) in enumerate(named.items()):
@@ -270,11 +270,11 @@ def _draw(ax: Axes, panel: Panel, named: Named, span: Span) -> Handles:
                 log.time[-1:], values[-1:], marker="X", markersize=0.8 * PAPER.small, markeredgecolor=PAPER.face,
                 color=PAPER.look(i).color, zorder=4.0, label="_end",
             )  # fmt: skip
-        group = kept if log.status == "completed" else lost
+        group = completed if log.status == "completed" else lost
         group += [each[inside] for each in (*(curve for _, curve, _ in curves), desired) if each is not None]
     for time, desired in _different_references(panel, named):
         (handles["desired"],) = ax.plot(time, desired, label="desired", **PAPER.desired.line)
-    low, high = _axis_limits(panel, kept, lost)
+    low, high = _axis_limits(panel, completed, lost)
     for limit in panel.limits:
         # relative to the distance from zero
         if low <= limit <= high or (limit and (high if limit > 0.0 else -low) >= NEAR * abs(limit)):
@@ -288,8 +288,8 @@ def _draw(ax: Axes, panel: Panel, named: Named, span: Span) -> Handles:
 def _received_curves(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str, Array | None, Style]]:
     """Yield (label, curve, line style) of the measured and of the estimated values of a panel's quantity."""
     first = PAPER.look(0)
-    held: Style = {"color": HELD, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
-    looks = {MEASURED: held, ESTIMATED: PAPER.look(1).line}
+    steps: Style = {"color": HELD, "linewidth": first.width, "zorder": 2.5, "drawstyle": "steps-post"}
+    looks = {MEASURED: steps, ESTIMATED: PAPER.look(1).line}
     for word, received in measured_flights(log):
         values = panel.of(received)
         if values is not None and not np.array_equal(values, truth, equal_nan=True):
@@ -298,23 +298,23 @@ def _received_curves(panel: Panel, log: Log, truth: Array) -> Iterator[tuple[str
 
 def _different_references(panel: Panel, named: Named) -> list[tuple[Array, Array]]:
     """List the times and values of each distinct reference curve of several flights, longest flight first."""
-    found: list[tuple[Array, Array]] = []
+    references: list[tuple[Array, Array]] = []
     for log in sorted(named.values(), key=lambda log: -log.time.size):
         desired = panel.desired(log) if panel.desired else None
-        if desired is not None and not any(np.array_equal(desired, other[: desired.size]) for _, other in found):
-            found.append((log.time, desired))
-    return found
+        if desired is not None and not any(np.array_equal(desired, other[: desired.size]) for _, other in references):
+            references.append((log.time, desired))
+    return references
 
 
-def _axis_limits(panel: Panel, kept: Sequence[Array], lost: Sequence[Array]) -> tuple[float, float]:
+def _axis_limits(panel: Panel, completed: Sequence[Array], lost: Sequence[Array]) -> tuple[float, float]:
     """Limits of a panel's value axis, from references and completed flights if there are any.
 
     A flight that was lost adds at most as much again on each side, so that it does not flatten the others.
     """
-    both = limits([*kept, *lost], floor=panel.magnitude, span=panel.span)
-    if not any(each.size for each in kept):
+    both = limits([*completed, *lost], floor=panel.magnitude, span=panel.span)
+    if not any(each.size for each in completed):
         return both
-    low, high = limits(kept, floor=panel.magnitude, span=panel.span)
+    low, high = limits(completed, floor=panel.magnitude, span=panel.span)
     return max(both[0], 2.0 * low - high), min(both[1], 2.0 * high - low)
 
 
@@ -341,11 +341,11 @@ def _mark_events(ax: Axes, events: Mapping[Event, str], span: Span) -> Handles:
 
 def _events_by_label(named: Named) -> dict[Event, str]:
     """Return a legend label for each event; it names the flights unless all flights have the event."""
-    found: dict[Event, list[str]] = {}
+    flights: dict[Event, list[str]] = {}
     for label, log in named.items():
         for event in flight_events(log):
-            found.setdefault(event, []).append(label)
+            flights.setdefault(event, []).append(label)
     return {
         event: event.label if len(labels) >= len(named) else f"{event.label} ({', '.join(labels)})"
-        for event, labels in found.items()
+        for event, labels in flights.items()
     }

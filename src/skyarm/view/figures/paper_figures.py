@@ -19,7 +19,7 @@ from skyarm.records.arrays import Array
 from skyarm.simulate import Window
 from skyarm.view.figures.flight_facts import Named, Span, end_time, ending_of, gust_interval
 from skyarm.view.figures.flight_panels import MILLIMETRES, Panel, by_axis, column, distance
-from skyarm.view.figures.style import PAPER, Handles, Look, Style, limits
+from skyarm.view.figures.style import PAPER, CurveLook, Handles, Style, limits
 
 LARGEST_VALUE = {"m": 5.0, "rad": float(np.pi)}
 """Where an axis stops growing with a diverged episode."""
@@ -77,7 +77,7 @@ class PaperFigure:
     """One figure of Barakou et al. 2026: experiment, title, caption and panels.
 
     Args:
-        case: experiment. subject: of its title. caption: below it.
+        case: experiment. subject: subject of its title. caption: text below it.
         parts: panels from top to bottom, lettered if there are several parts.
     """
 
@@ -138,13 +138,13 @@ def by_hold(log: Log, values: Array | None) -> tuple[Array, Array]:
 
     An error against held samples is a sawtooth at the control rate, too fast for a line.
     """
-    found = np.zeros(0) if values is None else values
+    curve = np.zeros(0) if values is None else values
     rates = log.info["rates_hz"]
-    starts = np.arange(0, found.size, max(1, round(rates["control"] / rates["reference"])))
+    starts = np.arange(0, curve.size, max(1, round(rates["control"] / rates["reference"])))
     if not starts.size:
-        return found, found
-    counts = np.diff(np.append(starts, found.size))
-    return np.add.reduceat(log.time, starts) / counts, np.add.reduceat(found, starts) / counts
+        return curve, curve
+    counts = np.diff(np.append(starts, curve.size))
+    return np.add.reduceat(log.time, starts) / counts, np.add.reduceat(curve, starts) / counts
 
 
 def paper_figures(logs: Mapping[str, Named], windows: Mapping[str, Window]) -> dict[int, Figure]:
@@ -171,7 +171,7 @@ def _draw(number: int, spec: PaperFigure, logs: Named, window: Window | None) ->
     handles: Handles = {}
     drawn: dict[str, list[Array]] = {}
     longest = max(logs.values(), key=lambda log: log.time.size)
-    gust = next((found for found in map(gust_interval, logs.values()) if found), None)
+    gust = next((interval for interval in map(gust_interval, logs.values()) if interval), None)
     for ax, panel in zip(axes, spec.panels, strict=True):
         STYLE.name_axis(ax, panel.label, panel.unit)
         if panel.letter:
@@ -200,7 +200,7 @@ def _draw(number: int, spec: PaperFigure, logs: Named, window: Window | None) ->
     return figure
 
 
-def _law_look(name: str, i: int) -> Look:
+def _law_look(name: str, i: int) -> CurveLook:
     """Return the line style of a controller; CT and PD of Barakou et al. 2026 have fixed ones."""
     return PAPER.look(PLACES.get(name, 2 + i))
 

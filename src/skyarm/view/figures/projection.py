@@ -18,7 +18,7 @@ DIRECTIONS = 720
 
 
 @immutable(kw_only=False)
-class View:
+class Projection:
     """Parallel projection of world points onto a drawing plane, given by its right and up directions.
 
     Attributes:
@@ -38,20 +38,20 @@ class View:
         return np.asarray(points @ np.array([self.right, self.up]).T)
 
 
-def axonometric(azimuth: float, elevation: float) -> View:
+def axonometric(azimuth: float, elevation: float) -> Projection:
     """Make a parallel projection from an azimuth (from x towards y) and an elevation above the horizon, rad."""
     ca, sa, ce, se = math.cos(azimuth), math.sin(azimuth), math.cos(elevation), math.sin(elevation)
-    return View((-sa, ca, 0.0), (-se * ca, -se * sa, ce))
+    return Projection((-sa, ca, 0.0), (-se * ca, -se * sa, ce))
 
 
-SIDE = View((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+SIDE = Projection((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 """From the right: x to the right, z up, y into the paper."""
 
-TOP = View((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+TOP = Projection((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 """From above: x to the right, y up, z to the observer."""
 
 
-def outline(shape: Shape, rotation: Array, position: Array, view: View) -> Array:
+def outline(shape: Shape, rotation: Array, position: Array, view: Projection) -> Array:
     """Projected outline (K, 2) of a convex solid at a pose of its body, counter-clockwise."""
     return hull(view.flat(mesh_of(shape, AROUND)[0] @ rotation.T + position))
 
@@ -79,5 +79,5 @@ def arc(centre: Array, axis: Array, start: Array, angle: float) -> Array:
 def perpendicular(axis: Array) -> Array:
     """Unit vector perpendicular to an axis, as close as possible to world z, or to x."""
     guide = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    found = guide - (guide @ axis) * axis
-    return np.asarray(found / np.linalg.norm(found))
+    across = guide - (guide @ axis) * axis
+    return np.asarray(across / np.linalg.norm(across))

@@ -52,7 +52,7 @@ class Picture(Figure):
 
 
 @immutable
-class Look:
+class CurveLook:
     """Line style of a curve: colour, dash, width and layer.
 
     Attributes:
@@ -78,10 +78,10 @@ class PictureStyle:
 
     Attributes:
         font: families in order. text, small: pt.
-        width, wide: of one column of panels, and of several, in. panel: least height of a panel, in.
+        width, wide: width of one column of panels, and of several, in. panel: least height of a panel, in.
         rows: panels one above the other before another column begins.
         face, ink, frame, grid: colours of the ground, of words, of frames, of grids.
-        looks: of the flights or laws in their order. desired, limit: of references and of limits.
+        looks: looks of the flights or laws in their order. desired, limit: looks of references and of limits.
         shades: fills of events in their order.
     """
 
@@ -97,16 +97,16 @@ class PictureStyle:
     frame: str = "#333333"
     grid: str = "#d9d9d9"
     # the lighter, dashed line lies over the dark, solid one: both stay visible where they agree
-    looks: tuple[Look, ...] = (
-        Look(color="#08306b", layer=3.0),
-        Look(color="#e6762b", dash=(3.2, 1.3), layer=3.2),
-        Look(color="#1b7837", dash=(6.0, 1.5, 1.0, 1.5)),
-        Look(color="#762a83", dash=(6.0, 2.5)),
-        Look(color="#6b6b6b", dash=(2.0, 2.0)),
-        Look(color="#b2182b", dash=(5.0, 1.5, 1.0, 1.5, 1.0, 1.5)),
+    looks: tuple[CurveLook, ...] = (
+        CurveLook(color="#08306b", layer=3.0),
+        CurveLook(color="#e6762b", dash=(3.2, 1.3), layer=3.2),
+        CurveLook(color="#1b7837", dash=(6.0, 1.5, 1.0, 1.5)),
+        CurveLook(color="#762a83", dash=(6.0, 2.5)),
+        CurveLook(color="#6b6b6b", dash=(2.0, 2.0)),
+        CurveLook(color="#b2182b", dash=(5.0, 1.5, 1.0, 1.5, 1.0, 1.5)),
     )
-    desired: Look = Look(color="#000000", dash=(1.0, 1.4), width=0.8, layer=3.6)
-    limit: Look = Look(color="#8c1a10", dash=(8.0, 2.0), width=0.8, layer=2.6)
+    desired: CurveLook = CurveLook(color="#000000", dash=(1.0, 1.4), width=0.8, layer=3.6)
+    limit: CurveLook = CurveLook(color="#8c1a10", dash=(8.0, 2.0), width=0.8, layer=2.6)
     shades: tuple[str, ...] = ("#dcdcdc", "#f3e3c3", "#f2d3d0", "#d7e6f2")
 
     @property
@@ -124,7 +124,7 @@ class PictureStyle:
         """Font properties of a legend."""
         return {"size": self.small, "family": list(self.font)}
 
-    def look(self, position: int) -> Look:
+    def look(self, position: int) -> CurveLook:
         """Line style of the curve with a given index; beyond the last one colours repeat with another dash."""
         look = self.looks[position % len(self.looks)]
         return look if position < len(self.looks) else replace(look, dash=(1.0, 1.0), width=0.8 * look.width)
@@ -235,9 +235,9 @@ def limits(values: Iterable[Array], *, floor: bool, span: float, cap: float = np
     Returns:
         (low, high).
     """
-    found = np.concatenate([np.ravel(v) for v in values] or [np.zeros(1)])
-    found = np.clip(found[np.isfinite(found)], -cap, cap)
-    low, high = (float(found.min()), float(found.max())) if found.size else (0.0, 0.0)
+    numbers = np.concatenate([np.ravel(v) for v in values] or [np.zeros(1)])
+    numbers = np.clip(numbers[np.isfinite(numbers)], -cap, cap)
+    low, high = (float(numbers.min()), float(numbers.max())) if numbers.size else (0.0, 0.0)
     if floor:
         return 0.0, 1.07 * max(high, span / 1.07)
     missing = max(0.0, span - (high - low)) / 2

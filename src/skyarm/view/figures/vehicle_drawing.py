@@ -14,7 +14,7 @@ from matplotlib.patheffects import withStroke
 from skyarm.records.arrays import Array
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
-from skyarm.view.figures.projection import SIDE, TOP, View, arc, axonometric, outline, perpendicular
+from skyarm.view.figures.projection import SIDE, TOP, Projection, arc, axonometric, outline, perpendicular
 from skyarm.view.figures.style import PAPER, Picture
 from skyarm.world.scene.shapes import Shape
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_radius, vehicle_shapes
@@ -95,7 +95,7 @@ class Posed:
     """Vehicle with bent joints for its drawing: poses of bodies, frames and joint axes, with a level base.
 
     Attributes:
-        vehicle: with concrete numbers. angles: of its joints, rad or m. poses: body -> (R_WB, p_WB).
+        vehicle: vehicle with concrete numbers. angles: joint positions, rad or m. poses: body -> (R_WB, p_WB).
         frames: name -> (R, origin), base first. axes: (3,) positive direction of each joint.
         reach: the longest distance from the base to anything that is named, m.
     """
@@ -117,18 +117,18 @@ class Posed:
 def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
     """Joint values for a drawing: 0.5 rad for joints whose motion the side view shows, else zero, within limits."""
     level = _at_origin(vehicle, [0.0] * vehicle.n)
-    found = []
+    angles = []
     for i, link in enumerate(vehicle.links):
         bent = link.joint.turns and abs((level[i][0] @ _vector(link.joint.axis))[1]) > 0.9
-        found.append(min(max(BENT if bent else 0.0, float(link.joint.lower)), float(link.joint.upper)))
-    return tuple(found)
+        angles.append(min(max(BENT if bent else 0.0, float(link.joint.lower)), float(link.joint.upper)))
+    return tuple(angles)
 
 
 def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> Poses:
     """Poses (R_WB, p_WB) of all bodies, by body number, with the base level at the origin."""
     level = np.array([[1.0, 0.0, 0.0, 0.0]])
-    found = body_poses(vehicle, np.zeros((1, 3)), level, np.array([joints], dtype=float))
-    return {body: (R[0], p[0]) for body, (R, p) in found.items()}
+    poses = body_poses(vehicle, np.zeros((1, 3)), level, np.array([joints], dtype=float))
+    return {body: (R[0], p[0]) for body, (R, p) in poses.items()}
 
 
 def _vector(v: Iterable[SupportsFloat]) -> Array:
@@ -138,7 +138,7 @@ def _vector(v: Iterable[SupportsFloat]) -> Array:
 class Sheet:
     """One view of a vehicle's drawing: outlines of the bodies, and the requested labels."""
 
-    def __init__(self, ax: Axes, view: View, posed: Posed) -> None:
+    def __init__(self, ax: Axes, view: Projection, posed: Posed) -> None:
         self.ax, self.view, self.posed, self.reach = ax, view, posed, posed.reach
         self.labels: list[tuple[str, Array, str]] = []
         self._drawn: list[Array] = []
@@ -222,13 +222,13 @@ def _mark_frames_and_axes(sheet: Sheet) -> None:
         sheet.label(link.joint.name, at)
     for name, frame in posed.frames.items():
         sheet.triad(name, *frame, TRIAD if name in ("base", vehicle.end_effector) else 0.6 * TRIAD)
-    known, length = set(), 0.8 * rotor_radius(vehicle) if vehicle.rotors else 0.0
+    marked, length = set(), 0.8 * rotor_radius(vehicle) if vehicle.rotors else 0.0
     for i, rotor in enumerate(vehicle.rotors):
         hub, axis = _rotor_bow(sheet, rotor)
         sheet.label(str(i + 1), hub)
         tilt, upward = math.acos(min(1.0, abs(axis[2]))), math.copysign(1.0, axis[2]) * axis
-        if tilt > 0.01 and round(tilt, 3) not in known:
-            known.add(round(tilt, 3))
+        if tilt > 0.01 and round(tilt, 3) not in marked:
+            marked.add(round(tilt, 3))
             about = np.cross(UP, upward)
             sheet.angle(hub, length * UP, about / np.linalg.norm(about), tilt)
             sheet.line(np.array([hub, hub + 1.25 * length * upward]))
@@ -248,9 +248,9 @@ def _mark_lengths_and_angles(sheet: Sheet) -> None:
             length, middle = float(np.linalg.norm(rod)), at + 0.5 * rod
             # two arms in one line of sight have one label
             words, flat = f"{round(1e3 * length, 1):g} mm", sheet.view.flat(middle)
-            known = any(text == words and math.dist(there, flat) < 0.02 * sheet.reach for text, there in written)
+            labelled = any(text == words and math.dist(there, flat) < 0.02 * sheet.reach for text, there in written)
             seen = float(np.linalg.norm(sheet.view.flat(rod))) >= 0.97 * length > 0.05 * sheet.reach
-            if not seen or known:
+            if not seen or labelled:
                 continue
             written.append((words, flat))
             sheet.label(words, middle)

@@ -108,7 +108,7 @@ def _places_in_view(flight: FilmedFlight) -> list[Array]:
     farthest = LEAVES * vehicle_reach(flight)
     pairs = (flight.position, flight.desired_position), (flight.tip, flight.desired_tip)
     # a lost vehicle leaves the picture
-    return [part for at, wanted in pairs for part in (wanted + _limit_lengths(at - wanted, farthest), wanted)]
+    return [part for at, desired in pairs for part in (desired + _limit_lengths(at - desired, farthest), desired)]
 
 
 def _vehicle_radius(flights: Flights) -> float:
@@ -145,12 +145,12 @@ def _low_pass(places: Array, seconds: Array) -> Array:
     """Zero-phase low-pass filter of a path (F, 3)."""
     step = float(seconds[1] - seconds[0]) if len(seconds) > 1 else 1.0
     keep = math.exp(-step / SMOOTH)
-    found = places.copy()
-    for order in (range(1, len(found)), range(len(found) - 2, -1, -1)):
-        before = found[0 if order.step > 0 else -1]
+    smooth = places.copy()
+    for order in (range(1, len(smooth)), range(len(smooth) - 2, -1, -1)):
+        before = smooth[0 if order.step > 0 else -1]
         for k in order:
-            found[k] = before = keep * before + (1.0 - keep) * found[k]
-    return found
+            smooth[k] = before = keep * before + (1.0 - keep) * smooth[k]
+    return smooth
 
 
 def looking_towards(azimuth: float, elevation: float = ELEVATION) -> Array:

@@ -63,9 +63,9 @@ class FrameLayout:
     """Layout of a film frame: rectangles of 3D panels, captions and plot.
 
     Attributes:
-        width, height: of the whole. scale: of texts and bands, 1 at 720 lines.
+        width, height: size of the whole. scale: scale of texts and bands, 1 at 720 lines.
         title: band at the top. heads: one above each panel, or in one band a part for each flight.
-        panels: that are drawn in three dimensions. plot: of the error, None without.
+        panels: rectangles of the three-dimensional views. plot: rectangle of the error's plot, None without.
     """
 
     width: int
@@ -96,23 +96,23 @@ class Captions:
 
     def frame(self, drawn: Pixels, k: int) -> Pixels:
         """Compose a film frame from the rendered 3D panels, captions and plot."""
-        found, layout, time = self._blank.copy(), self._layout, float(self._times[k])
+        picture, layout, time = self._blank.copy(), self._layout, float(self._times[k])
         for box in layout.panels:
-            found[box.inside] = drawn[box.inside]
+            picture[box.inside] = drawn[box.inside]
         winds = {wind_words(flight, k) for flight in self._flights}
         wind = winds.pop() if len(winds) == 1 else ""  # of all flights
-        self._write(found, self._clock, f"{wind}    {time:.1f} s".lstrip(), align="right")
+        self._write(picture, self._clock, f"{wind}    {time:.1f} s".lstrip(), align="right")
         for box, flight in zip(layout.heads, self._flights, strict=True):
             ink = LOST if flight.lost and time >= flight.end else INK
             number = box.split(self._name_width(flight, box))[1]
-            self._write(found, number, state_words(flight, time, k), ink, align="right")
+            self._write(picture, number, state_words(flight, time, k), ink, align="right")
         if self._strip is not None and layout.plot is not None:
             strip, top = self._strip, layout.plot.top
             share = (time - self._times[0]) / (_end_time(self._times) - self._times[0])
             at = round(layout.plot.left + strip.left + share * (strip.right - strip.left))
             half = max(1, round(layout.scale))
-            found[top + strip.top : top + strip.bottom, max(at - half, 0) : at + half] = INK
-        return found
+            picture[top + strip.top : top + strip.bottom, max(at - half, 0) : at + half] = INK
+        return picture
 
     def _name_width(self, flight: FilmedFlight, box: Box) -> int:
         """Width in pixels of a flight's name in its caption."""

@@ -26,7 +26,7 @@ from skyarm.view.film.filmed_flight import (
     THICK,
     THIN,
     FilmedFlight,
-    Mark,
+    FilmMark,
     desired_path,
     film_flight,
     ghost_solids,
@@ -36,7 +36,7 @@ from skyarm.view.film.filmed_flight import (
     wind_arrow,
 )
 from skyarm.view.film.make_film import FilmSettings
-from skyarm.view.film.stage import Panel, Stage, open_stage
+from skyarm.view.film.stage import FramePanel, Stage, open_stage
 from skyarm.world import WindSample
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
@@ -82,10 +82,10 @@ def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample
     """Make a log of some control instants from states and wind alone, without commands and measurements.
 
     Args:
-        inputs: of the episode.
+        inputs: inputs of the episode.
         row: number of the first instant.
         states: (N, numbers) leaves of the plant's state.
-        wind: of all these instants.
+        wind: wind of all these instants.
     """
     empty, zeros = np.zeros((len(states), 0)), np.zeros_like(states)
     samples = Samples(states=states, commands=zeros, measurement=None, readings=(), wind=wind, found=empty, led=empty)
@@ -134,10 +134,10 @@ class EpisodePictures:
         self._stage = None
         self._open.close()
 
-    def _panel(self, now: LoopState) -> Panel:
+    def _panel(self, now: LoopState) -> FramePanel:
         settings, scenario = self._settings, self._scenario
-        ticks: Any = now.ticks
-        time, row = float(ticks) / scenario.rates.control, min(int(ticks), scenario.steps - 1)
+        ticks = float(now.ticks)
+        time, row = ticks / scenario.rates.control, min(int(ticks), scenario.steps - 1)
         if all(abs(number) < FARTHEST for number in leaves(now.agent.state)):
             self._last = now.agent.state
         state, around = self._last, self._stages.surroundings(now.components, now.agent.drives, time)
@@ -157,10 +157,10 @@ class EpisodePictures:
         ]
         camera = self._camera(whole, flight, time)
 
-        def all_marks(_: int) -> list[Mark]:
+        def all_marks(_: int) -> list[FilmMark]:
             return marks
 
-        return Panel(0, 0, settings.width, settings.height, camera, solids, all_marks, flight.scene.ground or 0.0)
+        return FramePanel(0, 0, settings.width, settings.height, camera, solids, all_marks, flight.scene.ground or 0.0)
 
     def _reference(self, numbers: int, wind: WindSample) -> FilmedFlight:
         """Make the film data of an ideal flight that follows its reference exactly."""

@@ -57,14 +57,22 @@ def film(
     return write_film(logs, path, chosen, labels=labels, progress=progress)
 
 
-def write_film(logs: Sequence[Log], path: Path, settings: FilmSettings, **options: Any) -> Path:
-    """Film logs, or record them if the suffix is that of a recording; ``options``: labels and progress."""
+def write_film(
+    logs: Sequence[Log],
+    path: Path,
+    settings: FilmSettings,
+    *,
+    labels: Sequence[str] | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Film logs, or record them if the suffix is that of a recording; labels and progress as of a film."""
     if require_film_format(path, SUFFIXES) is None:
-        return save_recording(record(logs, settings, **options), path)
-    return make_film(logs, path, settings, **options)
+        return save_recording(record(logs, settings, labels=labels, progress=progress), path)
+    return make_film(logs, path, settings, labels=labels, progress=progress)
 
 
-def _log(flight: Any) -> Log:
+def _log(flight: Flight) -> Log:
     """Return the log of a flight; a scenario is flown first."""
-    is_file = isinstance(flight, (str, os.PathLike)) and Path(flight).suffix[1:] in names("log_format")
-    return as_log(flight) if is_file or isinstance(flight, Log) else run(flight)
+    if isinstance(flight, (str, os.PathLike)) and Path(flight).suffix[1:] in names("log_format"):
+        return as_log(flight)
+    return flight if isinstance(flight, Log) else run(flight)

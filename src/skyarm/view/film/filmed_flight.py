@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -13,9 +12,11 @@ from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.reference.tip_motion import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_facts import applied_force, desired_push, end_time, flight_labels
+from skyarm.world.component import Component
 from skyarm.world.scene.component_scenes import scene_in_log
 from skyarm.world.scene.scene import PATCH, Instants, Scene
 from skyarm.world.scene.shapes import RGBA, Solid
@@ -59,7 +60,7 @@ class FilmedFlight:
     """Flight data at the F frames of a film, in SI units and world axes: poses, references, tip error, forces.
 
     Attributes:
-        label: name in the picture. color: of the vehicle, its trail and its curve.
+        label: name in the picture. color: colour of the vehicle, its trail and its curve.
         vehicle: the plant's.
         position (F, 3), quaternion (F, 4) wxyz, joints (F, n): of the plant.
         desired_position (F, 3), desired_quaternion (F, 4), desired_joints (F, n): the continuous reference, level.
@@ -122,9 +123,9 @@ def film_flight(log: Log, label: str, color: Color, times: Array, about: Array |
     """Resample a log at a film's frames by linear interpolation; the last state is held after the flight's end.
 
     Args:
-        log: of the flight.
-        label: in the picture.
-        color: there.
+        log: log of the flight.
+        label: name in the picture.
+        color: colour of the vehicle.
         times: (F,) s.
         about: (K, 3) m, places about which planes are drawn; the tip's own if left out.
 
@@ -177,7 +178,7 @@ def patch_about(tip: Array) -> float:
     return PATCH + 0.5 * min(way, WIDEST)
 
 
-def _scene(log: Log, components: Sequence[Any], seen: Instants) -> Scene:
+def _scene(log: Log, components: Sequence[Component[Tree]], seen: Instants) -> Scene:
     """Surfaces, objects and contact forces at a film's frames, interpolated from a log."""
 
     def at_frames(name: str) -> Array:
@@ -239,7 +240,7 @@ LEAST_FORCE, LEAST_SPEED = 0.02, 0.05
 
 
 @immutable(kw_only=False)
-class Mark:
+class FilmMark:
     """Line or arrow between two world points, drawn in one frame of a film.
 
     Attributes:
@@ -253,7 +254,7 @@ class Mark:
     rgba: RGBA
 
 
-def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[Mark]:
+def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[FilmMark]:
     """Make the fading trail of the tip's last seconds, as lines."""
     first = int(np.searchsorted(times, times[k] - TRAIL))
     # every so many frames of the film, not of the trail, so that a line stays where it was drawn once
@@ -261,17 +262,18 @@ def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[Mark
     at = _thin_out(flight.tip[[*range(-(-first // every) * every, k, every), k]])
     share = np.linspace(0.15, 0.85, max(len(at) - 1, 1))
     return [
-        Mark("line", width, a, b, (*flight.color, float(s))) for a, b, s in zip(at[:-1], at[1:], share, strict=False)
+        FilmMark("line", width, a, b, (*flight.color, float(s)))
+        for a, b, s in zip(at[:-1], at[1:], share, strict=False)
     ]
 
 
-def desired_path(flight: FilmedFlight, width: float) -> list[Mark]:
+def desired_path(flight: FilmedFlight, width: float) -> list[FilmMark]:
     """Make the line of the desired tip path over a whole film."""
     at = _thin_out(flight.desired_tip[:: -(-len(flight.desired_tip) // (4 * TRAIL_PIECES))])
-    return [Mark("line", width, a, b, PATH) for a, b in pairwise(at)]
+    return [FilmMark("line", width, a, b, PATH) for a, b in pairwise(at)]
 
 
-def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
+def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[FilmMark]:
     """Make an arrow along the wind near the vehicle, with a length by wind force or air speed, the longer one."""
     seen = [
         scale * each[k]
@@ -287,19 +289,19 @@ def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
         return []
     along = length / size
     end = flight.desired_position[k] - 1.6 * reach * along + np.array([0.0, 0.0, 0.8 * reach])
-    return [Mark("arrow", 0.06 * reach, end - min(size, LONGEST_ARROW) * along, end, WIND)]
+    return [FilmMark("arrow", 0.06 * reach, end - min(size, LONGEST_ARROW) * along, end, WIND)]
 
 
-def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
+def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[FilmMark]:
     """Make arrows of all contact forces at frame k, each starting at its contact point."""
-    found = []
+    marks = []
     for touch in flight.scene.arrows:
         size = float(np.linalg.norm(touch.force[k]))
         if size > LEAST_FORCE:
             length = min(TOUCH_PER_NEWTON * size, LONGEST_TOUCH)
             end = touch.spot[k] + touch.force[k] * (length / size)
-            found.append(Mark("arrow", 0.045 * reach, touch.spot[k], end, TOUCH))
-    return found
+            marks.append(FilmMark("arrow", 0.045 * reach, touch.spot[k], end, TOUCH))
+    return marks
 
 
 def wind_words(flight: FilmedFlight, k: int) -> str:
@@ -318,14 +320,14 @@ def _thin_out(places: Array) -> Array:
     return np.array(chosen)
 
 
-def marks_of(flights: Flights, times: Array, reach: float, scale: float) -> Callable[[int], list[Mark]]:
+def marks_of(flights: Flights, times: Array, reach: float, scale: float) -> Callable[[int], list[FilmMark]]:
     """Make a function that lists the lines and arrows of a film panel at a given frame."""
     still = desired_path(flights[0], THIN * scale)
     for flight in flights[1:]:
         if not np.allclose(flight.desired_tip, flights[0].desired_tip, atol=1e-6):
             still += desired_path(flight, THIN * scale)
 
-    def at(k: int) -> list[Mark]:
+    def at(k: int) -> list[FilmMark]:
         moving = [mark for flight in flights for mark in trail(flight, times, k, THICK * scale)]
         touching = [mark for flight in flights for mark in touch_marks(flight, k, reach)]
         drawn = [line for flight in flights for line in scene_lines(flight, k, THICK * scale)]
@@ -345,10 +347,10 @@ def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
     return [*own, *around]
 
 
-def scene_lines(flight: FilmedFlight, k: int, width: float) -> list[Mark]:
+def scene_lines(flight: FilmedFlight, k: int, width: float) -> list[FilmMark]:
     """Make the lines of the surroundings, such as cables, at frame k; hidden ones (NaN) are left out."""
     pieces = [(a, b, line.rgba) for line in flight.scene.lines for a, b in pairwise(line.places[k])]
-    return [Mark("line", width, a, b, rgba) for a, b, rgba in pieces if np.isfinite([a, b]).all()]
+    return [FilmMark("line", width, a, b, rgba) for a, b, rgba in pieces if np.isfinite([a, b]).all()]
 
 
 def ghost_solids(flight: FilmedFlight) -> list[Solid]:
@@ -377,12 +379,12 @@ def _solids(flight: FilmedFlight, position: Array, quaternion: Array, joints: Ar
     poses = body_poses(flight.vehicle, position, quaternion, joints)
     # nothing is wanted of the servos: the desired pose has them at rest
     turns = {} if ghost else rotor_turns(flight.vehicle, flight.tilts)
-    found = []
+    solids = []
     for shape in (*vehicle_shapes(flight.vehicle), *(() if ghost else flight.scene.attached)):
         R, p = poses[shape.body]
         color = role_color(shape.role, flight.color, ghost=ghost)
-        found.append(Solid(shape, p + R @ np.array(shape.position), R @ shape_rotation(shape, turns), color))
-    return found
+        solids.append(Solid(shape, p + R @ np.array(shape.position), R @ shape_rotation(shape, turns), color))
+    return solids
 
 
 def _mix(a: Color, b: Color, share: float) -> Color:

@@ -19,7 +19,7 @@ from skyarm.view.figures.flight_facts import end_time
 from skyarm.view.film.camera_paths import CAMERAS, CameraPath
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import Flights, film_flights, ghost_solids, marks_of, vehicle_solids
-from skyarm.view.film.stage import Panel, open_stage
+from skyarm.view.film.stage import FramePanel, open_stage
 from skyarm.view.film.video_files import require_film_format
 from skyarm.world.scene.shapes import Solid
 from skyarm.world.scene.vehicle_shapes import longest_boom
@@ -96,7 +96,7 @@ def film_frames(
                 progress(k + 1, len(times))
 
 
-def film_panels(flights: Flights, times: Array, settings: FilmSettings, layout: FrameLayout) -> list[Panel]:
+def film_panels(flights: Flights, times: Array, settings: FilmSettings, layout: FrameLayout) -> list[FramePanel]:
     """Make the 3D panels of a film: camera, solids, lines and arrows of their flights."""
     together = [list(flights)] if settings.layout == "over" else [[flight] for flight in flights]
     paths = _cameras(together, times, settings, layout)
@@ -108,7 +108,7 @@ def film_panels(flights: Flights, times: Array, settings: FilmSettings, layout: 
         booms = max(longest_boom(flight.vehicle) for flight in inside)
         marks = marks_of(inside, times, booms, layout.scale)
         panels.append(
-            Panel(box.left, box.top, box.width, box.height, path, solids, marks, inside[0].scene.ground or 0.0)
+            FramePanel(box.left, box.top, box.width, box.height, path, solids, marks, inside[0].scene.ground or 0.0)
         )
     return panels
 
@@ -188,7 +188,7 @@ def size_of(text: str) -> tuple[int, int]:
     width, _, height = text.lower().partition("x")
     if not (width.isascii() and width.isdigit() and height.isascii() and height.isdigit()) or len(text) > 12:
         raise ValueError(f"size = {shown(text)}: must be WIDTHxHEIGHT in pixels, such as 1280x720")
-    found, bounds = (int(width), int(height)), units(FilmSettings)["width"]
-    if not all(bounds.low <= side <= bounds.high and side % 2 == 0 for side in found):
+    size, bounds = (int(width), int(height)), units(FilmSettings)["width"]
+    if not all(bounds.low <= side <= bounds.high and side % 2 == 0 for side in size):
         raise ValueError(f"size = {shown(text)}: must be even numbers from {bounds.low:g} to {bounds.high:g}")
-    return found
+    return size

@@ -6,7 +6,7 @@ import ctypes
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeAlias
 
 LIBRARY = "libEGL.so.1"
 
@@ -21,6 +21,9 @@ CONFIG = (0x3024, 8, 0x3023, 8, 0x3022, 8, 0x3021, 8, 0x3025, 24, 0x3026, 8, 0x3
 """Red, green, blue, alpha 8 bits, depth 24, stencil 8, for a pixel buffer (0x3033) and OpenGL (0x3040); 0x3038 ends."""
 
 _Pointer = ctypes.c_void_p
+
+CType: TypeAlias = type[ctypes.c_void_p] | type[ctypes.c_int] | type[ctypes.c_uint]
+"""Type of a function's result or argument."""
 
 
 class NoDisplayError(ValueError):
@@ -72,7 +75,7 @@ def _of_mujoco() -> Iterator[Callable[[], None]]:
         context.free()
 
 
-def _library() -> Any:
+def _library() -> ctypes.CDLL:
     """Load the EGL library and declare its function types."""
     try:
         egl = ctypes.CDLL(LIBRARY)
@@ -87,7 +90,7 @@ def _library() -> Any:
     return egl
 
 
-def _display(egl: Any) -> tuple[int, int]:
+def _display(egl: ctypes.CDLL) -> tuple[int, int]:
     """Find an EGL display and configuration that render OpenGL."""
     for device in _devices(egl):
         display = _extension(egl, b"eglGetPlatformDisplayEXT", _Pointer, ctypes.c_uint, _Pointer, _Pointer)(
@@ -96,21 +99,21 @@ def _display(egl: Any) -> tuple[int, int]:
         if not display or not egl.eglInitialize(display, None, None):
             continue
         config, count = (_Pointer * 1)(), ctypes.c_int()
-        wanted = (ctypes.c_int * len(CONFIG))(*CONFIG)
-        found = egl.eglChooseConfig(display, wanted, config, 1, ctypes.byref(count))
-        if found and count.value and egl.eglBindAPI(OPENGL_API):
+        attributes = (ctypes.c_int * len(CONFIG))(*CONFIG)
+        chosen = egl.eglChooseConfig(display, attributes, config, 1, ctypes.byref(count))
+        if chosen and count.value and egl.eglBindAPI(OPENGL_API):
             return display, config[0] or 0
     raise NoDisplayError(f"EGL: finds no device that draws with OpenGL; {NEEDS}")
 
 
-def _devices(egl: Any) -> list[int]:
+def _devices(egl: ctypes.CDLL) -> list[int]:
     devices, count = (_Pointer * MOST_DEVICES)(), ctypes.c_int()
     query = _extension(egl, b"eglQueryDevicesEXT", ctypes.c_uint, ctypes.c_int, _Pointer, _Pointer)
     query(MOST_DEVICES, devices, ctypes.byref(count))
     return [device for device in devices[: count.value] if device]
 
 
-def _extension(egl: Any, name: bytes, result: Any, *arguments: Any) -> Any:
+def _extension(egl: ctypes.CDLL, name: bytes, result: CType, *arguments: CType) -> Callable[..., Any]:
     """Load an EGL extension function by name.
 
     Raises:

@@ -9,8 +9,8 @@ import base64
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import RLock
-from types import SimpleNamespace
-from typing import Any
+from types import ModuleType, SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -43,6 +43,10 @@ from skyarm.view.studio.scene_nodes import DIGITS, Arrows, LineNodes, SolidNodes
 from skyarm.world.scene.shapes import RGBA
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns
 
+if TYPE_CHECKING:
+    from viser import SceneApi
+    from viser.infra import StateSerializer
+
 SUFFIXES = ("viser", "html")
 """Of recordings."""
 
@@ -64,8 +68,8 @@ class Recording:
     """Recorded 3D scene of flights.
 
     Attributes:
-        content: of a ``.viser`` file. seconds: how long it plays.
-        html: of one page with player and recording, without external files.
+        content: bytes of a ``.viser`` file. seconds: how long it plays.
+        html: function that makes one page with player and recording, without external files.
     """
 
     content: bytes
@@ -85,8 +89,8 @@ def record(
     Args:
         flights: one log or several.
         settings: layout, span, speed, frames a second, ghost; the camera's first place.
-        labels: as of a film.
-        progress: as of a film.
+        labels: name of each flight, as of a film.
+        progress: function called after each frame, as of a film.
 
     Raises:
         ValueError: one line: what cannot be filmed, or the extra that is missing.
@@ -132,9 +136,11 @@ class _Stage:
         self.scene.set_background_image(None)
         self.initial_camera = viser.InitialCameraConfig(self._messages.queue_message)
 
-    def get_scene_serializer(self) -> Any:
+    def get_scene_serializer(self) -> StateSerializer:
         """Make viser's serializer of all messages of the scene, those so far and those to come."""
-        serializer = self._messages.get_message_serializer(lambda message: message.include_in_scene_serialization)
+        serializer: StateSerializer = self._messages.get_message_serializer(
+            lambda message: message.include_in_scene_serialization
+        )
         for message in list(self._sent.message_from_id.values()):
             serializer._insert_message(message)
         return serializer
@@ -171,7 +177,7 @@ class _RecordedFlight:
     """Scene nodes of one flight in a recording: vehicle, desired pose, paths, label, wind and contact forces."""
 
     def __init__(
-        self, scene: Any, root: str, flight: FilmedFlight, shift: Array, times: Array, settings: FilmSettings
+        self, scene: SceneApi, root: str, flight: FilmedFlight, shift: Array, times: Array, settings: FilmSettings
     ) -> None:
         self._flight, self._times = flight, times
         reach = self._reach = vehicle_reach(flight)
@@ -200,7 +206,7 @@ class _RecordedFlight:
         self._every = max(1, round(settings.fps / WORDS_PER_SECOND))
 
     def _vehicle(
-        self, scene: Any, name: str, pose: tuple[Array, Array, Array], *, ghost: bool
+        self, scene: SceneApi, name: str, pose: tuple[Array, Array, Array], *, ghost: bool
     ) -> tuple[VehicleNodes, Array, Array]:
         """Create the scene nodes of a vehicle; returns them with rotations and positions at every frame."""
         flight = self._flight
@@ -243,7 +249,7 @@ class _RecordedFlight:
         return f"{flight.label}: {state_words(flight, float(self._times[k]), k)}" + (f", {wind}" if wind else "")
 
 
-def _add_path(scene: Any, name: str, places: Array, color: tuple[int, ...], width: float) -> None:
+def _add_path(scene: SceneApi, name: str, places: Array, color: tuple[int, ...], width: float) -> None:
     """Add a line through points (F, 3) to the scene."""
     points = segments(np.round(places, DIGITS)).astype(np.float32)
     if len(points):
@@ -296,14 +302,14 @@ def _shifts(flights: Flights, settings: FilmSettings) -> list[Array]:
 
 def page_with(content: bytes) -> str:
     """Make an HTML page with the player and a recording, which also opens as a local file."""
-    held = base64.b64encode(content).decode("ascii")
+    text = base64.b64encode(content).decode("ascii")
     dark = 'matchMedia("(prefers-color-scheme: dark)").matches'
-    script = f'<script>window.__VISER_EMBED_DATA__="{held}";window.__VISER_EMBED_CONFIG__={{darkMode:{dark}}};</script>'
-    player = (Path(import_viser().__file__).parent / "client" / "build" / "index.html").read_text("utf-8")
+    script = f'<script>window.__VISER_EMBED_DATA__="{text}";window.__VISER_EMBED_CONFIG__={{darkMode:{dark}}};</script>'
+    player = (Path(str(import_viser().__file__)).parent / "client" / "build" / "index.html").read_text("utf-8")
     return player.replace("</head>", f"{script}</head>", 1)
 
 
-def import_viser() -> Any:
+def import_viser() -> ModuleType:
     """Import viser, with an error that names it if it is not installed.
 
     Raises:

@@ -9,15 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
 
 import mujoco
 import numpy as np
 
-from skyarm.records.arrays import Pixels
+from skyarm.records.arrays import Array, IntArray, Pixels
 from skyarm.records.immutable import immutable
 from skyarm.view.film.camera_paths import FIELD_OF_VIEW, CameraPath
-from skyarm.view.film.filmed_flight import Mark
+from skyarm.view.film.filmed_flight import FilmMark
 from skyarm.view.film.offscreen import offscreen
 from skyarm.world.scene.shapes import SURFACE, UPRIGHT, Shape, Solid, mesh_of, own_mesh
 
@@ -66,12 +65,12 @@ THIN = 2e-4
 
 
 @immutable(kw_only=False)
-class Panel:
+class FramePanel:
     """Rectangle of a film frame with its camera, solids, lines and arrows.
 
     Attributes:
         left, top, width, height: pixels, from the frame's upper left corner.
-        camera: where it is looked from. solids: that move. marks: number of a frame -> lines and arrows of that frame.
+        camera: camera path. solids: moving solids. marks: number of a frame -> lines and arrows of that frame.
         ground: height of the ground, m.
     """
 
@@ -81,7 +80,7 @@ class Panel:
     height: int
     camera: CameraPath
     solids: Sequence[Solid]
-    marks: Callable[[int], Sequence[Mark]]
+    marks: Callable[[int], Sequence[FilmMark]]
     ground: float = 0.0
 
 
@@ -89,7 +88,7 @@ class Stage:
     """Offscreen renderer of a film's 3D panels, frame by frame."""
 
     def __init__(
-        self, panels: Sequence[Panel], width: int, height: int, *, fine: bool, current: Callable[[], None]
+        self, panels: Sequence[FramePanel], width: int, height: int, *, fine: bool, current: Callable[[], None]
     ) -> None:
         self._panels, self._size, self._current = panels, (width, height), current
         self._model, self._meshes = _model(width, height, _meshes_of(panels), fine=fine)
@@ -110,7 +109,7 @@ class Stage:
         mujoco.mjr_readPixels(self._pixels, None, mujoco.MjrRect(0, 0, *self._size), self._context)
         return self._pixels[::-1]
 
-    def move(self, panels: Sequence[Panel]) -> None:
+    def move(self, panels: Sequence[FramePanel]) -> None:
         """Replace the panels by ones that show the same shapes at other poses."""
         self._panels = panels
 
@@ -119,7 +118,7 @@ class Stage:
         self._current()
         self._context.free()
 
-    def _scene(self, panel: Panel, *, fine: bool) -> tuple[Any, int]:
+    def _scene(self, panel: FramePanel, *, fine: bool) -> tuple[mujoco.MjvScene, int]:
         """MuJoCo scene of a panel with ground and solids, and the number of static geoms."""
         scene = mujoco.MjvScene(self._model, MOST_GEOMS)
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = fine
@@ -145,14 +144,14 @@ class Stage:
                 geom.type, geom.dataid = mujoco.mjtGeom.mjGEOM_MESH.value, 2 * self._meshes[key]
         return scene, ground
 
-    def _place_mesh(self, geom: Any, mesh: int) -> None:
+    def _place_mesh(self, geom: mujoco.MjvGeom, mesh: int) -> None:
         """Correct the pose of a mesh, whose coordinates MuJoCo moves to the principal axes of inertia."""
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, self._model.mesh_quat[mesh])
         R = np.array(geom.mat).reshape(3, 3)
         geom.pos, geom.mat = geom.pos + R @ self._model.mesh_pos[mesh], R @ turn.reshape(3, 3)
 
-    def _place(self, panel: Panel, scene: Any, ground: int, k: int) -> None:
+    def _place(self, panel: FramePanel, scene: mujoco.MjvScene, ground: int, k: int) -> None:
         """Place solids, marks and camera for frame k."""
         for i, solid in enumerate(panel.solids):
             geom = scene.geoms[ground + i]
@@ -168,7 +167,7 @@ class Stage:
             if not scene.lights[i].headlight:
                 scene.lights[i].pos = panel.camera.look_at[k] + LAMP
 
-    def _add(self, scene: Any, kind: str, size: Sequence[float], rgba: Sequence[float]) -> Any:
+    def _add(self, scene: mujoco.MjvScene, kind: str, size: Sequence[float], rgba: Sequence[float]) -> mujoco.MjvGeom:
         """Add a geom without gloss to a MuJoCo scene."""
         geom = scene.geoms[scene.ngeom]
         sizes = np.array([*size, THIN if kind == "patch" else 0.0, 0.0][:3])
@@ -181,7 +180,7 @@ class Stage:
 
 
 @contextmanager
-def open_stage(panels: Sequence[Panel], width: int, height: int, *, fine: bool = False) -> Iterator[Stage]:
+def open_stage(panels: Sequence[FramePanel], width: int, height: int, *, fine: bool = False) -> Iterator[Stage]:
     """Context manager that opens a renderer of ``width`` by ``height`` pixels.
 
     Raises:
@@ -195,7 +194,7 @@ def open_stage(panels: Sequence[Panel], width: int, height: int, *, fine: bool =
             stage.close()
 
 
-def _camera(path: CameraPath, k: int) -> Any:
+def _camera(path: CameraPath, k: int) -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.lookat = path.look_at[k]
@@ -205,21 +204,26 @@ def _camera(path: CameraPath, k: int) -> Any:
 
 MeshKey = tuple[str, tuple[float, ...]]
 
+Mesh = tuple[Array, IntArray]
+"""Vertices (V, 3), m, and triangles (F, 3)."""
+
 
 def mesh_key(shape: Shape) -> MeshKey:
     """Key of a shape's mesh (file and size); shapes with equal keys share one mesh."""
     return shape.mesh, shape.size if shape.kind in ("mesh", "hole") else ()
 
 
-def _meshes_of(panels: Sequence[Panel]) -> dict[MeshKey, Any]:
+def _meshes_of(panels: Sequence[FramePanel]) -> dict[MeshKey, Mesh]:
     """Collect (vertices, triangles) of all meshes in the panels, by mesh key."""
     shapes = {mesh_key(solid.shape): solid.shape for panel in panels for solid in panel.solids}
     local = {key: replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT) for key, shape in shapes.items()}
-    found = {key: mesh_of(each) if each.kind == "hole" else own_mesh(each) for key, each in local.items()}
-    return {key: mesh for key, mesh in found.items() if mesh is not None}
+    meshes = {key: mesh_of(each) if each.kind == "hole" else own_mesh(each) for key, each in local.items()}
+    return {key: mesh for key, mesh in meshes.items() if mesh is not None}
 
 
-def _model(width: int, height: int, meshes: Mapping[MeshKey, Any], *, fine: bool) -> tuple[Any, dict[MeshKey, int]]:
+def _model(
+    width: int, height: int, meshes: Mapping[MeshKey, Mesh], *, fine: bool
+) -> tuple[mujoco.MjModel, dict[MeshKey, int]]:
     """Make the MuJoCo model with ground, sky, light and meshes; also returns the index of each mesh."""
     spec = mujoco.MjSpec.from_string(WORLD)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height

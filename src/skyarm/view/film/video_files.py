@@ -7,7 +7,7 @@ import itertools
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 from PIL import Image
@@ -118,7 +118,7 @@ def usual_size_and_rate(path: Path) -> tuple[int, int, int]:
     return USUAL_IN_MEMORY if path.suffix.lower() == ".webp" else USUAL
 
 
-def import_av() -> Any:
+def import_av() -> ModuleType:
     """Import PyAV, the video encoder, with an error that names it if it is not installed.
 
     Raises:

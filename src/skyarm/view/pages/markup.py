@@ -7,7 +7,10 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from importlib import resources
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 FEW, MANY = 3, 9
 """Columns up to which a table takes no more room than it needs, and above which it is set smaller."""
@@ -17,7 +20,7 @@ Rows = Iterable[Iterable[Any]]
 
 
 @lru_cache(maxsize=1)
-def _templates() -> Any:
+def _templates() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined  # 60 ms, which only a page costs
 
     loader = PackageLoader("skyarm", "")
@@ -54,7 +57,7 @@ def page(
         script: the only script that a browser runs in the page, by its hash.
         pages: file -> title of the pages of a report, which get links between them and a table of contents.
         sections: (identifier, title, HTML) of such a page.
-        parts: of such a page: ``name`` of its file, ``lead`` and ``footer`` as text, ``opening`` as HTML.
+        parts: further parts of such a page: ``name`` of its file, ``lead`` and ``footer`` as text, ``opening`` as HTML.
     """
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     named = [dict(zip(("name", "title", "content"), each, strict=True)) for each in sections]
@@ -125,7 +128,7 @@ def image(alternative: str, caption: str, content: bytes, *, wide: bool = False,
     Args:
         alternative: text in its place.
         caption: text below it.
-        content: of its PNG file.
+        content: bytes of its PNG file.
         wide: takes all of the page's width; on a narrow screen it scrolls.
         kind: class of its style.
         name: identifier.

@@ -16,7 +16,7 @@ class Mark:
     """Table cell with formatting besides text: exact value, emphasis, explanation, link.
 
     Attributes:
-        text: of the cell. value: its whole number, for machines.
+        text: text of the cell. value: its whole number, for machines.
         strong: set bold. title: explanation of the text, or the level of a finding. href: file that it leads to.
     """
 
@@ -34,11 +34,11 @@ Row = Sequence[str | Mark]
 Groups = Sequence[tuple[str, Sequence[Row]]]
 
 
-def number(found: float | None, factor: float = 1.0) -> str:
+def number(quantity: float | None, factor: float = 1.0) -> str:
     """Format a number with two or three significant digits; a dash for None."""
-    if found is None:
+    if quantity is None:
         return DASH
-    value = found * factor
+    value = quantity * factor
     return f"{value:.0f}" if value >= 100.0 else f"{value:.1f}" if value >= 10.0 else f"{value:.2f}"
 
 
@@ -57,7 +57,7 @@ class Table:
     Attributes:
         head: names of the columns; ">" begins that of numbers.
         rows: one for each line, under the titles of ``groups`` where these are given.
-        caption: of the table.
+        caption: caption of the table.
         groups: (title, rows) on a page.
     """
 
@@ -131,7 +131,7 @@ class Report:
 
     Attributes:
         title: heading. facts: first line of the page.
-        sections: of both forms. page_only: further ones of the page.
+        sections: sections of both forms. page_only: further ones of the page.
         opening: HTML before all sections.
     """
 

@@ -6,15 +6,19 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
 from skyarm.records.arrays import Array
 from skyarm.view.studio.clock import SPEEDS, Clock
 from skyarm.view.studio.fleet import Flight
-from skyarm.view.studio.knobs import Knob
+from skyarm.view.studio.knobs import AdjustableNumber
 from skyarm.view.studio.picture import COLORS
+from skyarm.view.studio.sights import PlottedInstant
+
+if TYPE_CHECKING:
+    from skyarm.view.studio.server import GuiApi, Series, Slider
 
 CLOCK: dict[str, Callable[[Clock], None]] = {
     "play / pause": lambda clock: setattr(clock, "playing", not clock.playing),
@@ -23,12 +27,12 @@ CLOCK: dict[str, Callable[[Clock], None]] = {
 }
 
 
-def add_clock(gui: Any, do: Callable[[Callable[[Clock], None]], None], longest: float) -> Any:
+def add_clock(gui: GuiApi, do: Callable[[Callable[[Clock], None]], None], longest: float) -> Slider:
     """Add buttons, speed and time of a playback clock to a page; returns the slider of the time.
 
     Args:
-        gui: of viser.
-        do: executes their commands.
+        gui: controls of viser.
+        do: function that executes their commands.
         longest: s, end of the slider.
     """
     on_user_input(gui.add_button_group("clock", tuple(CLOCK)), lambda value: do(CLOCK[value]))
@@ -63,17 +67,22 @@ class KnobPanel:
     """Panel of sliders for adjustable parameters of a simulation.
 
     Args:
-        gui: of viser, within the container of the sliders.
-        knobs: in order.
-        moved: called with path and value when a hand has moved one, from any thread.
+        gui: controls of viser, within the container of the sliders.
+        knobs: adjustable parameters, in order.
+        moved: function called with path and value when a hand has moved one, from any thread.
         opened: folder that stands open at first.
-        title: begins the names of the folders.
+        title: beginning of the names of the folders.
     """
 
     def __init__(
-        self, gui: Any, knobs: Sequence[Knob], moved: Callable[[str, float], None], opened: str = "", title: str = ""
+        self,
+        gui: GuiApi,
+        knobs: Sequence[AdjustableNumber],
+        moved: Callable[[str, float], None],
+        opened: str = "",
+        title: str = "",
     ) -> None:
-        self._sliders: list[tuple[Knob, Any]] = []
+        self._sliders: list[tuple[AdjustableNumber, Slider]] = []
         self._folders = []
         for group in dict.fromkeys(knob.group for knob in knobs):
             name = ": ".join(filter(None, (title, group)))
@@ -118,50 +127,64 @@ LIMIT = "rgb(200, 40, 40)"
 WIDTH, MORE = 1.5, 2.0
 """Pixels of the last law's curve, and how much wider the one before is: it is seen on both sides of what lies on it."""
 
-Column = Callable[[Any], float]
-"""Number of an instant, such as a :class:`~skyarm.view.studio.sights.Sight`."""
+
+class Timed(Protocol):
+    """Instant of a flight."""
+
+    @property
+    def time(self) -> float:
+        """Time of the instant, s."""
 
 
-class Plotted(Protocol):
+Seen = TypeVar("Seen", bound=Timed)
+
+Seen_co = TypeVar("Seen_co", bound=Timed, covariant=True)
+
+Column = Callable[[Seen], float]
+"""Number of an instant, such as a :class:`~skyarm.view.studio.sights.PlottedInstant`."""
+
+
+class Plotted(Protocol[Seen_co]):
     """Flight whose last instants, each with its time in s, are plotted."""
 
     @property
     def title(self) -> str:
         """Name of the flight."""
 
-    def recent(self, seconds: float) -> Sequence[Any]:
+    def recent(self, seconds: float) -> Sequence[Seen_co]:
         """Instants of the last seconds."""
 
 
-class Chart:
+class Chart(Generic[Seen]):
     """Live plot of one or several quantities over the last seconds, with a curve per flight.
 
     Args:
-        gui: of viser. title: with the unit.
-        flights: whose curves are drawn, in their colours.
+        gui: controls of viser. title: title with the unit.
+        flights: flights whose curves are drawn, in their colours.
         columns: name -> number of an instant; of several the later ones are dashed.
         limit: a level that is drawn, if there is one.
     """
 
     def __init__(
         self,
-        gui: Any,
+        gui: GuiApi,
         title: str,
-        flights: Sequence[Plotted],
-        columns: Mapping[str, Column],
+        flights: Sequence[Plotted[Seen]],
+        columns: Mapping[str, Column[Seen]],
         limit: float | None = None,
     ) -> None:
         self._flights, self._columns, self._limit = list(flights), list(columns.values()), limit
         self._turns = itertools.cycle((0.0, 1.0))
-        series: list[dict[str, object]] = [{"label": "time (s)"}]
+        series: list[Series] = [{"label": "time (s)"}]
         for i, (flight, color) in enumerate(zip(flights, COLORS, strict=False)):
             width = WIDTH + MORE * (len(flights) - 1 - i)
             for j, name in enumerate(columns):
                 label = " ".join(filter(None, (flight.title, name, "(dashed)" if j else "")))
-                dash = {} if j == 0 else {"dash": [3 + 2 * j, 3]}
-                series.append({"label": label, "stroke": f"rgb{color}", "width": width, **dash})
+                series.append({"label": label, "stroke": f"rgb{color}", "width": width})
+                if j:
+                    series[-1]["dash"] = (3 + 2 * j, 3)
         if limit is not None:
-            series.append({"label": "limit", "stroke": LIMIT, "width": 1, "dash": [8, 4]})
+            series.append({"label": "limit", "stroke": LIMIT, "width": 1, "dash": (8, 4)})
         several = len(series) > 2
         series.append({"label": UNSEEN, "scale": UNSEEN})
         self._node = gui.add_uplot(
@@ -187,7 +210,7 @@ class Chart:
     def _data(self) -> tuple[Array, ...]:
         """Return times before the last instant, s, and all curves of the plot, padded with NaN to one length."""
         rows = [flight.recent(SECONDS) for flight in self._flights]
-        longest: Sequence[Any] = max(rows, key=len, default=[])
+        longest: Sequence[Seen] = max(rows, key=len, default=[])
         times = [seen.time - longest[-1].time for seen in longest]
         if len(times) < 2:  # an axis needs two instants
             times = [-1e-3, 0.0]
@@ -201,12 +224,12 @@ class Chart:
         return (np.array(times), *curves, *limit, np.full(len(times), next(self._turns)))
 
 
-def charts(gui: Any, flights: Sequence[Flight]) -> list[Chart]:
+def charts(gui: GuiApi, flights: Sequence[Flight]) -> list[Chart[PlottedInstant]]:
     """Create all live plots for some flights."""
     return [Chart(gui, title, flights, columns, limit) for title, columns, limit in _chart_rows(flights)]
 
 
-def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Column], float | None]]:
+def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Column[PlottedInstant]], float | None]]:
     """Yield (title, curve functions by label, limit or None) of each live plot."""
     yield "tip error (mm)", {"": lambda seen: 1e3 * seen.error}, None
     yield "tilt (deg)", {"": lambda seen: math.degrees(seen.tilt)}, None
@@ -232,11 +255,11 @@ def _chart_rows(flights: Sequence[Flight]) -> Iterator[tuple[str, dict[str, Colu
         yield "slowest and fastest rotor (% of limit)", rotors, 100.0
 
 
-def _force(surface: str) -> Column:
+def _force(surface: str) -> Column[PlottedInstant]:
     """Make a function that reads the normal force of a surface on the vehicle, N, at an instant."""
     return lambda seen: seen.contacts[surface]
 
 
-def _effort(joint: int, limited: bool) -> Column:
+def _effort(joint: int, limited: bool) -> Column[PlottedInstant]:
     """Make a function that reads a joint's effort at an instant, in % of its limit if it has one."""
     return lambda seen: 100.0 * abs(seen.efforts[joint]) if limited else seen.efforts[joint]

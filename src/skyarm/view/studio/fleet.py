@@ -22,8 +22,8 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError, with_words
 from skyarm.simulate.session import Session, Snapshot, open_session
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.studio.clock import Clock
-from skyarm.view.studio.knobs import LONGEST_DELAY, Knob, knobs_of
-from skyarm.view.studio.sights import Sight, goal_of, poses_of, sight
+from skyarm.view.studio.knobs import LONGEST_DELAY, AdjustableNumber, knobs_of
+from skyarm.view.studio.sights import PlottedInstant, goal_of, poses_of, sight
 from skyarm.world import NO_WIND, Fault, ForceWind, Gust
 from skyarm.world.scene.component_scenes import scene_now
 from skyarm.world.scene.scene import Scene, instant_of
@@ -54,11 +54,11 @@ LOG, SCENARIO = ".npz", ".toml"
 
 def adjustable(plain: Scenario) -> Scenario:
     """Add wind, push, actuator faults and delay to a scenario, inactive until a slider sets them."""
-    known, vehicle = {fault.name for fault in plain.faults}, plain.plant.vehicle
+    named, vehicle = {fault.name for fault in plain.faults}, plain.plant.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
     faults += [Fault(joint=link.joint.name) for link in vehicle.links]
     names = [fault.name for fault in faults]
-    faults = [fault for fault in faults if fault.name not in known and names.count(fault.name) == 1]
+    faults = [fault for fault in faults if fault.name not in named and names.count(fault.name) == 1]
     delays = plain.delays
     if plain.kind == "rigid_body" and plain.controller.compiled and delays.longest_command is None:
         delays = dataclasses.replace(delays, longest_command=max(delays.longest, LONGEST_DELAY))
@@ -122,7 +122,7 @@ class Fleet(Clock):
 
         Args:
             flight: at its first period.
-            place: of the flight that it takes the place of; None adds one.
+            place: place of the flight that it replaces; None adds one.
 
         Raises:
             ScenarioError: there are as many as there can be.
@@ -265,9 +265,9 @@ class Flight:
         self._paths = [*(knob.path for knob in self.knobs), *numbers]
         self.session = _session(scenario, self._paths)
         self.moved: dict[int, dict[str, float]] = {}
-        self.sights: list[Sight] = []
+        self.sights: list[PlottedInstant] = []
         self._every = max(1, round(self.rate / SAMPLES))
-        self._kept: list[Snapshot] = []
+        self._snapshots: list[Snapshot] = []
         self._record()
 
     @property
@@ -297,12 +297,12 @@ class Flight:
         return {path: value for values in made for path, value in values.items()}
 
     @property
-    def own_knobs(self) -> tuple[Knob, ...]:
+    def own_knobs(self) -> tuple[AdjustableNumber, ...]:
         """Adjustable parameters of the controller and its nominal model."""
         return tuple(knob for knob in self.knobs if knob.path.startswith(OF_LAW))
 
     @property
-    def shared_knobs(self) -> tuple[Knob, ...]:
+    def shared_knobs(self) -> tuple[AdjustableNumber, ...]:
         """Adjustable parameters of the environment and reference, common to all flights."""
         return tuple(knob for knob in self.knobs if not knob.path.startswith(OF_LAW))
 
@@ -332,11 +332,11 @@ class Flight:
         return scene_now(session.scenario.components, session.now.components, seen, motion)
 
     @property
-    def last(self) -> Sight:
+    def last(self) -> PlottedInstant:
         """Latest plotted quantities up to the current time."""
         return self.sights[self._samples_until(self.tick) - 1]
 
-    def recent(self, seconds: float) -> list[Sight]:
+    def recent(self, seconds: float) -> list[PlottedInstant]:
         """Plotted quantities of the last seconds."""
         first = math.ceil(self.tick - seconds * self.rate) - 1
         return self.sights[self._samples_until(first) : self._samples_until(self.tick)]
@@ -356,7 +356,7 @@ class Flight:
         self.moved = {tick: made for tick, made in self.moved.items() if tick <= now}
         self.moved.setdefault(now, {}).update({path: float(value) for path, value in values.items()})
         # what was flown beyond this instant was flown with other numbers
-        self._kept = [snapshot for snapshot in self._kept if snapshot.tick <= now]
+        self._snapshots = [snapshot for snapshot in self._snapshots if snapshot.tick <= now]
         self.sights = [seen for seen in self.sights if seen.tick <= now]
 
     def step(self) -> bool:
@@ -371,8 +371,8 @@ class Flight:
         """Restart the flight with the scenario's parameters."""
         self.moved = {}
         if self.session.returns:
-            self.session.restore(self._kept[0])
-            self._kept, self.sights = self._kept[:1], self.sights[:1]
+            self.session.restore(self._snapshots[0])
+            self._snapshots, self.sights = self._snapshots[:1], self.sights[:1]
         else:
             self.session.close()
             self.session, self.sights = _session(self.first, self._paths), []
@@ -384,8 +384,8 @@ class Flight:
         A flight that cannot go back, under an autopilot, waits until the clock has caught up with it.
         """
         if tick < self.tick and self.session.returns:
-            at = bisect.bisect_right(self._kept, tick, key=lambda each: each.tick) - 1
-            self.session.restore(self._kept[at])
+            at = bisect.bisect_right(self._snapshots, tick, key=lambda each: each.tick) - 1
+            self.session.restore(self._snapshots[at])
             self._repeat()
         while self.tick < tick and self.step():
             pass
@@ -399,8 +399,8 @@ class Flight:
         """Store a snapshot every second, and plot samples at 20 Hz."""
         tick = self.tick
         due = tick % self.rate == 0 and self.session.returns
-        if due and (not self._kept or self._kept[-1].tick < tick):
-            self._kept.append(self.session.snapshot())
+        if due and (not self._snapshots or self._snapshots[-1].tick < tick):
+            self._snapshots.append(self.session.snapshot())
         if tick % self._every == 0 and (not self.sights or self.sights[-1].tick < tick):
             self.sights.append(sight(self.session))
 

@@ -35,13 +35,13 @@ LONGEST_DELAY = 0.03
 
 
 @immutable(kw_only=False)
-class Knob:
+class AdjustableNumber:
     """Adjustable parameter of a running simulation, with its slider's range.
 
     Attributes:
-        path: of the number (:mod:`skyarm.scenario.numbers`). group: title of its panel.
+        path: path of the number (:mod:`skyarm.scenario.numbers`). group: title of its panel.
         declared: unit, meaning and bounds of its field.
-        low, high: ends of the slider. value: of the scenario.
+        low, high: ends of the slider. value: number of the scenario.
     """
 
     path: str
@@ -73,16 +73,16 @@ class Knob:
         return min(max(number(value, self.path), self.low), self.high)
 
 
-def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:
+def knobs_of(scenario: Scenario, without: str = "") -> tuple[AdjustableNumber, ...]:
     """List all adjustable parameters of a scenario, in the order of the slider panels.
 
     Times at which something starts or stops are left out, since they mean nothing once they have passed.
 
     Args:
-        scenario: of the flight.
+        scenario: scenario of the flight.
         without: beginning of the paths that have no slider.
     """
-    found, seen = list[Knob](), set[Place]()
+    knobs, seen = list[AdjustableNumber](), set[Place]()
     hidden = places_of(scenario, f"{without}.point_B.x")[0][:-2] if without else ("",)
     for group, path in _paths(scenario):
         places = _places(scenario, path)
@@ -92,8 +92,8 @@ def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:
         seen.update(places)
         value, declared = number_at(scenario, path), declared_at(scenario, path)
         if math.isfinite(value) and (declared.unit != "s" or group in ("delay", "law")):
-            found.append(Knob(path, group, declared, *_span(group, value, declared), value))
-    return tuple(found)
+            knobs.append(AdjustableNumber(path, group, declared, *_span(group, value, declared), value))
+    return tuple(knobs)
 
 
 def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
@@ -121,10 +121,10 @@ def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
         where = f"sensors.{each.name}"
         # an encoder that differences its positions reads no rates
         unread = f"{where}.rate." if getattr(each.sensor, "rates", "") == "difference" else " "
-        found = _all_below("sensors", {where: each.sensor})
+        errors = _all_below("sensors", {where: each.sensor})
         # what is structurally absent (an int) has no random numbers: to add it would change those of all others
         yield from (
-            row for row in found if not row[1].startswith(unread) and isinstance(_exact(scenario, row[1]), float)
+            row for row in errors if not row[1].startswith(unread) and isinstance(_exact(scenario, row[1]), float)
         )
     yield from _all_below("faults", {"environment.faults": scenario.faults})
     loads = (f"payloads.{i}.mass" for i in range(len(scenario.payloads)))

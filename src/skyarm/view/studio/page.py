@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.view.studio.controls import Chart, KnobPanel, add_clock, charts, literal, on_user_input, swatch
 from skyarm.view.studio.fleet import BLOW, GUST, MOST, Fleet, Flight, law_names
-from skyarm.view.studio.knobs import Knob
+from skyarm.view.studio.knobs import AdjustableNumber
 from skyarm.view.studio.page_loop import PageLoop
-from skyarm.view.studio.picture import COLORS, Picture
+from skyarm.view.studio.picture import COLORS, FleetPicture
+from skyarm.view.studio.sights import PlottedInstant
+
+if TYPE_CHECKING:
+    from skyarm.view.studio.server import GuiApi, Tab, ViserServer
 
 NO_LAW = "none"
 NO_CASE = "choose"
@@ -23,12 +27,12 @@ class Controls:
     """Buttons and menus of the studio's web page: clock, pushes, controllers and scenarios.
 
     Args:
-        gui: of viser.
-        page: executes their commands.
-        laws: that fly at first.
+        gui: controls of viser.
+        page: page that executes their commands.
+        laws: laws that fly at first.
     """
 
-    def __init__(self, gui: Any, page: Page, laws: list[str]) -> None:
+    def __init__(self, gui: GuiApi, page: Page, laws: list[str]) -> None:
         self.status = gui.add_markdown("Machine code is being made ...")
         self.time = add_clock(gui, page.do, 30.0)
         direction = gui.add_dropdown("push towards", tuple(DIRECTIONS), initial_value="+x")
@@ -54,7 +58,7 @@ class Controls:
             box = gui.add_checkbox("follow", False, hint="the camera goes along with the first vehicle")
             on_user_input(box, page.follow)
 
-    def _law(self, gui: Any, page: Page, place: int, first: str) -> None:
+    def _law(self, gui: GuiApi, page: Page, place: int, first: str) -> None:
         """Create the menu that chooses one of up to three controllers."""
         names = dict.fromkeys([first, *law_names(), *([NO_LAW] if place else [])])
         menu = gui.add_dropdown(f"law {place + 1}", tuple(names), initial_value=first)
@@ -65,23 +69,23 @@ class Page(PageLoop):
     """Web page of the studio that simulates flights in real time; machine code is made by a thread of its own.
 
     Args:
-        server: of viser.
-        fleet: initial one, without flights. laws: of its flights; None is the scenario's own.
+        server: server of viser.
+        fleet: initial one, without flights. laws: laws of its flights; None is the scenario's own.
         out: folder of saved flights.
     """
 
-    def __init__(self, server: Any, fleet: Fleet, laws: Sequence[str | None], out: Path) -> None:
+    def __init__(self, server: ViserServer, fleet: Fleet, laws: Sequence[str | None], out: Path) -> None:
         super().__init__(server, "machine code")
         self._out = out
         self._moves: dict[int | None, dict[str, float]] = {}
         self.fleet = fleet
         self._making = 0
         self._turn = 0
-        self._picture: Picture = Picture(server)
+        self._picture: FleetPicture = FleetPicture(server)
         own = self.fleet.scenario.controller.name
         self._controls = Controls(server.gui, self, [law or own for law in laws])
         self._panels: list[tuple[int | None, KnobPanel]] = []
-        self._charts: list[Chart] = []
+        self._charts: list[Chart[PlottedInstant]] = []
         self._begin(self.fleet, laws)
 
     # orders, from any thread
@@ -196,7 +200,9 @@ class Page(PageLoop):
             for i, flight in enumerate(flights):
                 self._add_panel(self._controls.laws, i, flight.own_knobs, "" if i else "law", flight.title)
 
-    def _add_panel(self, tab: Any, place: int | None, knobs: Sequence[Knob], opened: str, title: str = "") -> None:
+    def _add_panel(
+        self, tab: Tab, place: int | None, knobs: Sequence[AdjustableNumber], opened: str, title: str = ""
+    ) -> None:
         with tab:
             panel = KnobPanel(self._server.gui, knobs, partial(self.move, place), opened, title)
             self._panels.append((place, panel))

@@ -8,12 +8,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from skyarm.view.studio.controls import HERTZ, literal
 
 if TYPE_CHECKING:
-    from skyarm.view.studio.picture import Stage
+    from skyarm.view.studio.picture import StudioStage
+    from skyarm.view.studio.server import ViserServer
 
 FRAME = 1.0 / 60.0
 """s between two pictures."""
@@ -28,13 +29,13 @@ class PageLoop(ABC):
     """Real-time loop of a page: what a tab requests is done by the thread that draws, between two pictures.
 
     Args:
-        server: of viser.
+        server: server of viser.
         work: name of the thread for what takes longer than a picture may.
     """
 
-    _picture: Stage
+    _picture: StudioStage
 
-    def __init__(self, server: Any, work: str) -> None:
+    def __init__(self, server: ViserServer, work: str) -> None:
         self._server = server
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix=work)
         self._orders: SimpleQueue[Work] = SimpleQueue()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,9 @@ from skyarm.world.scene.component_scenes import first_memories, scene_now
 from skyarm.world.scene.scene import OBSTACLES, Arrow, Scene, hidden_share, instant_of
 from skyarm.world.scene.shapes import RGBA, Solid, floats
 from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, rotor_turns
+
+if TYPE_CHECKING:
+    from skyarm.view.studio.server import SceneApi, ViserServer
 
 COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
 """Of the first, second and third law, here and in the plots: blue, orange, green."""
@@ -74,11 +77,11 @@ class FlightNodes:
     """Scene nodes of one flight in the studio: vehicle, force arrows, trail, name and surroundings.
 
     Args:
-        scene: of viser. number: of the flight, from 0.
-        scenario: that is flown. title: of the flight. placed: first poses.
+        scene: scene of viser. number: number of the flight, from 0.
+        scenario: flown scenario. title: name of the flight. placed: first poses.
     """
 
-    def __init__(self, scene: Any, number: int, scenario: Scenario, title: str, placed: Placed) -> None:
+    def __init__(self, scene: SceneApi, number: int, scenario: Scenario, title: str, placed: Placed) -> None:
         vehicle, end, first = scenario.plant.vehicle, number + 1, first_scene(scenario, placed.tip)
         self._vehicle, self._around, self._lost, self._first = vehicle, placed.tip, False, number == 0
         self._above = np.array([0.0, 0.0, 0.16 + 0.08 * number])
@@ -176,14 +179,14 @@ def _rotor_rotations(vehicle: Vehicle, state: State) -> dict[str, Array]:
     return {name: turn[0] for name, turn in rotor_turns(vehicle, angles).items()}
 
 
-class Stage:
+class StudioStage:
     """Light, ground and camera of a viser scene, whose contents may move so that the camera follows a vehicle.
 
     Args:
-        server: of viser.
+        server: server of viser.
     """
 
-    def __init__(self, server: Any) -> None:
+    def __init__(self, server: ViserServer) -> None:
         self._server, self._scene = server, server.scene
         self.follow = False
         self._frame = 0
@@ -211,14 +214,14 @@ class Stage:
         self._frame = -1
 
 
-class Picture(Stage):
+class FleetPicture(StudioStage):
     """3D picture of all flights, drawn in a viser scene.
 
     Args:
-        server: of viser.
+        server: server of viser.
     """
 
-    def __init__(self, server: Any) -> None:
+    def __init__(self, server: ViserServer) -> None:
         super().__init__(server)
         self._flights: list[FlightNodes] = []
         self._ghost: VehicleNodes | None = None

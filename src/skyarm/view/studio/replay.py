@@ -45,11 +45,11 @@ class ErrorCurves:
     """Errors of one prediction of a replay, as its plots show them.
 
     Attributes:
-        title: of the prediction. replay: that it is of. errors: (2, steps) position, m, and attitude, rad.
+        title: name of the prediction. replay: its replay. errors: (2, steps) position, m, and attitude, rad.
     """
 
     title: str
-    replay: Replay
+    replay: PredictionReplay
     errors: Callable[[], Array]
 
     def recent(self, seconds: float) -> Sequence[PredictionError]:
@@ -62,12 +62,12 @@ class ErrorCurves:
         return [PredictionError(k / RATE, *errors[:, k].tolist()) for k in rows]
 
 
-class Replay(Clock):
+class PredictionReplay(Clock):
     """Measured flight and its prediction on a playback clock, all of which is known from the start.
 
     Args:
-        title: of the flight.
-        vehicle: whose model predicts.
+        title: name of the flight.
+        vehicle: vehicle whose model predicts.
         measured: motion of the flight, at least RATE's period long.
         predict: the model's motion over any horizon.
         horizon: s, first one.
@@ -102,14 +102,14 @@ class Replay(Clock):
         """Number of pictures."""
         return len(self._times)
 
-    def show(self, found: PredictedMotion, horizon: float) -> None:
+    def show(self, predicted: PredictedMotion, horizon: float) -> None:
         """Replace the prediction by one over another horizon, s."""
-        self.horizon, self.model = horizon, found.model.at(self._times)
-        held = found.held.at(self._times)
+        self.horizon, self.model = horizon, predicted.model.at(self._times)
+        constant = predicted.held.at(self._times)
         self.errors = np.stack(distance_between(self.model, self.measured))
-        self.held_errors = np.stack(distance_between(held, self.measured))
-        before = np.searchsorted(found.begins, self._times, "right") - 1
-        age = self._times - np.concatenate([found.begins, [np.nan]])[before]
+        self.held_errors = np.stack(distance_between(constant, self.measured))
+        before = np.searchsorted(predicted.begins, self._times, "right") - 1
+        age = self._times - np.concatenate([predicted.begins, [np.nan]])[before]
         self.age: Array = np.where(np.isfinite(self.errors[0]), age, np.nan)
 
     @property
@@ -138,6 +138,6 @@ class Replay(Clock):
 
 def mean_error(errors: Array) -> tuple[float, float]:
     """Root mean squares of errors (2, N) of position, m, and attitude, rad; NaN where nothing is predicted."""
-    known = errors[:, np.isfinite(errors).all(axis=0)]
-    position, attitude = np.sqrt((known**2).mean(axis=1)).tolist() if known.size else (np.nan, np.nan)
+    finite = errors[:, np.isfinite(errors).all(axis=0)]
+    position, attitude = np.sqrt((finite**2).mean(axis=1)).tolist() if finite.size else (np.nan, np.nan)
     return position, attitude

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.controls import Chart, Column, add_clock, literal, on_user_input
 from skyarm.view.studio.page_loop import PageLoop
-from skyarm.view.studio.picture import COLORS, GHOST, LOOK_AT, SLOW, STAGE, TRAIL, VIEWS, Stage, tones_of
-from skyarm.view.studio.replay import HORIZONS, Replay, mean_error
+from skyarm.view.studio.picture import COLORS, GHOST, LOOK_AT, SLOW, STAGE, TRAIL, VIEWS, StudioStage, tones_of
+from skyarm.view.studio.replay import HORIZONS, PredictionError, PredictionReplay, mean_error
 from skyarm.view.studio.scene_nodes import VehicleNodes
 from skyarm.world.scene.vehicle_shapes import longest_boom, place
+
+if TYPE_CHECKING:
+    from skyarm.view.studio.server import ViserServer
 
 GHOST_OPACITY = 0.6
 """Of the measured vehicle: more than that of a reference, since it is what flew."""
@@ -23,14 +26,14 @@ USUAL_BOOM = 0.17
 """m: boom of the vehicle that the first view of simulated flights is made for."""
 
 
-class ReplayPicture(Stage):
+class ReplayPicture(StudioStage):
     """3D picture of a replay: the measured vehicle as a ghost, the model's vehicle solid, and both trails.
 
     Args:
-        server: of viser. replay: that is drawn.
+        server: server of viser. replay: replay that is drawn.
     """
 
-    def __init__(self, server: Any, replay: Replay) -> None:
+    def __init__(self, server: ViserServer, replay: PredictionReplay) -> None:
         super().__init__(server)
         self.follow = True
         scene, vehicle, size = self._scene, replay.vehicle, longest_boom(replay.vehicle) / USUAL_BOOM
@@ -50,14 +53,14 @@ class ReplayPicture(Stage):
         camera.look_at = tuple(self._origin + size * LOOK_AT)
         camera.position = tuple(self._origin + size * VIEWS[0])
 
-    def draw(self, replay: Replay) -> None:
+    def draw(self, replay: PredictionReplay) -> None:
         """Draw the replay at the current time."""
         self._frame += 1
         for nodes, motion in ((self._ghost, replay.measured), (self._model, replay.model)):
             k = replay.tick
-            known = bool(np.isfinite(motion.position[k]).all())
-            nodes.show(known)
-            if known:
+            predicted = bool(np.isfinite(motion.position[k]).all())
+            nodes.show(predicted)
+            if predicted:
                 placed = place(replay.vehicle, motion.position[k], motion.quaternion[k], motion.joints[k])
                 nodes.place(placed.rotations, placed.positions)
         self._follow(replay.measured.position[replay.tick])
@@ -70,10 +73,10 @@ class ReplayPage(PageLoop):
     """Web page of a measured flight next to its model.
 
     Args:
-        server: of viser. replay: that is shown.
+        server: server of viser. replay: replay that is shown.
     """
 
-    def __init__(self, server: Any, replay: Replay) -> None:
+    def __init__(self, server: ViserServer, replay: PredictionReplay) -> None:
         super().__init__(server, "prediction")
         self.replay = replay
         self._picture: ReplayPicture = ReplayPicture(server, replay)
@@ -89,7 +92,7 @@ class ReplayPage(PageLoop):
         on_user_input(horizon, lambda value: self._orders.put(lambda: setattr(self, "_horizon", value)))
         follow = gui.add_checkbox("follow", True, hint="the camera goes along with the measured vehicle")
         on_user_input(follow, self.follow)
-        shown: dict[str, Column] = {
+        shown: dict[str, Column[PredictionError]] = {
             "position error (mm)": lambda seen: 1e3 * seen.position,
             "attitude error (deg)": lambda seen: math.degrees(seen.attitude),
         }
@@ -108,11 +111,11 @@ class ReplayPage(PageLoop):
 
     def _predict(self, horizon: float) -> None:
         """Predict over another horizon, s, which takes seconds, while the page plays on."""
-        found = self.replay.predict(horizon)
+        predicted = self.replay.predict(horizon)
 
         def show() -> None:
             self._predicting = False
-            self.replay.show(found, horizon)
+            self.replay.show(predicted, horizon)
             self._picture.hurry()
 
         self._orders.put(show)
@@ -137,13 +140,13 @@ class ReplayPage(PageLoop):
         now = "no prediction here, near the ground, a gap or an end of the log"
         if math.isfinite(age):
             now = f"{_in_words(*replay.errors[:, replay.tick])}, {age:.2f} s after it was set back"
-        whole, held = mean_error(replay.errors), mean_error(replay.held_errors)
+        whole, constant = mean_error(replay.errors), mean_error(replay.held_errors)
         return self._with_report(
             [
                 f"**{literal(replay.title)}**",
                 replay.words,
                 f"model {literal(replay.vehicle.name)}: {now}",
-                f"root mean square: {_in_words(*whole)}; with held velocity and rate: {_in_words(*held)}",
+                f"root mean square: {_in_words(*whole)}; with held velocity and rate: {_in_words(*constant)}",
                 "Grey: measured. Blue: model under the recorded commands. An open loop drifts: it is set back to the "
                 f"measured state every {replay.horizon:g} s.",
                 *(["Predicting ..."] if self._predicting else []),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,9 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.scene.scene import Line
 from skyarm.world.scene.shapes import RGBA, UPRIGHT, Shape, Solid, mesh_of
 from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
+
+if TYPE_CHECKING:
+    from skyarm.view.studio.server import LineNode, SceneApi, SceneNode, ShapeNode
 
 Paint = Callable[[str], RGBA]
 """Role of a shape -> its colour."""
@@ -50,7 +53,7 @@ HEAD = 2.6, 5.3
 class MovingNode:
     """Scene node with a pose, which is sent to the browser only if it changed."""
 
-    def __init__(self, node: Any) -> None:
+    def __init__(self, node: SceneNode) -> None:
         self.node = node
         self._place, self._turn = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -65,7 +68,7 @@ class MovingNode:
             self.node.wxyz = self._turn = turn
 
 
-def add_shape(scene: Any, name: str, shape: Shape, color: RGBA, *, wires: bool = False) -> Any:
+def add_shape(scene: SceneApi, name: str, shape: Shape, color: RGBA, *, wires: bool = False) -> ShapeNode:
     """Add a box, sphere, cylinder, capsule or mesh to a viser scene."""
     look: dict[str, Any] = {
         "color": bytes_of(color),
@@ -79,11 +82,11 @@ def add_shape(scene: Any, name: str, shape: Shape, color: RGBA, *, wires: bool =
         vertices, faces = mesh_of(replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT))
         return scene.add_mesh_simple(name, vertices, faces, side="double", flat_shading=not wires, **look, **at)
     if shape.kind in ("sphere", "ellipsoid"):
-        axes = (shape.size[0],) * 3 if shape.kind == "sphere" else shape.size
-        return scene.add_icosphere(name, radius=1.0, scale=axes, subdivisions=SUBDIVISIONS[wires], **look, **at)
+        x, y, z = shape.size[:1] * 3 if shape.kind == "sphere" else shape.size
+        return scene.add_icosphere(name, radius=1.0, scale=(x, y, z), subdivisions=SUBDIVISIONS[wires], **look, **at)
     if shape.kind in ("box", "patch"):
-        lengths = tuple(2.0 * half for half in (*shape.size, THIN)[:3])
-        return scene.add_box(name, dimensions=lengths, **look, **at)
+        x, y, z = (2.0 * half for half in (*shape.size, THIN)[:3])
+        return scene.add_box(name, dimensions=(x, y, z), **look, **at)
     radius, length = shape.size
     node = scene.add_cylinder(name, radius=radius, height=length, radial_segments=SEGMENTS[wires], **look, **at)
     if shape.kind == "capsule":
@@ -109,8 +112,8 @@ class VehicleNodes:
     """Scene nodes of one vehicle: base, links and rotor discs.
 
     Args:
-        scene: of viser. name: beginning of the nodes' names.
-        vehicle: with concrete numbers.
+        scene: scene of viser. name: beginning of the nodes' names.
+        vehicle: vehicle with concrete numbers.
         paint: colours.
         points: marks on its bodies.
         wires: share by which it is thicker and drawn as wires; 0 for solids.
@@ -118,7 +121,7 @@ class VehicleNodes:
 
     def __init__(
         self,
-        scene: Any,
+        scene: SceneApi,
         name: str,
         vehicle: Vehicle,
         paint: Paint,
@@ -179,11 +182,11 @@ class SolidNodes:
     """Scene nodes of surfaces, objects and payloads.
 
     Args:
-        scene: of viser. name: beginning of the nodes' names.
+        scene: scene of viser. name: beginning of the nodes' names.
         paint: colours of solids that have none of their own.
     """
 
-    def __init__(self, scene: Any, name: str, paint: Paint) -> None:
+    def __init__(self, scene: SceneApi, name: str, paint: Paint) -> None:
         self._scene, self._name, self._paint = scene, name, paint
         self.root = scene.add_frame(name, show_axes=False)
         self._nodes: dict[str, tuple[MovingNode, tuple[float, ...]]] = {}
@@ -209,12 +212,12 @@ class LineNodes:
     """Scene nodes of lines, such as cables.
 
     Args:
-        scene: of viser. name: beginning of the nodes' names.
+        scene: scene of viser. name: beginning of the nodes' names.
     """
 
-    def __init__(self, scene: Any, name: str) -> None:
+    def __init__(self, scene: SceneApi, name: str) -> None:
         self._scene, self._name = scene, name
-        self._nodes: dict[str, tuple[Any, npt.NDArray[np.float32]]] = {}
+        self._nodes: dict[str, tuple[LineNode, npt.NDArray[np.float32]]] = {}
 
     def place(self, lines: Sequence[Line], k: int = 0) -> None:
         """Draw the given lines at instant ``k`` and remove all others; lines with NaN are hidden."""
@@ -240,13 +243,15 @@ class Arrows:
     """Scene node of several arrows, such as contact forces.
 
     Args:
-        scene: of viser. name: of the node.
+        scene: scene of viser. name: name of the node.
         colors: (N, 3) from 0 to 255, one an arrow.
-        radius: of a shaft, m.
+        radius: radius of a shaft, m.
         reached: (2, 3) m: two places between which all arrows will be; a viewer may leave out what began elsewhere.
     """
 
-    def __init__(self, scene: Any, name: str, colors: Sequence[Sequence[int]], radius: float, reached: Array) -> None:
+    def __init__(
+        self, scene: SceneApi, name: str, colors: Sequence[Sequence[int]], radius: float, reached: Array
+    ) -> None:
         self._points = np.tile(reached, (len(colors), 1, 1)).astype(np.float32)
         self._node = scene.add_arrows(
             name, self._points, np.array(colors, np.uint8), shaft_radius=radius, head_radius=HEAD[0] * radius,

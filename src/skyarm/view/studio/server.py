@@ -16,11 +16,29 @@ import os
 import socket
 from collections.abc import Callable, Iterator, Mapping
 from http.cookies import CookieError, SimpleCookie
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 from urllib.parse import parse_qs, urlsplit
 
 from skyarm.records.files.packages import needs_extra
 from skyarm.records.immutable import immutable
+
+if TYPE_CHECKING:
+    import viser
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request, Response
+
+ViserServer: TypeAlias = "viser.ViserServer"
+GuiApi: TypeAlias = "viser.GuiApi"
+SceneApi: TypeAlias = "viser.SceneApi"
+Tab: TypeAlias = "viser.GuiTabHandle"
+SceneNode: TypeAlias = "viser.SceneNodeHandle"
+ShapeNode: TypeAlias = "viser.MeshHandle | viser.IcosphereHandle | viser.BoxHandle | viser.CylinderHandle"
+LineNode: TypeAlias = "viser.LineSegmentsHandle"
+Series: TypeAlias = "viser.uplot.Series"
+"""Types of viser, for files that do not import it."""
+
+Slider: TypeAlias = Any
+"""Slider of viser: its own type declares as read-only what is set here, its value."""
 
 QUIET = "websockets.server"
 
@@ -46,6 +64,10 @@ STYLE = """<style>
 are as large as a finger."""
 
 
+Inputs: TypeAlias = "dict[str, ViserServer]"
+"""Name "server" -> server with the sliders and buttons of the page; empty until it is made."""
+
+
 class StudioError(ValueError):
     """Error if the studio cannot be opened, with a one-line message."""
 
@@ -68,34 +90,34 @@ def listening_socket(port: int) -> socket.socket:
     Raises:
         StudioError: the port is taken.
     """
-    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     if os.name == "posix":  # elsewhere it lets two servers take one port
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        found.bind((LOOPBACK[0], port))
+        listening.bind((LOOPBACK[0], port))
         # who asks while libraries still load waits instead of being refused
-        found.listen()
+        listening.listen()
     except (OSError, OverflowError) as error:
-        found.close()
+        listening.close()
         words = getattr(error, "strerror", None) or str(error)
         raise StudioError(f"--port = {port}: must be free ({words.lower()})") from None
-    return found
+    return listening
 
 
-def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
+def open_server(listening: socket.socket, guard: AccessGuard, title: str) -> ViserServer:
     """Start a viser server on a socket, with access check and frame filter.
 
     Args:
         listening: bound.
         guard: who may speak.
-        title: of the page.
+        title: title of the page.
     """
     require_viser()
     import viser
     import websockets.asyncio.server as module
 
     logging.getLogger(QUIET).setLevel(logging.CRITICAL)
-    inputs: dict[str, Any] = {}
+    inputs: Inputs = {}
     # of what viser prints when it starts and stops nothing is wanted
     with _serving(module, listening, guard, inputs), contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=LOOPBACK[0], port=guard.port, label=title, verbose=False)
@@ -110,32 +132,33 @@ def configure_theme(server: Any, *, dark: bool) -> None:
     server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
 
 
-def close_server(server: Any) -> None:
+def close_server(server: ViserServer) -> None:
     """Stop a server silently."""
     with contextlib.redirect_stdout(io.StringIO()):
         server.stop()
 
 
 @contextlib.contextmanager
-def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[str, Any]) -> Iterator[None]:
+def _serving(module: Any, listening: socket.socket, guard: AccessGuard, inputs: Inputs) -> Iterator[None]:
     """Context manager in which viser serves on a given socket, with access check and frame filter."""
     plain = module.serve
 
     def serve(handler: Callable[[Any], Any], _host: str, _port: int, **options: Any) -> Any:
         page = options.pop("process_request")
 
-        async def handle(connection: Any) -> None:
+        async def handle(connection: ServerConnection) -> None:
+            assert connection.request is not None
             # there is one reader, so that all tabs look as the last one that was opened
             configure_theme(inputs["server"], dark=guard.wants_dark(connection.request.headers.get("Cookie", "")))
             await handler(Sieve(connection, inputs))
 
-        def answer(connection: Any, request: Any) -> Any:
+        def answer(connection: ServerConnection, request: Request) -> Response | None:
             try:
                 return respond(connection, request)
             except (ValueError, LookupError, OSError):  # no address, a header twice, no text, a name beyond the disk's
                 return connection.respond(http.HTTPStatus.BAD_REQUEST, "400: must be a request of a browser\n")
 
-        def respond(connection: Any, request: Any) -> Any:
+        def respond(connection: ServerConnection, request: Request) -> Response | None:
             websocket = request.headers.get("Upgrade", "").lower() == "websocket"
             # of a name that stands twice no one is asked
             first = {name: request.headers.get_all(name)[0] for name in request.headers}
@@ -145,7 +168,7 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
             request.headers.get("Sec-WebSocket-Key", "").encode("ascii")
             if "Accept-Encoding" in request.headers:
                 del request.headers["Accept-Encoding"]
-            response = page(connection, request)
+            response: Response | None = page(connection, request)
             if response is not None:
                 if b"<head>" in response.body:
                     response.body = response.body.replace(b"<head>", b"<head>" + (guard.script() + STYLE).encode(), 1)
@@ -176,7 +199,7 @@ class Sieve:
 
     ALLOWED = ("GuiUpdateMessage", "ViewerCameraMessage")
 
-    def __init__(self, connection: Any, inputs: dict[str, Any]) -> None:
+    def __init__(self, connection: ServerConnection, inputs: Inputs) -> None:
         self._connection, self._inputs = connection, inputs
 
     def __getattr__(self, name: str) -> Any:
@@ -215,17 +238,21 @@ class Sieve:
             ValueError, KeyError: it does not, or there is no such input.
         """
         handle = self._inputs["server"].gui._gui_input_handle_from_uuid[uuid]
-        held, props = handle._impl.value, handle._impl.props
-        if isinstance(held, (bool, str)):
+        current, props = handle._impl.value, handle._impl.props
+        if isinstance(current, (bool, str)):
             options = getattr(props, "options", None)
-            if type(value) is not type(held) or (options is not None and value not in options) or len(str(value)) > 200:
+            if (
+                type(value) is not type(current)
+                or (options is not None and value not in options)
+                or len(str(value)) > 200
+            ):
                 raise ValueError(value)
             return value
         if not _is_finite(value):
             raise ValueError(value)
         low, high = getattr(props, "min", None), getattr(props, "max", None)
         value = value if low is None else max(value, low)
-        return type(held)(value if high is None else min(value, high))
+        return type(current)(value if high is None else min(value, high))
 
 
 CAMERA = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
@@ -256,11 +283,11 @@ MOST_BYTES = 1 << 20
 
 
 @immutable(kw_only=False)
-class Guard:
+class AccessGuard:
     """Access rules of the studio's server: allowed host, origin and secret token.
 
     Attributes:
-        port: of the loopback that it listens at. token: that every request must bear.
+        port: port of the loopback that it listens at. token: text that every request must bear.
     """
 
     port: int
@@ -316,7 +343,7 @@ class Guard:
 def _cookie(cookies: str, name: str) -> list[str]:
     """Value of a cookie in a header; empty without it."""
     try:
-        kept = SimpleCookie(cookies).get(name)
+        cookie = SimpleCookie(cookies).get(name)
     except CookieError:
-        kept = None
-    return [] if kept is None else [kept.value]
+        cookie = None
+    return [] if cookie is None else [cookie.value]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import SupportsFloat
 
 import numpy as np
 
@@ -22,14 +22,14 @@ from skyarm.world.scene.vehicle_shapes import Placed, place
 
 
 @immutable(kw_only=False)
-class Sight:
+class PlottedInstant:
     """Plotted quantities of a running simulation at one instant: tip error, tilt, efforts, rotor speeds, forces.
 
     Attributes:
         tick: control periods flown. time: s.
         tip: its position, world axes, m. error: its distance from its reference, m; across the model's normal while it
             shall press.
-        tilt: of the base's z axis against the vertical, rad.
+        tilt: angle of the base's z axis against the vertical, rad.
         efforts: share of each joint's limit that its setpoint takes; N m or N of a joint without a limit.
         rotors: share of each rotor's highest speed.
         air: velocity of the air at the base, world axes, m/s. pushed: force on the base of all that surrounds it, N.
@@ -53,7 +53,7 @@ class Sight:
         return sum(self.contacts.values())
 
 
-def sight(session: Session) -> Sight:
+def sight(session: Session) -> PlottedInstant:
     """Compute the plotted quantities of a simulation session at its current time."""
     scenario, now, time = session.scenario, session.now, session.time
     vehicle, state = scenario.plant.vehicle, now.agent.state
@@ -63,7 +63,7 @@ def sight(session: Session) -> Sight:
     push = getattr(scenario.reference, "push", None)
     if push is not None:
         away = push.across(away, time, placed.tip)
-    return Sight(
+    return PlottedInstant(
         tick=session.tick,
         time=time,
         tip=placed.tip,
@@ -78,22 +78,22 @@ def sight(session: Session) -> Sight:
 
 
 def contact_forces(
-    components: Sequence[Component[Tree]], memories: Sequence[Any], motion: PointMotion
+    components: Sequence[Component[Tree]], memories: Sequence[Tree], motion: PointMotion
 ) -> dict[str, float]:
     """Current sum of the normal forces on the vehicle, N, by the name of each surface.
 
     Args:
-        components: of the scenario, with their memories.
-        memories: one for each.
-        motion: of the vehicle.
+        components: components of the scenario.
+        memories: memory of each component.
+        motion: motion of the vehicle.
     """
-    found: dict[str, float] = {}
+    forces: dict[str, float] = {}
     for part, memory in zip(components, memories, strict=True):
         pairs = [column[1].partition("/")[0] if column[0] == "contact_force" else "" for column in part.columns]
         for surface, force in zip(pairs, part.logged(memory, motion), strict=True) if any(pairs) else ():
             if surface:
-                found[surface] = found.get(surface, 0.0) + float(force)
-    return found
+                forces[surface] = forces.get(surface, 0.0) + float(force)
+    return forces
 
 
 def poses_of(vehicle: Vehicle, state: State) -> Placed:
@@ -107,7 +107,7 @@ def goal_of(vehicle: Vehicle, reference: Reference) -> Placed:
     return place(vehicle, tuple(reference.position), (math.cos(half), 0.0, 0.0, math.sin(half)), reference.joints)
 
 
-def _efforts(vehicle: Vehicle, setpoints: Sequence[Any]) -> tuple[float, ...]:
+def _efforts(vehicle: Vehicle, setpoints: Sequence[SupportsFloat]) -> tuple[float, ...]:
     """Joint effort commands as shares of their limits; in N m or N for a joint without a limit."""
     limits = [float(link.joint.effort_limit) for link in vehicle.links]
     return tuple(float(u) / m if m and math.isfinite(m) else float(u) for u, m in zip(setpoints, limits, strict=True))

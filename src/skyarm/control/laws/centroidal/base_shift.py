@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, cos, data, divide, maximum, minimum, sin, sqrt
@@ -234,7 +234,7 @@ def coming_thrusts(
     return sinks, tuple(secants)
 
 
-def _secant(y: Vec3, per: Any) -> Any:
+def _secant(y: Vec3, per: Scalar) -> Scalar:
     """Ratio 1 / cos of the tilt of a lever whose end is displaced horizontally, as a share ``per`` of its length."""
     side = y * per
     square = side.dot(side)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any, TypeVar
 
 from skyarm import dynamics
@@ -13,7 +13,7 @@ from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.late_actuators import first_past
-from skyarm.control.controller import Controller, ControllerError, all_applied
+from skyarm.control.controller import Controller, ControllerError, LawOptions, all_applied
 from skyarm.control.laws.centroidal import options
 from skyarm.control.laws.centroidal.adaptation import adaptation_gains
 from skyarm.control.laws.centroidal.contact.options import contact_parts, must_act
@@ -71,7 +71,7 @@ def make_centroidal(
     control_period: float = 0.005,
     reference_period: float = 0.02,
     tip_mass_limit: float = 0.2,
-    admittance: Mapping[str, Any] | None = None,
+    admittance: LawOptions | None = None,
     **changes: Any,
 ) -> Controller:
     """Make the centroidal law for any vehicle.

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from skyarm.algebra import Mat3
-from skyarm.control.controller import ControllerError, FormerNameWarning
+from skyarm.control.controller import ControllerError, FormerNameWarning, LawOptions
 from skyarm.control.laws.centroidal.contact import options as contact
 from skyarm.control.laws.centroidal.noise_estimate import noise_share
 from skyarm.control.laws.centroidal.parameters import SHARES
@@ -52,7 +52,7 @@ OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
 
 _NUMBERS = {**OPTIONS, **contact.OPTIONS, **tilting.OPTIONS}
 
-VALUES: Mapping[str, Any] = {**GAINS, **{name: value for name, (value, *_) in _NUMBERS.items()}}
+VALUES: LawOptions = {**GAINS, **{name: value for name, (value, *_) in _NUMBERS.items()}}
 """Each option as it is where nothing is said. ``bandwidth`` scales all gains."""
 
 RANGES: Mapping[str, tuple[float, float]] = {
@@ -93,7 +93,7 @@ def arm_length(vehicle: Vehicle) -> float:
 
 
 def fit_gains(
-    gains: Mapping[str, Any], given: AbstractSet[str], mode: str, vehicle: Vehicle, *, presses: bool, carries: bool
+    gains: LawOptions, given: AbstractSet[str], mode: str, vehicle: Vehicle, *, presses: bool, carries: bool
 ) -> dict[str, Any]:
     """Options that go with the vehicle, but for those that were given; not all fit a tip that presses or carries."""
     # the rate of a noisy force turns the attitude, which swings about the tracker's pole on motors that are slower
@@ -114,7 +114,7 @@ def fit_gains(
     return {name: value for name, value in fitted.items() if name not in given}
 
 
-def preview_of(gains: Mapping[str, Any], mode: str, late: float, *, given: bool) -> float | None:
+def preview_of(gains: LawOptions, mode: str, late: float, *, given: bool) -> float | None:
     """Preview, s, whose first sample is still to come for all of a reference's period; None for none.
 
     Args:
@@ -211,7 +211,7 @@ def number_within(name: str, value: Any, low: float, high: float = math.inf) -> 
     return numeric if numeric <= high else refuse(name, value, f"at most {high:g}")
 
 
-def without_retired(changes: Mapping[str, Any]) -> dict[str, Any]:
+def without_retired(changes: LawOptions) -> dict[str, Any]:
     """Options without those of the version before, with a warning in one line; a shift left out then stays out."""
     current = {name: value for name, value in changes.items() if name not in RETIRED}
     for name in RETIRED:
@@ -255,7 +255,7 @@ def check_entry(name: str, value: Any) -> float | tuple[float, ...]:
     return tuple(number_within(f"{name}[{i}]", each, *limits) for i, each in enumerate(value))
 
 
-def must_be_whole(gains: Mapping[str, Any]) -> None:
+def must_be_whole(gains: LawOptions) -> None:
     """Reject pairs of which one alone is 0."""
     for name, unit in (("accelerometer", "bandwidths"), ("lag", "lengths")):
         if any(gains[name]) and not all(gains[name]):

@@ -20,7 +20,7 @@ import dataclasses
 import json
 from collections.abc import Iterable, Sequence
 from importlib import resources
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
@@ -92,7 +92,11 @@ def _affine(row: Sequence[Scalar], values: Sequence[Scalar], offset: Scalar) -> 
     return total
 
 
-def read_network(text: str) -> tuple[Network, dict[str, Any]]:
+Training: TypeAlias = dict[str, Any]
+"""Record of a network's training, as its file has it."""
+
+
+def read_network(text: str) -> tuple[Network, Training]:
     """Read a network and its training record from the text of a file.
 
     Raises:
@@ -120,7 +124,7 @@ def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
     }
 
 
-def unlike(vehicle: Vehicle, training: dict[str, Any]) -> str:
+def unlike(vehicle: Vehicle, training: Training) -> str:
     """Text on how a vehicle differs from that of a network's training; empty if alike or unknown."""
     recorded = training.get("numbers", {})
     if not concrete(
@@ -135,7 +139,7 @@ def unlike(vehicle: Vehicle, training: dict[str, Any]) -> str:
     return ""
 
 
-def shipped_network() -> tuple[Network, dict[str, Any]]:
+def shipped_network() -> tuple[Network, Training]:
     """Network shipped with the package, and its training record."""
     return read_network(resources.files("skyarm.control.laws.learned").joinpath(FILE).read_text(encoding="utf-8"))
 

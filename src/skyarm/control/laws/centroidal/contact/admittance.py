@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from collections.abc import Sequence
+from typing import Annotated
 
 from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.algebra.scalars import Scalar, data, divide, logical_and, logical_or, maximum, mul, sqrt, where
@@ -28,7 +28,7 @@ from skyarm.control.blocks.force_control import SENSING
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
-from skyarm.control.controller import ControllerError
+from skyarm.control.controller import ControllerError, LawOptions
 from skyarm.control.laws.centroidal.parameters import OptionalPart, Step
 from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.dynamics.kinematics import frame_pose
@@ -210,7 +210,7 @@ def detect(
     )
 
 
-def admittance_gains(table: Any, gains: Mapping[str, Any], leads: bool, lead: float) -> AdmittanceGains:
+def admittance_gains(table: LawOptions, gains: LawOptions, leads: bool, lead: float) -> AdmittanceGains:
     """Admittance constants from the option ``admittance``: mass, damping, stiffness, normal and threshold.
 
     ``gains`` are the law's other options; ``leads``: whether it leads a tip; ``lead``: lag of its observer, s.

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from skyarm.control.blocks.force_control import SENSING, require_thresholds
 from skyarm.control.blocks.torque_scale import Tolerances
-from skyarm.control.controller import ControllerError
+from skyarm.control.controller import ControllerError, LawOptions
 from skyarm.control.laws.centroidal.contact.admittance import admittance_gains
 from skyarm.control.laws.centroidal.contact.interaction import Interaction
 from skyarm.control.laws.centroidal.contact.load import load_gains
@@ -24,7 +23,7 @@ OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
 """Options with their values, and the lowest and highest one; all of them are left out."""
 
 
-def must_act(gains: Mapping[str, Any], admittance: Mapping[str, Any] | None) -> None:
+def must_act(gains: LawOptions, admittance: LawOptions | None) -> None:
     """Reject options that have no effect because another option is missing."""
     presses = any(gains["interaction"])
     if gains["force_sensor"] and admittance is None and not presses:
@@ -35,7 +34,7 @@ def must_act(gains: Mapping[str, Any], admittance: Mapping[str, Any] | None) -> 
 
 
 def contact_parts(
-    gains: Mapping[str, Any], admittance: Mapping[str, Any] | None, vehicle: Vehicle, *, leads: bool, lead: float
+    gains: LawOptions, admittance: LawOptions | None, vehicle: Vehicle, *, leads: bool, lead: float
 ) -> dict[str, OptionalPart]:
     """Parts by their names, from the law's options; ``leads`` a tip, ``lead`` s, lag of its observer."""
     parts: dict[str, OptionalPart] = {}
@@ -48,7 +47,7 @@ def contact_parts(
     return parts
 
 
-def _interaction(gains: Mapping[str, Any], vehicle: Vehicle, *, leads: bool) -> Interaction:
+def _interaction(gains: LawOptions, vehicle: Vehicle, *, leads: bool) -> Interaction:
     """Constants of contact force control from the law's options."""
     require_thresholds(gains["interaction"], leads)
     if not gains["tip"][1]:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
-from skyarm.control.controller import ControllerError
+from skyarm.control.controller import ControllerError, LawOptions
 from skyarm.control.laws.centroidal.tilting.sideways_force import SidewaysGains
 from skyarm.records.files import shown
 
@@ -16,7 +15,7 @@ OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
 """Options with their values, and the lowest and highest one; both are left out."""
 
 
-def sideways_part(gains: Mapping[str, Any]) -> SidewaysGains | None:
+def sideways_part(gains: LawOptions) -> SidewaysGains | None:
     """Constants of sideways force from the law's options; None without it.
 
     Raises:
