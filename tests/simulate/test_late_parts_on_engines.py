@@ -24,7 +24,7 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.sensing.measurement import measurement_of
 from skyarm.simulate import Delays
-from skyarm.simulate.command_line import command_in_force, rotor_and_joint_delays, switches
+from skyarm.simulate.command_delay import command_in_force, rotor_and_joint_delays, switches
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import Row, structure_of

@@ -20,7 +20,7 @@ from skyarm.records.leaves import Tree, blend, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.command_line import switches
+from skyarm.simulate.command_delay import switches
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages

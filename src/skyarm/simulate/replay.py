@@ -29,7 +29,7 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names, leaves
-from skyarm.simulate.command_line import mean_efforts, switches
+from skyarm.simulate.command_delay import mean_efforts, switches
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import Component, Effectiveness, Wrench
 

@@ -26,7 +26,7 @@ from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, join_pieces, state_arrays
 from skyarm.simulate.check_endings import Ended, running_status
-from skyarm.simulate.command_line import numbers_of_command, rotor_numbers
+from skyarm.simulate.command_delay import numbers_of_command, rotor_numbers
 from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.first_not_finite import first_line
 from skyarm.simulate.lane_numbers import require_paths

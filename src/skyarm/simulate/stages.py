@@ -32,7 +32,7 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import NO_PUSH, Push
 from skyarm.sensing.sensor_kinds import ForceReading, SwitchReading
 from skyarm.simulate.check_endings import healthy
-from skyarm.simulate.command_line import (
+from skyarm.simulate.command_delay import (
     command_delay,
     command_in_force,
     joined_parts,
