@@ -102,7 +102,7 @@ Wanted_co = TypeVar("Wanted_co", bound=Reference | tuple[()], covariant=True)
 
 
 @immutable
-class Row(Generic[Wanted_co]):
+class InputRow(Generic[Wanted_co]):
     """Inputs of the closed loop at a control instant: time and reference.
 
     Of a scenario whose phases wait it is the time alone, a ``GivenRow``; the loop puts the reference there, and
@@ -117,7 +117,7 @@ class Row(Generic[Wanted_co]):
     path_time: Scalar | tuple[()] = ()
 
 
-GivenRow = Row[Reference | tuple[()]]
+GivenRow = InputRow[Reference | tuple[()]]
 """Inputs as the loop gets them, with or without a reference."""
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
@@ -159,10 +158,10 @@ class StagesInPython(Stages):
 class LawCalls:
     """Internal state of an untraceable control law between two calls; any Python object."""
 
-    memory: Any
+    memory: Tree
 
 
-def _graph_of(record: Any) -> Graph:
+def _graph_of(record: Tree) -> Graph:
     """Graph of the traced program that the scalars of a dataclass belong to."""
     return next(leaf.graph for leaf in leaves(record) if isinstance(leaf, Node))
 
@@ -211,7 +210,7 @@ class CalledPlant:
         numbers = iter(_graph_of(state).external(self._advance, groups, self._end + len(self._coupled)))
         return rebuild(state, numbers), rebuild(around.coupled_memories(), numbers)
 
-    def _specific_force(self, state: Flat, command: Flat, around: Flat) -> Any:
+    def _specific_force(self, state: Flat, command: Flat, around: Flat) -> Flat:
         self._read = state, around
         return self._plant.specific_force(state, command, around)
 
@@ -228,20 +227,20 @@ class CalledPlant:
             n, end = self._rotors, self._rotors + self._joints
             old, new = (Command(rotor_speeds=u[:n], efforts=u[n:end], tilts=u[end:]) for u in (before, after))
             pairs = switches(old, new, *self._apart)
-            parts = [(seconds, tuple(leaves(command))) for seconds, command in pairs]
+            parts = [(float(seconds), tuple(leaves(command))) for seconds, command in pairs]
         for seconds, command in parts:
             if seconds > 0.0:
-                found = self._hold(state, command, around, seconds)
-                state, around = found[: self._end], self._with_memories(around, found[self._end :])
+                numbers = self._hold(state, command, around, seconds)
+                state, around = numbers[: self._end], self._with_memories(around, numbers[self._end :])
             left = left - seconds
         return self._hold(state, after, around, left)
 
     def _hold(self, state: Flat, command: Flat, around: Flat, seconds: float) -> Flat:
         """Vehicle and contact states as a flat tuple, after an interval with a constant command."""
-        found = self._plant.advance(state, command, around, seconds)
-        if self._coupled and len(found) != self._end + len(self._coupled):
+        numbers = self._plant.advance(state, command, around, seconds)
+        if self._coupled and len(numbers) != self._end + len(self._coupled):
             raise ScenarioError(f"plant.kind = {self._kind!r}: does not know [world]; it has no coupled memories")
-        return found
+        return numbers
 
     def _with_memories(self, around: Flat, memories: Flat) -> Flat:
         """Plant inputs as a flat tuple, with the states of the contacts replaced."""
@@ -253,7 +252,7 @@ class CalledPlant:
         return tuple(numbers)
 
 
-def _impact_of(plant: Any, scenario: Scenario) -> Callable[[Flat, Flat], Flat] | None:
+def _impact_of(plant: Plant, scenario: Scenario) -> Callable[[Flat, Flat], Flat] | None:
     """Function of a plant that applies impacts of grasps and locking joints; None for a scenario without them.
 
     Raises:
@@ -263,8 +262,8 @@ def _impact_of(plant: Any, scenario: Scenario) -> Callable[[Flat, Flat], Flat] |
     rigid = any(payload.rigid for payload in scenario.payloads)
     if not rigid and not stuck:
         return None
-    found: Callable[[Flat, Flat], Flat] | None = getattr(plant, "after_impact", None)
-    if found is None:
+    after_impact: Callable[[Flat, Flat], Flat] | None = getattr(plant, "after_impact", None)
+    if after_impact is None:
         what = "rigid payloads" if rigid else "environment.faults with stuck"
         raise ScenarioError(f"plant.kind = {scenario.kind!r}: does not know {what}; it has no after_impact")
-    return found
+    return after_impact

@@ -7,6 +7,7 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics import State
@@ -27,7 +28,7 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, join_pieces, state_arrays
 from skyarm.simulate.check_endings import Ended, running_status
 from skyarm.simulate.command_delay import numbers_of_command, rotor_numbers
-from skyarm.simulate.engine import Engine, EpisodeCode
+from skyarm.simulate.engine import Engine, EngineState, EpisodeCode, ProgramKey
 from skyarm.simulate.first_not_finite import first_line
 from skyarm.simulate.lane_numbers import require_paths
 from skyarm.simulate.loop_state import LoopState
@@ -117,7 +118,7 @@ class Snapshot:
     course: Course
     tick: int
     engine: Engine
-    held: Any
+    held: EngineState
     session: int
 
 
@@ -367,7 +368,7 @@ class Session:
             quick = course.overrides is not NONE or course.coming or self._paths
             effort = 0 if quick else 2 if self._commands else None
 
-            def vary(values: Sequence[Any]) -> Scenario:
+            def vary(values: Sequence[Scalar]) -> Scenario:
                 return with_numbers(shape, dict(zip(numbers, values, strict=True)))
 
             code = EpisodeCode(scenario, vary, numbers, commands=self._commands, effort=effort, key=key)
@@ -383,7 +384,7 @@ class Session:
         """Parameter values that are inputs of the machine code, so that they can change without recompilation."""
         return course.overrides.data(course.begun, self._paths)
 
-    def _key(self, course: Course) -> Any:
+    def _key(self, course: Course) -> ProgramKey:
         """Identifier of a compiled program; equal for scenarios that differ in parameter values only."""
         read = self._read(course)
         return read.parts, tuple(path for path, _ in read.numbers)
@@ -433,5 +434,5 @@ def open_session(
     autopilot = autopilot_of(scenario.controller) if isinstance(scenario, Scenario) else None
     if autopilot is None:
         return make(scenario, paths, machine_code=machine_code)
-    found: Session = autopilot.session_type()(scenario, paths, machine_code=machine_code, progress=preparing)
-    return found
+    session: Session = autopilot.session_type()(scenario, paths, machine_code=machine_code, progress=preparing)
+    return session
