@@ -119,7 +119,7 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
     return dataclasses.replace(r, **rates, yaw_rate=yaw_rate, yaw_acceleration=yaw_acceleration)
 
 
-def _chain_rule(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]:
+def _chain_rule(d: Sequence[Scalar], s: Derivatives) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """First four derivatives of x(s(t)) by t, from those of x by s and of s by t."""
     (d1, d2, d3, d4), (_, s1, s2, s3, s4) = d, s
     twice = s1 * s1
@@ -135,7 +135,7 @@ def _chain_rule(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]
 
 
 def offset_reference(
-    reference: Reference, offset: Vec3, returns: Sequence[tuple[float, float]], since: Any, time: Scalar
+    reference: Reference, offset: Vec3, returns: Sequence[tuple[float, float]], since: Scalar, time: Scalar
 ) -> Reference:
     """Reference with base and tip shifted by an offset that decays to zero in return phases of the task.
 
@@ -146,7 +146,7 @@ def offset_reference(
         since: path time (s) at which the offset began; earlier return phases do not count.
         time: s, of the reference.
     """
-    left: Any = Taylor.of_derivatives((1.0, 0.0, 0.0, 0.0, 0.0))
+    left = Taylor.of_derivatives((1.0, 0.0, 0.0, 0.0, 0.0))
     for begin, end in returns:
         gone = minimum_snap((begin, end), (0.0, 1.0)).derivatives(time)
         counts = begin >= since - 1e-9

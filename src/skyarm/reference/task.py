@@ -62,42 +62,42 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
     if phase.take("until", None) is None:
         return None if usual is None else dict(usual)
     fields = Fields(phase.take("until"), phase.at("until"))
-    found = _guard_conditions(fields)
-    found["hold"] = number_within(fields, "hold", 0.5, low=0.0)
-    found["timeout"] = number_within(fields, "timeout", 5.0, low=CLOSEST)
-    found["fails"] = fields.choice("on_timeout", ("go_on", "fail"), "go_on") == "fail"
-    found["early"] = fields.flag("early", False)
+    guard = _guard_conditions(fields)
+    guard["hold"] = number_within(fields, "hold", 0.5, low=0.0)
+    guard["timeout"] = number_within(fields, "timeout", 5.0, low=CLOSEST)
+    guard["fails"] = fields.choice("on_timeout", ("go_on", "fail"), "go_on") == "fail"
+    guard["early"] = fields.flag("early", False)
     given = fields.take("direction", None)
     if given is not None:
-        found["direction"] = unit_vector(fields, "direction")
+        guard["direction"] = unit_vector(fields, "direction")
     fields.done()
-    if not any(name in found for name in ASKED):
+    if not any(name in guard for name in ASKED):
         raise ValueError(f"{phase.at('until')} = {shown(fields.table)}: must have one of {', '.join(ASKED)}")
-    if "direction" not in found and any(name in found for name in NUMBERS[1:]):
+    if "direction" not in guard and any(name in guard for name in NUMBERS[1:]):
         if normal is None:
             allowed = "must be a vector out of the surface, since the task says no normal"
             raise ValueError(f"{fields.at('direction')}: is missing; {allowed}")
-        found["direction"] = normal
-    return found
+        guard["direction"] = normal
+    return guard
 
 
 def _guard_conditions(fields: Fields) -> dict[str, Any]:
     """Thresholds and tactile switches of the condition that ends a task phase."""
-    found: dict[str, Any] = {}
+    conditions: dict[str, Any] = {}
     for name in SWITCHES:
         if fields.take(name, None) is not None:
-            found[name] = fields.take(name)
-            if not isinstance(found[name], str) or not found[name]:
-                raise ValueError(f"{fields.at(name)} = {shown(found[name])}: must be the name of a tactile switch")
+            conditions[name] = fields.take(name)
+            if not isinstance(conditions[name], str) or not conditions[name]:
+                raise ValueError(f"{fields.at(name)} = {shown(conditions[name])}: must be the name of a tactile switch")
     for name in NUMBERS:
         if fields.take(name, None) is not None:
-            found[name] = positive(fields, name)
-    if "force" in found and found.get("force_below", math.inf) <= found["force"]:
-        raise ValueError(f"{fields.at('force_below')} = {found['force_below']:g}: must be above force")
-    found["sensed"] = fields.flag("force_sensor", False)
-    if found["sensed"] and not ("force" in found or "force_below" in found):
+            conditions[name] = positive(fields, name)
+    if "force" in conditions and conditions.get("force_below", math.inf) <= conditions["force"]:
+        raise ValueError(f"{fields.at('force_below')} = {conditions['force_below']:g}: must be above force")
+    conditions["sensed"] = fields.flag("force_sensor", False)
+    if conditions["sensed"] and not ("force" in conditions or "force_below" in conditions):
         raise ValueError(f"{fields.at('force_sensor')} = true: must be left out without force or force_below")
-    return found
+    return conditions
 
 
 def unit_vector(fields: Fields, name: str) -> Vector:
@@ -120,7 +120,7 @@ COMING_BACK = 1.0
 """s in which the reference comes back to its plan where the next place is the one that it would be at."""
 
 
-def seconds(fields: Fields, name: str, *default: Any) -> float:
+def seconds(fields: Fields, name: str, *default: object) -> float:
     """Read a duration (s) of a task phase."""
     return number_within(fields, name, *default, low=CLOSEST)
 
@@ -146,7 +146,7 @@ class Arc:
     gripper: str
 
 
-class Task:
+class TaskBuilder:
     """Builder of a task's trajectory, phase by phase.
 
     Args:
@@ -278,7 +278,7 @@ class Task:
         """Trajectory of the whole task from its phases."""
         axes: list[Signal] = []
         for axis in range(3):
-            parts: list[Any] = [Constant(self.start[axis])]
+            parts: list[Signal] = [Constant(self.start[axis])]
             for points, times in self._pieces:
                 if any(p[axis] != points[0][axis] for p in points):
                     parts.append(minimum_snap(times, [p[axis] - points[0][axis] for p in points]))
@@ -324,8 +324,8 @@ def _apart(a: Place, b: Place) -> float:
 
 
 def require_field(
-    fields: Fields, name: str, value: tuple[Scalar, ...], known: tuple[Scalar, ...] | None, words: str
+    fields: Fields, name: str, value: tuple[Scalar, ...], earlier: tuple[Scalar, ...] | None, words: str
 ) -> None:
     """Refuse a value of a task phase that contradicts an earlier phase."""
-    if known is not None and any(not math.isclose(a, b, abs_tol=1e-9) for a, b in zip(value, known, strict=True)):
+    if earlier is not None and any(not math.isclose(a, b, abs_tol=1e-9) for a, b in zip(value, earlier, strict=True)):
         raise ValueError(f"{fields.at(name)} = {shown(list(value) if len(value) > 1 else value[0])}: {words}")
