@@ -47,7 +47,7 @@ class LoggedSamples:
     """Logged values of a flight, one row per control instant: states, commands, readings, winds, estimates.
 
     Attributes:
-        measurement: received by the law; None if not logged. readings: name and record of each sensor.
+        measurement: measurement received by the law; None if not logged. readings: name and record of each sensor.
         wind: its scalars (N,) or longer; numbers that stand for every instant.
         found: (N, k) online estimates of the law, k = 0 without any.
         led: (N, k) columns of the reference clock (``Sample.led``), k = 0 without one.
@@ -67,7 +67,7 @@ class Piece:
     """Consecutive control periods of a flight between two scheduled changes, under one scenario.
 
     Attributes:
-        inputs: of the scenario. start: number of the first period. flown: logged samples.
+        inputs: inputs of the scenario. start: index of the first period. flown: logged samples.
     """
 
     scenario: Scenario
@@ -82,7 +82,7 @@ def join_pieces(
     """Concatenate the parts of a flight before and after each scheduled change into one log.
 
     Args:
-        scenario: of the flight, as the log records it.
+        scenario: scenario of the flight, as the log records it.
         pieces: at least one.
         ending: None for a flight that was completed.
         info: metadata of the log, if known already.
@@ -117,7 +117,7 @@ def state_arrays(vehicle: Vehicle, times: Array, x: Array, u: Array) -> dict[str
     """Log arrays of time, state and commands by name, as views of the recorded values.
 
     Args:
-        vehicle: of the plant.
+        vehicle: vehicle of the plant.
         times: s, (N,).
         x: states, a row each.
         u: commands, a row each.

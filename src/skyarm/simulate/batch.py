@@ -39,11 +39,11 @@ class Outcome:
     """Results of a batch of flights: arrays with one entry per flight.
 
     Attributes:
-        metrics: by name; they count only the time an episode was alive. NaN where it ended before their window.
+        metrics: metrics by name; they count only the time an episode was alive. NaN where it ended before their window.
         completed: True where the episode flew its whole duration without an ending, even at its very end. end_time: s.
         status: "completed", or why it ended (:mod:`skyarm.scenario.endings`).
-        state: the last one of each lane.
-        log: of a batch that keeps one, else None.
+        state: last state of each lane.
+        log: log of a batch that keeps one, else None.
     """
 
     metrics: dict[str, Array]
@@ -58,10 +58,10 @@ class Batch:
     """Compiled simulation of many flights of one scenario at once, whose parameters differ from flight to flight.
 
     Args:
-        scenario: on the rigid-body plant; its other numbers are constants of the code.
+        scenario: scenario on the rigid-body plant; its other numbers are constants of the code.
         paths: numbers that differ from lane to lane (:mod:`skyarm.scenario.numbers`).
         metrics: names and groups of :mod:`skyarm.log.metrics.metric_catalogue`; others are not computed.
-        windows: of the metrics, in place of the scenario's.
+        windows: time windows of the metrics, in place of the scenario's.
         single: 32-bit floats. bit_exact: every lane equals the Python floats bit for bit; else a multiplication and an
             addition may be rounded once.
         stiffest: a scenario with the stiffest joint friction of the batch, and the shortest largest step that its air,
@@ -69,7 +69,7 @@ class Batch:
         log_every: keep state, command and reference of each so many control periods; 0 keeps none. A sample takes
             8 bytes (4 if single) a number, 14 + 3 joints + 2 rotors + the reference's: 0.3 to 0.5 kB for two joints and
             four rotors. All of it is there twice while it is sorted.
-        effort: of the compiler, as of :class:`skyarm.compile.llvm.kernel.Kernel`; 0 is worth it for few, short
+        effort: effort of the compiler, as of :class:`skyarm.compile.llvm.kernel.Kernel`; 0 is worth it for few, short
             episodes.
     """
 

@@ -31,13 +31,13 @@ from skyarm.simulate.inputs import EpisodeInputs, episode_inputs, table_of
 from skyarm.simulate.lane_loop import LaneLoop, held_reference, lane_statuses
 from skyarm.simulate.lane_numbers import require_short_steps
 from skyarm.simulate.loop_state import GivenRow, InputRow, LoopState, Sample, carry_over, structure_of
-from skyarm.simulate.period import make_period
+from skyarm.simulate.period import Uniforms, make_period
 from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
 from skyarm.simulate.reference_clock import clock_of_change, is_other_reference
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
 
-Fed: TypeAlias = tuple[GivenRow, tuple[Scalar, ...], *tuple[Goal, ...]]
+FeedRow: TypeAlias = tuple[GivenRow, tuple[Scalar, ...], *tuple[Goal, ...]]
 """Row of a feed: inputs of the loop, flags of the windows, goals of the held and of the continuous reference."""
 
 
@@ -45,7 +45,7 @@ class Feed:
     """Table of closed-loop inputs shared by all flights of a batch, one row per control period, with its decoder.
 
     Args:
-        scenario: of the batch. paths: its varied numbers. inputs: tables of the scenario.
+        scenario: scenario of the batch. paths: its varied numbers. inputs: tables of the scenario.
         masks: window -> (steps,) which instants lie in it.
 
     Attributes:
@@ -64,7 +64,7 @@ class Feed:
             row, table = inputs.row_example, inputs.rows
             goals = [self._goal_table(record) for record in (inputs.held_reference, inputs.reference)]
         flags = [np.asarray(masks[name], dtype=float)[:, None] for name in self._flags]
-        self.example: Fed = (row, (0.0,) * len(flags), *map(structure_of, goals))
+        self.example: FeedRow = (row, (0.0,) * len(flags), *map(structure_of, goals))
         self.rows = np.hstack([table, *flags, *(table_of(goal, scenario.steps) for goal in goals)])
 
     def _goal_table(self, reference: Reference) -> Goal:
@@ -75,7 +75,9 @@ class Feed:
         goal: Goal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
         return goal
 
-    def read(self, varied: Scenario, fed: Fed, ticks: Scalar) -> tuple[GivenRow, tuple[Goal, ...], dict[str, Scalar]]:
+    def read(
+        self, varied: Scenario, fed: FeedRow, ticks: Scalar
+    ) -> tuple[GivenRow, tuple[Goal, ...], dict[str, Scalar]]:
         """Decode a row of inputs: reference, desired positions for the metrics, flags of the metrics' time windows.
 
         Without goals where phases wait for guards: the loop itself evaluates its reference.
@@ -152,10 +154,11 @@ class LegOptions:
     """Settings that all intervals of a batch between scheduled changes share.
 
     Attributes:
-        paths: varied numbers. lanes: vector shape. stiffest: in place of the scenario, for the integration steps.
+        paths: varied numbers. lanes: vector shape. stiffest: scenario that fixes the integration steps; None for
+            the batch's own.
         wanted: totals that are counted. masks: window -> (steps,) which instants lie in it.
         every: keep each so many periods' state, command and reference; 0 keeps none.
-        changing: whether there are several legs. effort: of the compiler.
+        changing: whether there are several legs. effort: effort of the compiler.
     """
 
     paths: tuple[str, ...]
@@ -191,7 +194,7 @@ class Leg:
         begun: initial scenario with its scheduled changes.
         overrides: values and parts in force in this leg.
         periods: control periods that it flies.
-        options: of the batch.
+        options: settings of the batch.
         before: legs before it.
 
     Attributes:
@@ -238,7 +241,7 @@ class Leg:
         options, substeps = self._options, self._loop.substeps
 
         def step(
-            both: tuple[LoopState, tuple[Tree, ...]], values: tuple[Scalar, ...], fed: Fed, uniforms: tuple[Scalar, ...]
+            both: tuple[LoopState, tuple[Tree, ...]], values: tuple[Scalar, ...], fed: FeedRow, uniforms: Uniforms
         ) -> tuple[tuple[LoopState, tuple[Tree, ...]], Logged | tuple[()]]:
             varied = self._lane_scenario(values)
             stages, (loop, totals) = Stages(varied), both

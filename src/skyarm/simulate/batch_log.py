@@ -41,8 +41,8 @@ class BatchLog:
     Attributes:
         time: (samples,), s. alive: (lanes, samples), bool.
         state, command, reference: records whose scalars are (lanes, samples); what is structure in them stays so.
-        readings: sensor -> record of its newest reading that has arrived. estimate: that the law received from an
-            estimator; None without one. NaN where a leg of the flight has none of it.
+        readings: sensor -> record of its newest reading that has arrived. estimate: measurement that the law received
+            from an estimator; None without one. NaN where a leg of the flight has none of it.
     """
 
     time: Array

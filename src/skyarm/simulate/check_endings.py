@@ -110,9 +110,9 @@ def statuses(
     """Termination status of each flight of a batch, from its final state.
 
     Args:
-        scenario: of the batch.
+        scenario: scenario of the batch.
         values: path -> (lanes,), its varied numbers.
-        state: last one of each lane, its scalars (lanes,).
+        state: last state of each lane, its scalars (lanes,).
         goals: (lanes, 3) position of the held reference at that time, m.
         ended: True where the lane stopped before its time. A lane that flew to the end is looked at once more, as a
             single run does after its last step.

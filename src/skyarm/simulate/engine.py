@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from time import perf_counter
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -66,7 +66,7 @@ ALIVE, TICKS = 0, 1
 ProgramKey: TypeAlias = tuple[tuple[tuple[str, object], ...], tuple[str, ...]]
 """Replaced parts and paths of the numbers: equal for programs that differ in the values of their numbers alone."""
 
-Fed: TypeAlias = GivenRow | tuple[GivenRow, Scalar, Command]
+EngineRow: TypeAlias = GivenRow | tuple[GivenRow, Scalar, Command]
 """Row of inputs, with what a command from outside says and that command where there may be one."""
 
 
@@ -74,13 +74,13 @@ class EpisodeCode:
     """Traced program of one control period of a scenario, compiled to machine code unless it runs in Python.
 
     Args:
-        scenario: as it flies now; it fixes the integration steps.
+        scenario: scenario that flies now; it fixes the integration steps.
         vary: the scenario from the numbers of ``numbers``, which the program reads in every period; None without any.
-        numbers: by path, as they are now.
+        numbers: present values by path.
         machine_code: False evaluates the program in Python, whose numbers are constants.
         commands: a command from outside may take the law's place.
-        effort: of the compiler; None chooses by the length of the episode.
-        key: of programs that differ in the values of their numbers alone.
+        effort: effort of the compiler; None chooses by the length of the episode.
+        key: key of all programs that differ in the values of their numbers alone.
 
     Raises:
         NoMachineCodeError: there is no compiler; evaluate it in Python.
@@ -130,10 +130,10 @@ class EpisodeCode:
 
     def _trace(self, step: Callable[..., tuple[Tree, Tree]]) -> Loop:
         row = self.inputs.row_example
-        fed: Fed = (row, 0.0, structure_of(self.first.agent.queue[0])) if self.commands else row
+        fed: EngineRow = (row, 0.0, structure_of(self.first.agent.queue[0])) if self.commands else row
         return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
 
-    def _begin(self, numbers: Sequence[Scalar], fed: Fed) -> tuple[Stages, PlantSteps[State], GivenRow]:
+    def _begin(self, numbers: Sequence[Scalar], fed: EngineRow) -> tuple[Stages, PlantSteps[State], GivenRow]:
         """Make the computation stages, plant model and input record of one control period, for tracing."""
         scenario = self._vary(numbers)
         row, given, command = fed if isinstance(fed, tuple) else (fed, None, None)
@@ -145,13 +145,13 @@ class EpisodeCode:
         return stages, plant, row
 
     def _step(
-        self, now: LoopState, numbers: Sequence[Scalar], fed: Fed, uniforms: Uniforms
+        self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
     ) -> tuple[LoopState, Sample]:
         stages, plant, row = self._begin(numbers, fed)
         return make_period(stages, plant)(now, row, uniforms)
 
     def _measure(
-        self, now: LoopState, numbers: Sequence[Scalar], fed: Fed, uniforms: Uniforms
+        self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
     ) -> tuple[LoopState, Measurement]:
         """Evaluate a control period up to the measurement of the control law; return the loop state unchanged."""
         stages, plant, row = self._begin(numbers, fed)
@@ -167,8 +167,8 @@ class EpisodeCode:
         """True if the compiled program can also fly another scenario, with other parameter values as its inputs.
 
         Args:
-            key: of that scenario.
-            scenario: with its numbers.
+            key: key of that scenario.
+            scenario: other scenario, with its numbers.
             changed: paths of the numbers that changed; None for any.
         """
         if self.kernel is None or key != self.key:
@@ -211,7 +211,7 @@ class _PythonSteps:
         self.carry[:] = now
 
 
-EngineState: TypeAlias = tuple[Scenario, EpisodeInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Tree]]
+EngineState: TypeAlias = tuple[Scenario, EpisodeInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any]]
 """Scenario, its inputs and their rows, begin of the piece, tick, end; loop state, parameters, log, memory of a law."""
 
 
@@ -219,8 +219,8 @@ class Engine:
     """Closed-loop simulator of one flight, which advances one or many control periods per call.
 
     Args:
-        code: its program. scenario: as it is flown now; that of the program if left out.
-        numbers: of the program's parameters, by path; its own if left out.
+        code: its program. scenario: scenario that is flown now; that of the program if left out.
+        numbers: values of the program's parameters, by path; its own if left out.
 
     Attributes:
         first: the loop before its first period. tick: control periods flown.
@@ -272,8 +272,8 @@ class Engine:
         """Fly one control period; False once the episode has ended or reached its duration.
 
         Args:
-            command: in place of the law's, whose memory stays.
-            rotors_only: its rotor speeds alone; the law moves the joints, and its memory goes on.
+            command: command in place of the law's, whose memory stays.
+            rotors_only: True for its rotor speeds alone; the law moves the joints, and its memory goes on.
         """
         k = self.tick
         if k >= self._steps or self.ended is not None:
@@ -393,7 +393,7 @@ class Engine:
         return state if self._memory is None else _with_memory(state, self._memory)
 
     @property
-    def _memory(self) -> Tree:
+    def _memory(self) -> Any:
         """Internal state of a control law run as plain Python, which may be any object; None for a traced law."""
         calls = self.code.calls
         return None if calls is None or self.scenario.controller.compiled else calls.memory
@@ -461,10 +461,10 @@ class Engine:
         """Change parameter values from the next control period on; False, without effect, if that needs new code.
 
         Args:
-            scenario: as it is now.
-            numbers: of the program's parameters, by path.
+            scenario: scenario from now on.
+            numbers: values of the program's parameters, by path.
             changed: paths of the numbers that are other than before.
-            key: of the program that the scenario needs.
+            key: key of the program that the scenario needs.
         """
         if not self.code.fits(key, scenario, changed):
             return False
@@ -479,9 +479,8 @@ class Engine:
         """Continue a flight from the state of another simulator; ``anew``: the reference has been replaced."""
         now = other.now
         clock = clock_of_change(self.scenario, self.first, now, anew=anew)
-        carried = carry_over(
-            self.first, now, (component_places(self.scenario), component_places(other.scenario)), clock
-        )
+        places = component_places(self.scenario), component_places(other.scenario)
+        carried = carry_over(self.first, now, places, clock)
         if self.code.calls is not None and not self.scenario.controller.compiled:
             same = self.scenario.controller.law is other.scenario.controller.law
             # the memory of a law that is called is its own: it may hold anything

@@ -27,7 +27,7 @@ def first_line(period: Callable[[], object]) -> str:
     """First line of user code in a function called with floats that gives inf or NaN from finite arguments.
 
     Args:
-        period: it may raise; the user's own 1 / 0 is such a line.
+        period: function that may raise; the user's own 1 / 0 is such a line.
 
     Returns:
         ``file.py:12 (law): name is nan``, with the variable where there is one; empty without such a line.

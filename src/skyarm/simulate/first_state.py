@@ -26,7 +26,7 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Scalar]] | Non
     """Initial state of plant, law, delay queues, sensors, estimator and models; parameter values may be traced.
 
     Args:
-        scenario: of the episode.
+        scenario: scenario of the episode.
         draws: uniform numbers that start each component; the episode's own if left out.
     """
     state, vehicle = first_state(scenario), scenario.plant.vehicle

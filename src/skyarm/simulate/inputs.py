@@ -28,7 +28,7 @@ class EpisodeInputs:
     """Times and references of a flight at all control instants, as tables computed on first use.
 
     Attributes:
-        scenario: whose inputs these are.
+        scenario: scenario of the inputs.
         times: control instants, s.
         held_reference: the reference as published and held, as a record of arrays.
     """
@@ -109,7 +109,7 @@ class EpisodeInputs:
         """Held reference, continuous reference and path time (s) of a task whose phases wait for conditions.
 
         Args:
-            columns: of what a sample has of it (``led``), (N,) each.
+            columns: logged values of the reference clock (``led`` of a sample), (N,) each.
         """
         (sampled, its_offset), (own, offset) = self.waits.instants(
             [np.asarray(column, dtype=float) for column in columns]

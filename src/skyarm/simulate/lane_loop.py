@@ -37,7 +37,8 @@ class LaneLoop:
     """Closed loop of a scenario whose parameters differ between the SIMD lanes of a batch.
 
     Args:
-        scenario: with nominal parameters. vary: makes a lane's scenario from parameters. base: nominal values of these.
+        scenario: scenario with nominal parameters. vary: maker of a lane's scenario from parameters. base: nominal
+            values of these.
         stiffest: the scenario whose joint friction, air, forces and drives fix the integration steps.
 
     Attributes:
@@ -106,10 +107,10 @@ def lane_statuses(
     """Termination status of each flight of a batch, from its final vehicle state and reference clock.
 
     Args:
-        scenario: of the lanes.
+        scenario: scenario of the lanes.
         values: path -> (lanes,) numbers that differ.
-        state: of the plant, its scalars (lanes,).
-        clock: of the reference, likewise.
+        state: state of the plant, its scalars (lanes,).
+        clock: state of the reference clock, likewise.
         ticks: control periods flown.
         ended: True where the lane stopped before its time.
     """

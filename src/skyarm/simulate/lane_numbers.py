@@ -136,7 +136,7 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
     """Refuse varied command delays that exceed the longest delay the command queue was made for.
 
     Args:
-        scenario: with the longest delay of its queue.
+        scenario: scenario with the longest delay of its queue.
         columns: path -> numbers of the lanes; other paths than delays pass.
 
     Raises:
@@ -182,7 +182,7 @@ class LaneRules:
     What lies between numbers that passed once is not looked at again: a batch flies many times.
 
     Args:
-        scenario: of the batch. paths: its varied numbers.
+        scenario: scenario of the batch. paths: its varied numbers.
     """
 
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
@@ -269,9 +269,9 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, ArrayLike], lar
     Every lane is looked at with all of its numbers: of stiffness and mass each may be within what others fly.
 
     Args:
-        scenario: of the batch.
+        scenario: scenario of the batch.
         values: path -> (lanes,) or one number for all; all that differ from the scenario's.
-        largest: step that the batch was compiled for, s; None for any.
+        largest: longest step that the batch was compiled for, s; None for any.
 
     Raises:
         ScenarioError: names the paths and the values.

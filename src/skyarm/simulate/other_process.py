@@ -71,9 +71,9 @@ def try_elsewhere(
     warning is where no other process can be had, it gives no answer, or the scenario cannot travel there.
 
     Args:
-        scenario: with the models.
+        scenario: scenario with the models.
         models: the user's class or function of each model and its record.
-        compare: raises an error of a difference.
+        compare: check that raises an error of a difference.
 
     Raises:
         RegistryError: a plugin cannot be loaded there.

@@ -93,8 +93,8 @@ def make_period(stages: Stages, plant: PlantSteps[State]) -> Period:
     An episode that has ended keeps the state it ended in; only the law's memory, which nobody reads then, goes on.
 
     Args:
-        stages: of the scenario.
-        plant: over the same scalars.
+        stages: stages of the scenario.
+        plant: plant model over the same scalars.
     """
 
     def period(before: LoopState, given: GivenRow, uniforms: Uniforms) -> tuple[LoopState, Sample]:

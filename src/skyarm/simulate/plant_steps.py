@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
@@ -31,8 +32,8 @@ def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> Rigi
     """Rigid-body plant of a scenario, from which the number of integration steps follows.
 
     Args:
-        scenario: with concrete numbers.
-        first: its first loop state, where that is there already.
+        scenario: scenario with concrete numbers.
+        first: its first loop state; made anew if left out.
     """
     around = first_surroundings(scenario, first or first_loop_state(scenario))
     return RigidBodyPlant(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
@@ -58,7 +59,7 @@ class RigidBodySteps:
     """Traced rigid-body plant model within one control period.
 
     Args:
-        stages: of the episode. substeps: number of integration steps of an interval.
+        stages: stages of the episode. substeps: counts of integration steps in an interval (s).
     """
 
     def __init__(self, stages: Stages, substeps: Callable[[float], Steps]) -> None:
@@ -106,8 +107,8 @@ class StagesInPython(Stages):
     """Stages of a control period evaluated in Python: a termination raises, and any Python law may be called.
 
     Args:
-        scenario: of the episode. calls: of its law. example: a command, for its structure.
-        command, given: as of :class:`Stages`.
+        scenario: scenario of the episode. calls: internal state of its law. example: command with its structure.
+        command, given: arguments of :class:`Stages`.
     """
 
     def __init__(
@@ -158,7 +159,7 @@ class StagesInPython(Stages):
 class LawCalls:
     """Internal state of an untraceable control law between two calls; any Python object."""
 
-    memory: Tree
+    memory: Any
 
 
 def _graph_of(record: Tree) -> Graph:
@@ -176,7 +177,7 @@ class CalledPlant:
     """Plant model called from a traced program as a Python function, on flat tuples of floats.
 
     Args:
-        plant: of numbers. stages: of the episode. around: surroundings of one period, as an example.
+        plant: plant model of floats. stages: stages of the episode. around: surroundings of one period, as an example.
 
     Raises:
         ScenarioError: a user-defined plant that has no function for a part of the scenario, or a delay that is no

@@ -51,9 +51,10 @@ class Seen:
     """Measured quantities by which the conditions (guards) that end task phases are evaluated.
 
     Attributes:
-        tip: as measured, m, world axes. goal: its desired position by the held reference. push: of that reference.
-        force: on the tip as the law observes it, N, world axes; None of a law that observes none.
-        felt: the same as a force sensor measures it, for guards that require it. switches: 1 closed, in the order of
+        tip: measured position of the tip, m, world axes. goal: its desired position by the held reference.
+        push: contact request of that reference.
+        force: tip force as the law observes it, N, world axes; None of a law that observes none.
+        felt: tip force as a force sensor measures it, for guards that require it. switches: 1 closed, in the order of
             those that ``Waits`` looks at.
     """
 
@@ -70,7 +71,7 @@ class GuardTerms:
     """Times and flags of the condition (guard) that ends a task phase; times in control periods, flags 1 or 0.
 
     Attributes:
-        stop: m, position of the base's reference at its end; () where no phase ends early.
+        stop: position of the base's reference at its end, m; () where no phase ends early.
     """
 
     end: Scalar
@@ -96,7 +97,7 @@ class Waits:
     """Evaluator of the conditions (guards) that end task phases, and of the clock of the waiting reference.
 
     Args:
-        scenario: whose numbers may be traced.
+        scenario: scenario, whose numbers may be traced.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -343,10 +344,10 @@ def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, ane
     """Reference clock restarted after a change of the scenario; () if the old clock continues.
 
     Args:
-        scenario: after the change.
+        scenario: scenario after the change.
         first: its first loop state.
-        now: the loop where the change came; it may be that of many lanes, of which some have ended.
-        anew: the reference is another one.
+        now: state of the loop where the change came; it may be that of many lanes, of which some have ended.
+        anew: True if the reference is another one.
     """
     other = mismatch(first.agent.clock, now.agent.clock, "clock")
     if first.agent.clock == () or not (anew or other):

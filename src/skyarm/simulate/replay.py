@@ -53,12 +53,12 @@ class Inputs:
     """Vehicle parameters, unexplained wrench and commands of one simulated lane over one step.
 
     Attributes:
-        numbers: in the order of the replay's names.
+        numbers: vehicle parameters in the order of the replay's names.
         thrust: factor of every rotor's thrust and drag torque, as by the battery.
-        force, torque: that nothing explains, N and N m, base axes.
+        force, torque: unexplained wrench, N and N m, base axes.
         before, after: commands between which the step switches: speeds of the rotors, rad/s, and setpoints of the
             joints' drives, N m or N without one.
-        late: s, within the step at which the rotors switch, and the joints.
+        late: instants within the step at which the rotors switch, and the joints, s.
     """
 
     numbers: tuple[Scalar, ...]
@@ -76,12 +76,12 @@ class CommandReplay:
     Args:
         vehicle_of: numbers by name -> vehicle, of any scalars. start: usual numbers, by which steps are chosen.
         drives_of: vehicle -> drive of each joint; none where all take torques.
-        step: s, over which inputs are constant. gravity: m/s^2.
+        step: time over which inputs are constant, s. gravity: m/s^2.
         sensed: numbers, states before and after a step -> what is logged of it beside the state.
         finer: least number of integration steps within one.
 
     Attributes:
-        names: of the numbers. step: s. substeps: integration steps within one.
+        names: names of the numbers. step: s. substeps: integration steps within one.
     """
 
     def __init__(

@@ -42,11 +42,11 @@ class Course:
     """Scenario in force during a flight, with the changes already made and those still scheduled.
 
     Attributes:
-        begun: the scenario with which the flight began.
-        now: as it is, with the changes to come.
-        made: changes that have taken hold, in order. coming: those that have not.
-        overrides: what they made of ``begun``.
-        flown: what was flown before the last of them.
+        begun: scenario with which the flight began.
+        now: scenario in force, with the changes to come.
+        made: changes that have taken hold, in order. coming: changes that have not.
+        overrides: replacements by the changes made, in ``begun``.
+        flown: pieces flown before the last change made.
     """
 
     begun: Scenario
@@ -111,8 +111,8 @@ class Snapshot:
 
     Attributes:
         course: scenario and changes as they were then. tick: control periods flown.
-        engine: what flew then. held: its data of that instant.
-        session: number of the session that it is of.
+        engine: simulator that flew then. held: its state at that instant.
+        session: number of the snapshot's session.
     """
 
     course: Course
@@ -135,10 +135,10 @@ class Session:
     are kept beside them: :attr:`plan` is the scenario that flies the session again.
 
     Args:
-        scenario: what is flown; its duration is the longest the session can get.
+        scenario: scenario that is flown; its duration is the longest the session can get.
         paths: numbers that :meth:`change` will give other values often: machine code reads them in every period from
             the start. Others become such numbers, by code that is made anew, when they are changed first.
-        machine_code: False flies stage by stage in Python whatever the law and the plant: slower, the same numbers.
+        machine_code: False to fly stage by stage in Python whatever the law and the plant: slower, the same numbers.
 
     Raises:
         ScenarioError: not a scenario, or one with changes that cannot be made.
@@ -238,7 +238,7 @@ class Session:
         """Simulate one control period.
 
         Args:
-            command: in place of the law's; the law is not evaluated then, and its memory stays.
+            command: command in place of the law's; the law is not evaluated then, and its memory stays.
             rotors: rotor speeds (rad/s) in place of the law's, which still moves the joints; not beside ``command``.
 
         Returns:
@@ -421,11 +421,11 @@ def open_session(
     """Session of a scenario: of its law, or of the autopilot that flies its base, once that has taken off.
 
     Args:
-        scenario: what is flown.
-        paths: as of :class:`Session`.
-        machine_code: as of :class:`Session`.
+        scenario: scenario that is flown.
+        paths: argument of :class:`Session`.
+        machine_code: argument of :class:`Session`.
         make: class of the session of a law.
-        preparing: called in an autopilot's take-off with its simulated seconds and the most that it may last.
+        preparing: function called in an autopilot's take-off with its simulated seconds and the most that it may last.
 
     Raises:
         ScenarioError: as :class:`Session`; an autopilot without a program, or a vehicle that it cannot fly.

@@ -61,8 +61,8 @@ class Stages:
     """Computation stages of one control period of a scenario, whose parameter values may be traced.
 
     Args:
-        scenario: structure must be concrete: rates, integrator, delays but for a varied one of the commands.
-        command: from outside, in place of the law's; None for the law's own.
+        scenario: scenario with concrete structure: rates, integrator, delays but for a varied one of the commands.
+        command: command from outside, in place of the law's; None for the law's own.
         given: 1 where that command takes the law's place, 0 where the law decides, 2 where the command's rotor speeds
             alone take the place of the law's; None for always 1.
     """
@@ -291,10 +291,10 @@ def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, 
     nothing can push, because sensors keep them in their memories.
 
     Args:
-        frame: of the vehicle.
+        frame: frame of the vehicle.
         around: surroundings of the period.
-        vehicle: the true one.
-        state: the truth.
+        vehicle: vehicle of the plant.
+        state: state of the plant.
         gravity: m/s^2.
     """
     motion, carried = PointMotion(vehicle, state, around.air_velocity), beyond(vehicle, frame.link)

@@ -84,7 +84,7 @@ class UserPart:
 
     Attributes:
         own: object within the record whose code is the user's, if not the record itself.
-        results: of each method in the last trace.
+        results: result of each method in the last trace.
     """
 
     place: str
@@ -344,10 +344,10 @@ def _check_value(
     """Check a user-defined method without memory: one call, whose result must be numbers like an example's.
 
     Args:
-        scenario: it is part of.
-        part: the model.
-        label: of the result in messages; "" for one that is not looked at.
-        example: of a right result.
+        scenario: scenario with the model.
+        part: user-defined model.
+        label: name of the result in messages; "" for one that is not looked at.
+        example: example of a right result.
         also: class that its numbers may have, too.
         given: arguments of the call, from time and state; the time if left out.
     """
