@@ -36,8 +36,8 @@ class PathTime:
     """Time scaling of a reference: path time as a spline of flight time.
 
     Attributes:
-        points: s, control points, none before the one ahead of it; the i-th belongs to the time (i - 2) step.
-        step: s between them.
+        points: control points, s, none before the one ahead of it; the i-th belongs to the time (i - 2) step.
+        step: time between control points, s.
     """
 
     points: Annotated[tuple[Scalar, ...], Unit("s", "control points of the reference's time")]
@@ -70,7 +70,7 @@ class PathTime:
         """Refuse a flight that the time scaling was not planned for.
 
         Args:
-            duration: of the flight, s.
+            duration: duration of the flight, s.
             waits: True if phases of the reference wait.
 
         Raises:
@@ -140,7 +140,7 @@ def offset_reference(
     """Reference with base and tip shifted by an offset that decays to zero in return phases of the task.
 
     Args:
-        reference: as planned, at ``time`` (s).
+        reference: planned reference at ``time`` (s).
         offset: m, world axes.
         returns: beginning and end (s) of the phases in which the reference comes back.
         since: path time (s) at which the offset began; earlier return phases do not count.

@@ -140,10 +140,10 @@ def with_joint_moves(
     """Add moves of joints that do not carry the tip, such as fingers, to a trajectory.
 
     Args:
-        trajectory: whose own signals of these joints are constant.
-        moves: of a task's phases.
-        vehicle: whose joints; needed where there are moves.
-        fastest: rad/s or m/s, that a move may reach.
+        trajectory: trajectory whose own signals of these joints are constant.
+        moves: joint moves of a task's phases.
+        vehicle: vehicle with the joints; needed where there are moves.
+        fastest: largest speed that a move may reach, rad/s or m/s.
 
     Raises:
         ValueError: one line: a joint that is not there, carries the tip or moves already, a value beyond its limits,

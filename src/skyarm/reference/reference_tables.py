@@ -97,10 +97,10 @@ def trajectory_from(table: object, n_joints: int, where: str, setting: Setting |
     """Trajectory of base and joints from a reference table of a scenario file.
 
     Args:
-        table: plain dict, as read from TOML.
+        table: table as read from TOML.
         n_joints: joints of the vehicle.
         where: file and table, put before the field in messages: "case3.toml: reference".
-        setting: what a task needs to know of the flight.
+        setting: flight data that a task needs.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -172,9 +172,9 @@ def push_from(table: object, where: str, duration: float = 0.0) -> TipPush:
     """Desired tip contact from the table ``[reference.push]`` of a scenario file.
 
     Args:
-        table: as above.
+        table: table as above.
         where: its name.
-        duration: s of the flight, in the course of which the force is looked at.
+        duration: duration of the flight, s, in the course of which the force is looked at.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -232,11 +232,11 @@ def reference_from(table: object, n_joints: int, where: str, setting: Setting) -
     """Trajectory from the whole reference table of a scenario file, with optional tip motion and contact.
 
     Args:
-        table: of the whole reference, as :func:`skyarm.reference.trajectory_from` takes it, and ``tip``, ``push``,
+        table: table of the whole reference: what :func:`skyarm.reference.trajectory_from` takes, ``tip``, ``push`` and
             ``load``.
         n_joints: joints of the vehicle.
         where: name of the reference's table.
-        setting: whose vehicle, and for how long.
+        setting: flight data: vehicle, duration, gravity.
 
     Raises:
         ValueError: one line with field, value and what is allowed.

@@ -310,10 +310,10 @@ def sequence(
     """Signal of consecutive ramps and holds; the last value is held.
 
     Args:
-        start: begin of the first segment, s.
+        start: beginning of the first segment, s.
         segments: (duration in s, value at its end); a segment that ends where it begins is a hold.
         initial: value before ``start``.
-        shape: of every ramp, "linear" or "quintic".
+        shape: shape of every ramp, "linear" or "quintic".
     """
     signals: list[Signal] = [Constant(initial)]
     t, value = start, initial

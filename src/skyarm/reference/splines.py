@@ -29,8 +29,8 @@ class Polynomials(Signal):
     """Piecewise polynomial time signal, constant before the first and after the last knot.
 
     Attributes:
-        knots: s, rising, one more than there are polynomials.
-        coefficients: of each polynomial c_0 + c_1 s + c_2 s^2 + ..., s the time since its knot in seconds.
+        knots: knot times, s, rising, one more than there are polynomials.
+        coefficients: c_0, c_1 ... of each polynomial c_0 + c_1 s + c_2 s^2 + ..., s the seconds since its knot.
     """
 
     knots: Annotated[tuple[Scalar, ...], Unit("s", "rising")]
@@ -91,8 +91,8 @@ def uniform_curve(points: Sequence[float], start: float, step: float) -> Polynom
 
     Args:
         points: control points, at least six; the i-th belongs to the time ``start + (i - 2) step``.
-        start: s, where the curve begins; it ends ``len(points) - 5`` steps later.
-        step: s between control points.
+        start: beginning of the curve, s; it ends ``len(points) - 5`` steps later.
+        step: time between control points, s.
 
     Source: de Boor 1978, chapter IX (cardinal splines).
     """
@@ -140,8 +140,8 @@ def minimum_snap(times: Sequence[float], values: Sequence[float]) -> Polynomials
     """Minimum-snap spline through values at given times, from rest to rest.
 
     Args:
-        times: s, rising, at least two.
-        values: at these times.
+        times: knot times, s, rising, at least two.
+        values: values at these times.
     """
     derivatives = knot_derivatives(times, values)
     pieces = []

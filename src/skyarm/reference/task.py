@@ -55,8 +55,8 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
     """Condition that ends a task phase, from the table ``until`` of the phase; None without a condition.
 
     Args:
-        phase: its table.
-        normal: of the surface that the task touches, if given.
+        phase: table of the phase.
+        normal: unit normal of the surface that the task touches, if given.
         usual: default guard of the phase without ``until``.
     """
     if phase.take("until", None) is None:
@@ -135,8 +135,9 @@ class Arc:
     """Circular arc of a handle about its axis, such as that of a door.
 
     Attributes:
-        center: m, on its axis. axis: unit vector. force: N, that the tip presses out of the axis while it holds it.
-        normal: unit vector out of the axis to where the tip takes hold. gripper: by which it is held.
+        center: point on its axis, m. axis: unit vector. force: force with which the tip presses out of the axis while
+            it holds it, N.
+        normal: unit vector out of the axis to where the tip takes hold. gripper: gripper that holds it.
     """
 
     center: Place
@@ -150,13 +151,14 @@ class TaskBuilder:
     """Builder of a task's trajectory, phase by phase.
 
     Args:
-        start: place at the beginning, m. limits: of motions. setting: of the flight.
+        start: place at the beginning, m. limits: flight limits of motions. setting: flight data.
 
     Attributes:
-        at: place, m. time: s. begun: s, when the present phase began.
+        at: place, m. time: s. begun: beginning of the present phase, s.
         handled: beginning of the last dwell and the instant at which its load is taken or left, s.
-        normal: out of the surface that the task touches. speed: m/s, with which the tip comes. force: N, the last one.
-        arc: of the handle that is held. known_arc: of the last handle that was.
+        normal: unit vector out of the surface that the task touches. speed: approach speed of the tip, m/s.
+        force: last contact force, N.
+        arc: arc of the handle that is held. known_arc: arc of the last handle that was.
     """
 
     def __init__(self, start: Place, limits: FlightLimits, setting: Setting) -> None:
@@ -200,9 +202,9 @@ class TaskBuilder:
         """Add a minimum-snap motion through points to the task.
 
         Args:
-            points: from where the task stands, m.
+            points: positions from where the task stands on, m.
             duration: s; as fast as the limits let if left out.
-            back: an offset of the reference is taken back on the way.
+            back: True to take an offset of the reference back on the way.
         """
         begun, here = self.time, len(points) == 2 and _apart(points[0], points[1]) < SHORTEST
         if not here:
@@ -219,10 +221,10 @@ class TaskBuilder:
         """Add the motion of a task phase to its goal, through its intermediate points.
 
         Args:
-            phase: its table.
-            goal: m.
-            back: an offset of the reference is taken back on the way.
-            new: each place must differ from the one before, even without ``via``.
+            phase: table of the phase.
+            goal: position at the end, m.
+            back: True to take an offset of the reference back on the way.
+            new: True if each place must differ from the one before, even without ``via``.
         """
         via = points_of(phase.take("via", []), phase.at("via"))
         duration = duration_of(phase)

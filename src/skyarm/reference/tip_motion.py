@@ -51,8 +51,8 @@ class Arm:
     """Chain of joints between the base and the tip.
 
     Attributes:
-        carriers: numbers of these joints among the vehicle's. joints: the joints, from the base on.
-        tip: of the last link.
+        carriers: indices of these joints among the vehicle's. joints: joints from the base on.
+        tip: position of the tip on the last link.
     """
 
     carriers: tuple[int, ...]
@@ -107,7 +107,7 @@ class TipMotion:
         Args:
             t: s.
             yaw: heading and its derivatives.
-            joints: values, rates ... to the fourth derivative.
+            joints: positions, rates ... to the fourth derivative.
         """
         series = [Taylor.of_derivatives(each) for each in zip(*joints, strict=True)]
         arm = _derivatives(rotate_by_yaw(yaw, self.arm.tip_position(series)))
@@ -192,9 +192,9 @@ def counted_error(away: Vec3, push: Sequence[Scalar], tip: Vec3) -> Vec3:
     Along the normal a force is held there, not a place.
 
     Args:
-        away: m, world axes, the tip from its reference.
-        push: field of the reference; () where no contact is ever requested.
-        tip: m, world axes.
+        away: position of the tip from its reference, m, world axes.
+        push: contact request of the reference; () where no contact is ever requested.
+        tip: position of the tip, m, world axes.
     """
     if not push:
         return away

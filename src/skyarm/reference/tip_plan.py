@@ -56,10 +56,10 @@ class ArmTask:
     """Inverse kinematics problem of an arm.
 
     Attributes:
-        vehicle, frame: whose tip. carriers: joints that carry it. posture: joints that it prefers.
+        vehicle, frame: vehicle and frame of the tip. carriers: joints that carry it. posture: preferred joints.
         lower, upper: limits of the joints. rates: their largest speeds, per second.
-        length: m, that weighs a radian of orientation.
-        ease: m, that weighs a radian or metre away from the posture.
+        length: weight of a radian of orientation, m.
+        ease: weight of a radian or metre away from the posture, m.
     """
 
     vehicle: Vehicle
@@ -79,10 +79,10 @@ def follow(
     """Joint positions at every sample of a tip motion, by inverse kinematics.
 
     Args:
-        task: the arm.
-        positions: of the tip, base axes, m; None where any will do.
+        task: inverse kinematics problem of the arm.
+        positions: positions of the tip, base axes, m; None where any will do.
         orientations: R_BT; None where any will do.
-        step: s between instants.
+        step: time between instants, s.
 
     Returns:
         Joints of the whole vehicle, one list an instant.
@@ -216,12 +216,12 @@ class TipChoices:
     """Options for a tip trajectory: posture of the arm, share of the motion by the base, and speed limits.
 
     Attributes:
-        posture: joints that the arm prefers, rad or m.
-        base_share: from 0 to 1, how much of a tip's way in the world the base takes; the arm takes the rest.
-        arm_range: m, that the arm moves its tip at most for that.
-        joint_speed: rad/s or m/s, the largest of a plan.
+        posture: joint positions that the arm prefers, rad or m.
+        base_share: share of a tip's way in the world that the base takes, 0 to 1; the arm takes the rest.
+        arm_range: largest way of the tip by the arm for that, m.
+        joint_speed: largest joint speed of a plan, rad/s or m/s.
         orientation: roll, pitch and yaw (ZYX) of the tip in the world; None for any.
-        rate: Hz of the plan's samples.
+        rate: rate of the plan's samples, Hz.
     """
 
     posture: Annotated[tuple[float, ...], Unit("rad or m", "of each joint")] = ()
@@ -336,10 +336,10 @@ def tip_trajectory(
 
     Args:
         fields: table ``tip`` of the reference.
-        base: its heading.
-        path: x, y, z of the tip.
-        vehicle: whose arm carries the tip.
-        setting: of the flight.
+        base: trajectory with the heading.
+        path: trajectory of the tip, x, y, z.
+        vehicle: vehicle whose arm carries the tip.
+        setting: flight data.
 
     Raises:
         ValueError: one line with field, value and what is allowed.

@@ -291,9 +291,9 @@ def require_way(start: Sequence[float] | None, points: Points, names: Sequence[s
     """Refuse successive waypoints at the same position.
 
     Args:
-        start: where the task is before, m; None where the points begin the path.
-        points: of the path, m.
-        names: of their fields.
+        start: place of the task before, m; None where the points begin the path.
+        points: points of the path, m.
+        names: names of their fields.
     """
     path = points if start is None else [start, *points]
     for (a, b), name in zip(itertools.pairwise(path), names[len(names) - len(path) + 1 :], strict=True):
