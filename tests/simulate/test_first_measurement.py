@@ -16,7 +16,7 @@ from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import Delays, run
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.loop_state import Row
+from skyarm.simulate.loop_state import InputRow
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
@@ -59,7 +59,7 @@ def test_until_the_first_measurement_has_arrived_the_law_sees_that_one(old):
     period, carry = make_period(stages, RigidBodySteps(stages, lambda _: Steps(1))), first_loop_state(scenario)
     taken = []
     for k in range(7):
-        carry, sample = period(carry, Row(time=0.005 * k, reference=scenario.reference.at(0.0)), ())
+        carry, sample = period(carry, InputRow(time=0.005 * k, reference=scenario.reference.at(0.0)), ())
         assert sample.alive == 1.0
         assert sample.measurement == seen[k]
         taken.append(sample.state)

@@ -30,7 +30,7 @@ from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.lane_numbers import require_short_steps
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.loop_state import Row, structure_of
+from skyarm.simulate.loop_state import InputRow, structure_of
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.session import Session
@@ -146,9 +146,9 @@ def test_loops_that_are_written_out_for_jax_take_the_same_steps():
     inputs, first = episode_inputs(scenario), first_loop_state(scenario)
     stages = Stages(scenario)
     period = make_period(stages, RigidBodySteps(stages, plant_of(scenario)[0].substeps))
-    row = Row(time=0.0, reference=inputs.reference_example)
+    row = InputRow(time=0.0, reference=inputs.reference_example)
 
-    def step(now: Any, _parameters: Any, fed: Row, draws: Any) -> Any:
+    def step(now: Any, _parameters: Any, fed: InputRow, draws: Any) -> Any:
         return period(now, fed, draws)
 
     loop = trace_loop(step, structure_of(first), (), row, stages.draws.channels)

@@ -19,7 +19,7 @@ from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.command_line import switches
+from skyarm.simulate.command_delay import switches
 from skyarm.simulate.first_state import commands_waiting
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.stages import joined_reference

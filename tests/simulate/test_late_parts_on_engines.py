@@ -24,10 +24,10 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.sensing.measurement import measurement_of
 from skyarm.simulate import Delays
-from skyarm.simulate.command_line import command_in_force, rotor_and_joint_delays, switches
+from skyarm.simulate.command_delay import command_in_force, rotor_and_joint_delays, switches
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.loop_state import Row, structure_of
+from skyarm.simulate.loop_state import InputRow, structure_of
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages, joined_reference
@@ -73,11 +73,11 @@ def program() -> tuple[Loop, Any, np.ndarray, np.ndarray, np.ndarray]:
     scenario = FLIGHT
     first, inputs = first_loop_state(scenario), episode_inputs(scenario)
 
-    def period(now: Any, values: Any, fed: Row, uniforms: Any = ()) -> Any:
+    def period(now: Any, values: Any, fed: InputRow, uniforms: Any = ()) -> Any:
         stages = Stages(with_numbers(scenario, dict(zip(VALUES, values, strict=True))))
         return make_period(stages, RigidBodySteps(stages, lambda _: Steps(1)))(now, fed, uniforms)
 
-    row = Row(time=0.0, reference=inputs.reference_example)
+    row = InputRow(time=0.0, reference=inputs.reference_example)
     base = tuple(number_at(scenario, path) for path in VALUES)
     loop = trace_loop(lambda *given: (period(*given)[0], ()), structure_of(first), base, row)
     carry = np.repeat(np.array(leaves(first), dtype=float)[:, None], LANES, axis=1)

@@ -21,7 +21,7 @@ from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.draws import draw_plan
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.loop_state import Row
+from skyarm.simulate.loop_state import InputRow
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
@@ -57,7 +57,7 @@ def heard_in_floats(scenario, periods):
     for k in range(periods):
         keys = (scenario.seed, scenario.episode)
         drawn = [float(u) for channel, n in stages.draws.channels for u in uniforms(*keys, channel, k, n)]
-        now, sample = period(now, Row(time=k / 200, reference=scenario.reference.at(0.0)), drawn)
+        now, sample = period(now, InputRow(time=k / 200, reference=scenario.reference.at(0.0)), drawn)
         assert sample.alive == 1.0
         samples.append(sample)
     return heard, samples

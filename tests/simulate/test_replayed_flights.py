@@ -14,7 +14,7 @@ from skyarm.flight_data.flight_data import Channel
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import Surroundings
-from skyarm.simulate.replay import Replay
+from skyarm.simulate.replay import CommandReplay
 from skyarm.studies.identify.windows import held_over
 from window_flights import GRAVITY, ONE, QUAD, STEP, flown, on_servo, rotations
 
@@ -66,7 +66,7 @@ def held_of(log, name, delay):
 def test_a_replayed_flight_returns_its_own_states(vehicle, first, off):
     """To what other steps around the instants of switching leave; after a joint at rest with stiff friction to more."""
     log = flown(vehicle, 0.8, ROTORS, JOINTS)
-    flights = Replay(lambda _: vehicle, {}, STEP, GRAVITY, drives_of=drives_of).flights(1)
+    flights = CommandReplay(lambda _: vehicle, {}, STEP, GRAVITY, drives_of=drives_of).flights(1)
     for name in FIELDS:
         flights.state[name][:, 0] = log[name][first]
     if vehicle.drives:
@@ -116,7 +116,7 @@ def logged(numbers, before, after):
 
 @cache
 def replay(finer=1):
-    return Replay(quad_with, NUMBERS, STEP, GRAVITY, sensed=logged, finer=finer)
+    return CommandReplay(quad_with, NUMBERS, STEP, GRAVITY, sensed=logged, finer=finer)
 
 
 def hover_speed():

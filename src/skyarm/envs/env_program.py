@@ -31,8 +31,8 @@ from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import draw_plan, draws_needed
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.lane_loop import held_row
-from skyarm.simulate.loop_state import LoopState, Row, structure_of
-from skyarm.simulate.period import Measured, act, measure
+from skyarm.simulate.loop_state import InputRow, LoopState, structure_of
+from skyarm.simulate.period import FirstHalf, act, measure
 from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
 from skyarm.simulate.stages import Readings, Stages
 
@@ -151,7 +151,7 @@ class EnvProgram:
         around = stages.surroundings(loop.components, own.drives, row.time)
         nothing: Any = None
         read = Readings(sensors=own.sensors, estimate=own.estimate, readings=(), measurement=nothing)
-        measured = Measured(loop.components, around, stages.acting(own.queue), nothing, read)
+        measured = FirstHalf(loop.components, around, stages.acting(own.queue), nothing, read)
         plant = RigidBodySteps(stages, self._plant.substeps)
         flown = act(stages, plant, loop, measured, memory, command, own.clock)
         sent = flown.alive
@@ -197,7 +197,7 @@ class EnvProgram:
         last = float(self.task.scenario.steps - 1)
         return held_row(scenario, where(ticks > last, last, ticks)).reference.position
 
-    def _decide(self, stages: Stages, now: EnvState, row: Row[Reference], action: Scalars) -> Decision:
+    def _decide(self, stages: Stages, now: EnvState, row: InputRow[Reference], action: Scalars) -> Decision:
         """Convert an action to a vehicle command; return the control law's next internal state and the command."""
         values = iter(leaves(self._measurement))
         seen = dict(zip(self._kept, now.seen, strict=True))
@@ -209,7 +209,7 @@ class EnvProgram:
         return memory, with_rest(stages.scenario.plant.vehicle, command)
 
     def _measure_next(
-        self, stages: Stages, now: LoopState, row: Row[Reference], draws: Scalars
+        self, stages: Stages, now: LoopState, row: InputRow[Reference], draws: Scalars
     ) -> tuple[LoopState, Measurement]:
         """Advance wind, contacts and sensors to the next control period, and measure there."""
         measured = measure(stages, RigidBodySteps(stages, self._plant.substeps), now, row, draws)

@@ -19,7 +19,7 @@ from skyarm.dynamics.kinematics import NEAREST
 from skyarm.records.files import Fields, shown
 from skyarm.reference.signals import Turning
 from skyarm.reference.splines import Polynomials, minimum_snap
-from skyarm.reference.task import Arc, Place, Task, duration_of, require_field, seconds, unit_vector
+from skyarm.reference.task import Arc, Place, TaskBuilder, duration_of, require_field, seconds, unit_vector
 from skyarm.reference.task_records import TaskEvent
 from skyarm.reference.tip_motion import FASTEST, STRONGEST, UPRIGHT
 from skyarm.reference.waypoints import MOST_POINTS, number_within, place_of, points_of, positive, require_way
@@ -28,7 +28,7 @@ ABOUT = ("center", "axis", "force")
 """Fields of the arc of a handle."""
 
 
-def grasp(task: Task, phase: Fields) -> None:
+def grasp(task: TaskBuilder, phase: Fields) -> None:
     """Add a grasp at the tip's position to the task, also of a handle that turns about an axis."""
     arc = _arc_of(task, phase)
     handle(task, phase, "pick")
@@ -36,12 +36,12 @@ def grasp(task: Task, phase: Fields) -> None:
         task.grip(arc)
 
 
-def release(task: Task, phase: Fields) -> None:
+def release(task: TaskBuilder, phase: Fields) -> None:
     """Add to the task a release at the tip's position."""
     handle(task, phase, "place")
 
 
-def handle(task: Task, phase: Fields, kind: str) -> None:
+def handle(task: TaskBuilder, phase: Fields, kind: str) -> None:
     """Add a dwell to the task, during which a gripper closes or opens or a payload is taken or left."""
     what = "gripper" if "gripper" in phase.table else "payload"
     name = phase.take(what)
@@ -58,33 +58,33 @@ def handle(task: Task, phase: Fields, kind: str) -> None:
         task.let_go(name)
 
 
-def arc_about(task: Task, phase: Fields) -> tuple[Place, Place]:
+def arc_about(task: TaskBuilder, phase: Fields) -> tuple[Place, Place]:
     """Centre (m) and unit axis of a task phase's rotation, given by the phase or by the held handle."""
-    held = task.arc
-    if held is None:
+    arc = task.arc
+    if arc is None:
         return place_of(phase, "center"), unit_vector(phase, "axis")
     words = "must be left out, or as that of the handle that is held"
-    center, axis = held.center, held.axis
+    center, axis = arc.center, arc.axis
     if phase.take("center", None) is not None:
         center = place_of(phase, "center")
-        require_field(phase, "center", center, held.center, words)
+        require_field(phase, "center", center, arc.center, words)
     if phase.take("axis", None) is not None:
         axis = unit_vector(phase, "axis")
-        require_field(phase, "axis", axis, held.axis, words)
+        require_field(phase, "axis", axis, arc.axis, words)
     return center, axis
 
 
-def _arc_of(task: Task, phase: Fields) -> Arc | None:
+def _arc_of(task: TaskBuilder, phase: Fields) -> Arc | None:
     """Circular arc of the handle that a task phase grasps; None if the phase describes no rotation."""
-    told = [name for name in ABOUT if phase.take(name, None) is not None]
-    if not told:
+    given = [name for name in ABOUT if phase.take(name, None) is not None]
+    if not given:
         return None
-    if "center" not in told:
-        raise ValueError(f"{phase.at(told[0])}: must be left out without center")
+    if "center" not in given:
+        raise ValueError(f"{phase.at(given[0])}: must be left out without center")
     if "gripper" not in phase.table:
         raise ValueError(f"{phase.at('center')}: must be left out without gripper; a payload has no axis")
     center = place_of(phase, "center")
-    axis = unit_vector(phase, "axis") if "axis" in told else UPRIGHT
+    axis = unit_vector(phase, "axis") if "axis" in given else UPRIGHT
     force = number_within(phase, "force", 0.0, low=-STRONGEST, high=STRONGEST)
     away, a = Vec3(*task.at) - Vec3(*center), Vec3(*axis)
     out = away - a * a.dot(away)
@@ -93,10 +93,10 @@ def _arc_of(task: Task, phase: Fields) -> Arc | None:
         words = f"must be a place beside which the tip stands, {NEAREST:g} m or more away"
         raise ValueError(f"{phase.at('center')} = {shown(list(center))}: {words}")
     x, y, z = (c / length for c in out)
-    found = Arc(center=center, axis=axis, force=force, normal=(x, y, z), gripper=str(phase.take("gripper")))
+    arc = Arc(center=center, axis=axis, force=force, normal=(x, y, z), gripper=str(phase.take("gripper")))
     if task.known_arc is not None and (task.known_arc.center, task.known_arc.axis) != (center, axis):
         raise ValueError(f"{phase.at('center')}: a task goes about one axis only; must be as in the phases before")
-    return found
+    return arc
 
 
 EASE = 0.05
@@ -121,14 +121,14 @@ FASTEST_TURNING = 1.0
 """Turns a second of a spiral: at its middle its pace would be more."""
 
 
-def approach(task: Task, phase: Fields) -> None:
+def approach(task: TaskBuilder, phase: Fields) -> None:
     """Add a motion to a point in front of a surface to the task."""
     _tell_normal(task, phase)
     goal = place_of(phase, "position")
     task.go_through(phase, _in_front(task, phase, goal, near="normal" in phase.table), new=False)
 
 
-def press(task: Task, phase: Fields) -> None:
+def press(task: TaskBuilder, phase: Fields) -> None:
     """Add a press against a surface at rest to the task: wait for contact, then hold the force."""
     _tell_push(task, phase)
     force = task.force or 0.0
@@ -139,13 +139,13 @@ def press(task: Task, phase: Fields) -> None:
     task.rest(duration)
 
 
-def slide(task: Task, phase: Fields) -> None:
+def slide(task: TaskBuilder, phase: Fields) -> None:
     """Add a straight motion along a surface with contact force to the task."""
     _tell_push(task, phase)
     task.go_through(phase, place_of(phase, "position"), back=False)
 
 
-def write(task: Task, phase: Fields) -> None:
+def write(task: TaskBuilder, phase: Fields) -> None:
     """Add a polyline along a surface with contact force to the task."""
     _tell_push(task, phase)
     points = points_of(phase.take("points"), phase.at("points"))
@@ -161,7 +161,7 @@ def write(task: Task, phase: Fields) -> None:
     task.wait_until(phase)
 
 
-def retreat(task: Task, phase: Fields) -> None:
+def retreat(task: TaskBuilder, phase: Fields) -> None:
     """Add a motion away from a surface without contact force to the task; it waits while a held force goes."""
     wait = LETTING_GO if task.follows_a_press else 0.0
     if phase.take("position", None) is not None:
@@ -178,7 +178,7 @@ def retreat(task: Task, phase: Fields) -> None:
     task.wait_until(phase)
 
 
-def search(task: Task, phase: Fields) -> None:
+def search(task: TaskBuilder, phase: Fields) -> None:
     """Add a spiral along a surface with contact force to the task, until the tip drops into a hole."""
     _tell_push(task, phase)
     u, w = _across(task.normal or (0.0, 0.0, 1.0))
@@ -200,7 +200,7 @@ def search(task: Task, phase: Fields) -> None:
     task.wait_until(phase, usual)
 
 
-def insert(task: Task, phase: Fields) -> None:
+def insert(task: TaskBuilder, phase: Fields) -> None:
     """Add a push into a hole to the task, until the tip has moved in by a distance."""
     _tell_push(task, phase)
     depth = positive(phase, "distance")
@@ -209,7 +209,7 @@ def insert(task: Task, phase: Fields) -> None:
     task.wait_until(phase, usual)
 
 
-def turn(task: Task, phase: Fields) -> None:
+def turn(task: TaskBuilder, phase: Fields) -> None:
     """Add a rotation of the tip about an axis, such as a door's hinge, to the task."""
     if task.force is not None or "force" in phase.table:
         _tell_push(task, phase)
@@ -232,7 +232,7 @@ def turn(task: Task, phase: Fields) -> None:
     task.wait_until(phase)
 
 
-TOUCHING: Mapping[str, Callable[[Task, Fields], None]] = {
+TOUCHING: Mapping[str, Callable[[TaskBuilder, Fields], None]] = {
     "press": press, "slide": slide, "write": write, "search": search, "insert": insert, "turn": turn, "open": turn,
 }  # fmt: skip
 """Phases in which the tip may press, by kind."""
@@ -241,7 +241,7 @@ ABOUT_AN_AXIS = ("turn", "open")
 """Those that go about an axis."""
 
 
-def _in_front(task: Task, phase: Fields, place: Place, *, near: bool) -> Place:
+def _in_front(task: TaskBuilder, phase: Fields, place: Place, *, near: bool) -> Place:
     """Position in front of a surface, offset along its normal by the task phase's clearance."""
     clearance = number_within(phase, "clearance", CLEARANCE if near else 0.0, low=0.0)
     if clearance and task.normal is None:
@@ -252,14 +252,14 @@ def _in_front(task: Task, phase: Fields, place: Place, *, near: bool) -> Place:
     return x, y, z
 
 
-def _tell_normal(task: Task, phase: Fields) -> None:
+def _tell_normal(task: TaskBuilder, phase: Fields) -> None:
     if phase.take("normal", None) is not None:
         normal = unit_vector(phase, "normal")
         require_field(phase, "normal", normal, task.normal, "must be the same in all phases of a task")
         task.normal = normal
 
 
-def _tell_push(task: Task, phase: Fields) -> None:
+def _tell_push(task: TaskBuilder, phase: Fields) -> None:
     """Read contact force, surface normal and approach speed of a task phase into the task."""
     _tell_normal(task, phase)
     if phase.take("speed", None) is not None:

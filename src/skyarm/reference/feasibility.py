@@ -44,8 +44,8 @@ class Feasibility:
 
     Attributes:
         at_limits: (joint, s) of joints that carry the tip and are planned at a limit, and how long.
-        peaks: of the base's motion, thrust and tilt those of a point mass.
-        highest_thrust: over the weight.
+        peaks: peak values of the base's motion; thrust and tilt are those of a point mass.
+        highest_thrust: largest thrust over the weight.
         weakest: m per rad (or 1), smallest singular value of the tip's Jacobian over the joints that carry it, where it
             is smallest. weakest_at: s, when. arm_length: m.
     """

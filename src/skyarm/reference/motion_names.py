@@ -7,10 +7,9 @@ sum of the signals of each.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm.records.leaves import Place
-from skyarm.records.path_names import Names
+from skyarm.records.path_names import Denoted, Names
 from skyarm.reference.signals import Constant, Shifted, Signal, Sine, Sum, Windowed
 
 
@@ -37,21 +36,21 @@ def _terms(signal: Signal, at: Place) -> list[tuple[Signal, Place]] | None:
 def _motion(*axes: tuple[Signal, Place]) -> Names:
     """Parameter names of one motion, such as "radius" for a circle, by its three signals with their field paths."""
     places = [place for _, place in axes]
-    found: dict[str, Any] = {letter: (place,) for letter, place in zip("xyz", places, strict=True)}
+    names: dict[str, Denoted] = {letter: (place,) for letter, place in zip("xyz", places, strict=True)}
     if all(isinstance(signal, Constant) for signal, _ in axes):
-        found["position"] = _vector([(*place, "value") for place in places])
+        names["position"] = _vector([(*place, "value") for place in places])
     if all(_is_circle(signal) for signal, _ in axes[:2]):
         centers = [(*place, "signals", "0", "value") for place in places[:2]]
         windows = [(*place, "signals", "1") for place in places[:2]]
         sines = [(*place, "signal", "signal") for place in windows]
-        found |= {
+        names |= {
             "radius": tuple((*place, "amplitude") for place in sines),
             "frequency_hz": tuple((*place, "frequency_hz") for place in sines),
             "center": _vector([*centers, (*places[2], "value")]),
             "start": tuple(place for at in windows for place in ((*at, "start"), (*at, "signal", "delay"))),
             "stop": tuple((*place, "stop") for place in windows),
         }
-    return found
+    return names
 
 
 def _is_circle(signal: object) -> bool:

@@ -36,8 +36,8 @@ class PathTime:
     """Time scaling of a reference: path time as a spline of flight time.
 
     Attributes:
-        points: s, control points, none before the one ahead of it; the i-th belongs to the time (i - 2) step.
-        step: s between them.
+        points: control points, s, none before the one ahead of it; the i-th belongs to the time (i - 2) step.
+        step: time between control points, s.
     """
 
     points: Annotated[tuple[Scalar, ...], Unit("s", "control points of the reference's time")]
@@ -70,7 +70,7 @@ class PathTime:
         """Refuse a flight that the time scaling was not planned for.
 
         Args:
-            duration: of the flight, s.
+            duration: duration of the flight, s.
             waits: True if phases of the reference wait.
 
         Raises:
@@ -119,7 +119,7 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
     return dataclasses.replace(r, **rates, yaw_rate=yaw_rate, yaw_acceleration=yaw_acceleration)
 
 
-def _chain_rule(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]:
+def _chain_rule(d: Sequence[Scalar], s: Derivatives) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """First four derivatives of x(s(t)) by t, from those of x by s and of s by t."""
     (d1, d2, d3, d4), (_, s1, s2, s3, s4) = d, s
     twice = s1 * s1
@@ -135,18 +135,18 @@ def _chain_rule(d: tuple[Any, ...], s: Derivatives) -> tuple[Any, Any, Any, Any]
 
 
 def offset_reference(
-    reference: Reference, offset: Vec3, returns: Sequence[tuple[float, float]], since: Any, time: Scalar
+    reference: Reference, offset: Vec3, returns: Sequence[tuple[float, float]], since: Scalar, time: Scalar
 ) -> Reference:
     """Reference with base and tip shifted by an offset that decays to zero in return phases of the task.
 
     Args:
-        reference: as planned, at ``time`` (s).
+        reference: planned reference at ``time`` (s).
         offset: m, world axes.
         returns: beginning and end (s) of the phases in which the reference comes back.
         since: path time (s) at which the offset began; earlier return phases do not count.
         time: s, of the reference.
     """
-    left: Any = Taylor.of_derivatives((1.0, 0.0, 0.0, 0.0, 0.0))
+    left = Taylor.of_derivatives((1.0, 0.0, 0.0, 0.0, 0.0))
     for begin, end in returns:
         gone = minimum_snap((begin, end), (0.0, 1.0)).derivatives(time)
         counts = begin >= since - 1e-9

@@ -25,13 +25,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 from skyarm.records.files import Fields, did_you_mean, number, shown
 from skyarm.reference.contact_phases import ABOUT_AN_AXIS, TOUCHING, approach, grasp, handle, release, retreat
 from skyarm.reference.signals import Constant, Signal, Sum
 from skyarm.reference.splines import minimum_snap
-from skyarm.reference.task import Task, duration_of, seconds
+from skyarm.reference.task import TaskBuilder, duration_of, seconds
 from skyarm.reference.task_records import JointMove, Setting
 from skyarm.reference.trajectory import Trajectory
 from skyarm.reference.waypoints import SHORTEST, limits_of, number_within, place_of, within
@@ -40,7 +39,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 def phases_table(fields: Fields, setting: Setting) -> Trajectory:
     """Trajectory of a task from a table of a scenario file that lists the task's phases."""
-    task = Task(place_of(fields, "position"), limits_of(fields, setting), setting)
+    task = TaskBuilder(place_of(fields, "position"), limits_of(fields, setting), setting)
     entries, at = fields.take("phases"), fields.at("phases")
     if not isinstance(entries, list) or not entries:
         raise ValueError(f"{at} = {shown(entries)}: must be a list of phases")
@@ -69,7 +68,7 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
     return task.motion()
 
 
-def _require_hands(task: Task, phase: Fields, kind: str) -> None:
+def _require_hands(task: TaskBuilder, phase: Fields, kind: str) -> None:
     """Refuse a phase that presses on a surface while the gripper holds a handle."""
     if task.arc is None or kind not in TOUCHING:
         return
@@ -90,18 +89,18 @@ def _joints(phase: Fields) -> dict[str, float]:
     return {name: number(value, f"{phase.at('joints')}.{name}") for name, value in table.items()}
 
 
-def hold(task: Task, phase: Fields) -> None:
+def hold(task: TaskBuilder, phase: Fields) -> None:
     """Add a stay at the present position to the task."""
     task.rest(seconds(phase, "duration"))
     task.wait_until(phase)
 
 
-def go_to(task: Task, phase: Fields) -> None:
+def go_to(task: TaskBuilder, phase: Fields) -> None:
     """Add a motion to a position, through optional intermediate points, to the task."""
     task.go_through(phase, place_of(phase, "position"))
 
 
-def lift(task: Task, phase: Fields) -> None:
+def lift(task: TaskBuilder, phase: Fields) -> None:
     """Add a vertical motion to the task."""
     height = number_within(phase, "height")
     duration = duration_of(phase)
@@ -112,7 +111,7 @@ def lift(task: Task, phase: Fields) -> None:
     task.wait_until(phase)
 
 
-def pick_or_place(task: Task, phase: Fields) -> None:
+def pick_or_place(task: TaskBuilder, phase: Fields) -> None:
     """Add an approach, a descent, a grasp or release of the payload, and an ascent to the task."""
     there = place_of(phase, "position")
     x, y, z = (a + b for a, b in zip(there, place_of(phase, "approach", (0.0, 0.0, 0.1)), strict=True))
@@ -122,7 +121,7 @@ def pick_or_place(task: Task, phase: Fields) -> None:
     task.go([there, (x, y, z)])
 
 
-KINDS: Mapping[str, Callable[[Task, Fields], None]] = {
+KINDS: Mapping[str, Callable[[TaskBuilder, Fields], None]] = {
     "hold": hold, "go_to": go_to, "pick": pick_or_place, "place": pick_or_place, "approach": approach, **TOUCHING,
     "retreat": retreat, "grasp": grasp, "release": release, "lift": lift, "carry": go_to,
 }  # fmt: skip
@@ -141,10 +140,10 @@ def with_joint_moves(
     """Add moves of joints that do not carry the tip, such as fingers, to a trajectory.
 
     Args:
-        trajectory: whose own signals of these joints are constant.
-        moves: of a task's phases.
-        vehicle: whose joints; needed where there are moves.
-        fastest: rad/s or m/s, that a move may reach.
+        trajectory: trajectory whose own signals of these joints are constant.
+        moves: joint moves of a task's phases.
+        vehicle: vehicle with the joints; needed where there are moves.
+        fastest: largest speed that a move may reach, rad/s or m/s.
 
     Raises:
         ValueError: one line: a joint that is not there, carries the tip or moves already, a value beyond its limits,
@@ -155,7 +154,7 @@ def with_joint_moves(
     if vehicle is None:
         raise ValueError(f"{moves[0].where} = {moves[0].value:g}: needs a vehicle; none is known")
     signals = list(trajectory.joints)
-    added: dict[int, list[Any]] = {}
+    added: dict[int, list[Signal]] = {}
     reached: dict[int, float] = {}
     for move in sorted(moves, key=lambda each: each.start):
         i = _index(move, trajectory, vehicle)

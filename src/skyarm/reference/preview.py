@@ -7,34 +7,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.reference.trajectory import Reference
 
-Sample = tuple[Any, Any, Any]
+Sample = tuple[Scalar, Scalar, Scalar]
 """Value, rate and acceleration of one signal."""
 
 
 def samples(reference: Reference) -> list[Sample]:
     """Value, rate and acceleration of the reference's x, y, z, yaw and each joint."""
-    found = list(zip(reference.position, reference.velocity, reference.acceleration, strict=True))
-    found.append((reference.yaw, reference.yaw_rate, reference.yaw_acceleration))
+    base = list(zip(reference.position, reference.velocity, reference.acceleration, strict=True))
+    heading = reference.yaw, reference.yaw_rate, reference.yaw_acceleration
     joints = zip(reference.joints, reference.joint_rates, reference.joint_accelerations, strict=True)
-    return [*found, *joints]
+    return [*base, heading, *joints]
 
 
-def with_preview(held: Reference, leads: Sequence[Scalar], at: Callable[[Scalar], Reference]) -> Reference:
+def with_preview(sample: Reference, leads: Sequence[Scalar], at: Callable[[Scalar], Reference]) -> Reference:
     """Reference with the samples that follow it.
 
     Args:
-        held: sample that is published.
+        sample: published one, which is held.
         leads: s after it, of the samples to come; empty for none.
         at: reference by the time after the held sample, s.
     """
     if not leads:
-        return held
-    return replace(held, ahead=tuple(number for lead in leads for each in samples(at(lead)) for number in each))
+        return sample
+    return replace(sample, ahead=tuple(number for lead in leads for each in samples(at(lead)) for number in each))
 
 
 def samples_ahead(reference: Reference) -> list[list[Sample]]:

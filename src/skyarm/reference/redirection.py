@@ -37,7 +37,7 @@ class Redirected(Signal):
     """Time signal that from ``start`` on moves to a goal and stays there; before it is another signal.
 
     Attributes:
-        signal: until ``start``. value, velocity, acceleration: at ``start``.
+        signal: time signal until ``start``. value, velocity, acceleration: values at ``start``.
     """
 
     signal: Signal
@@ -103,7 +103,7 @@ def shortest_duration(
 
     Args:
         begins: value, velocity and acceleration of each signal at the beginning.
-        goals: of each signal.
+        goals: goal of each signal.
         speed: largest, in the unit of the signals per second.
         acceleration: largest, per second squared.
     """

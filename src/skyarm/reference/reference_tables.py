@@ -69,7 +69,6 @@ import dataclasses
 import inspect
 import itertools
 import math
-from typing import Any
 
 import numpy as np
 
@@ -94,14 +93,14 @@ BESIDE = ("push", "load", "tip", "tracking_start", "governor")
 """Fields of a scenario's reference that are read elsewhere; for messages."""
 
 
-def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: Setting | None = None) -> Trajectory:
+def trajectory_from(table: object, n_joints: int, where: str, setting: Setting | None = None) -> Trajectory:
     """Trajectory of base and joints from a reference table of a scenario file.
 
     Args:
-        table: plain dict, as read from TOML.
+        table: table as read from TOML.
         n_joints: joints of the vehicle.
         where: file and table, put before the field in messages: "case3.toml: reference".
-        setting: what a task needs to know of the flight.
+        setting: flight data that a task needs.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -121,7 +120,7 @@ def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: S
     )
 
 
-def motion_from(entry: Any, where: str, setting: Setting) -> Trajectory:
+def motion_from(entry: object, where: str, setting: Setting) -> Trajectory:
     """Position trajectory of a point from a motion table or a list of motion tables."""
     if isinstance(entry, list):
         total = Trajectory()
@@ -136,7 +135,7 @@ def motion_from(entry: Any, where: str, setting: Setting) -> Trajectory:
         motion = make(fields) if takes_table(make) else make(**options_from(make, fields))
     fields.done()
     if not isinstance(motion, Trajectory):
-        raise ValueError(f"{fields.at('kind')} = {entry['kind']!r}: must give a Trajectory, not {shown(motion)}")
+        raise ValueError(f"{fields.at('kind')} = {fields.table['kind']!r}: must give a Trajectory, not {shown(motion)}")
     return motion
 
 
@@ -169,13 +168,13 @@ ROUNDING = 1e-6
 """N below 0 that a force without a grip may be: a smooth ramp back to 0 ends at no exact 0."""
 
 
-def push_from(table: Any, where: str, duration: float = 0.0) -> TipPush:
+def push_from(table: object, where: str, duration: float = 0.0) -> TipPush:
     """Desired tip contact from the table ``[reference.push]`` of a scenario file.
 
     Args:
-        table: as above.
+        table: table as above.
         where: its name.
-        duration: s of the flight, in the course of which the force is looked at.
+        duration: duration of the flight, s, in the course of which the force is looked at.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -185,33 +184,33 @@ def push_from(table: Any, where: str, duration: float = 0.0) -> TipPush:
         if name in fields.table and needed not in fields.table:
             raise ValueError(f"{fields.at(name)} = {shown(fields.table[name])}: must be left out without {needed}")
     vectors = {name: fields.vector(name) for name in ("normal", "pivot", "axis") if name in fields.table}
-    found = record_from(TipPush, fields)
+    push = record_from(TipPush, fields)
     for name, words in (("normal", "out of the surface"), ("axis", "along the axis")):
         if name in vectors and math.hypot(*vectors[name]) < SHORTEST:
             raise ValueError(f"{fields.at(name)} = {shown(list(vectors[name]))}: must point {words}")
-    if not 0.0 < float(found.speed) <= FASTEST:
-        raise ValueError(f"{fields.at('speed')} = {found.speed:g}: must be above 0 and at most {FASTEST:g}")
-    _require_force(found.force, fields.at("force"), duration, pulls=found.grip is not None)
-    return found
+    if not 0.0 < float(push.speed) <= FASTEST:
+        raise ValueError(f"{fields.at('speed')} = {push.speed:g}: must be above 0 and at most {FASTEST:g}")
+    _require_force(push.force, fields.at("force"), duration, pulls=push.grip is not None)
+    return push
 
 
 def _require_force(force: Signal, at: str, duration: float, *, pulls: bool) -> None:
     """Refuse an excessive desired contact force, and a pulling force without a grip."""
-    looks, found = _over_time(force, duration)
-    worst = int(np.argmax(np.abs(found)))
-    if abs(found[worst]) > STRONGEST:
-        raise ValueError(f"{at} = {found[worst]:g} N at {looks[worst]:.4g} s: must be at most {STRONGEST:g} N")
-    least = int(np.argmin(found))
-    if not pulls and found[least] < -ROUNDING:
+    looks, newtons = _over_time(force, duration)
+    worst = int(np.argmax(np.abs(newtons)))
+    if abs(newtons[worst]) > STRONGEST:
+        raise ValueError(f"{at} = {newtons[worst]:g} N at {looks[worst]:.4g} s: must be at most {STRONGEST:g} N")
+    least = int(np.argmin(newtons))
+    if not pulls and newtons[least] < -ROUNDING:
         allowed = "must be at least 0 without grip; what only presses cannot pull"
-        raise ValueError(f"{at} = {found[least]:g} N at {looks[least]:.4g} s: {allowed}")
+        raise ValueError(f"{at} = {newtons[least]:g} N at {looks[least]:.4g} s: {allowed}")
 
 
-def _require_reach(found: Trajectory, where: str, duration: float) -> None:
+def _require_reach(trajectory: Trajectory, where: str, duration: float) -> None:
     """Refuse a reference beyond ``FARTHEST`` (m or rad) at any time of the flight."""
-    signals = [(f"{where}.base.{axis}", getattr(found, axis), " m") for axis in "xyz"]
-    signals += [(f"{where}.yaw", found.yaw, " rad")]
-    signals += [(f"{where}.joints[{i}]", signal, "") for i, signal in enumerate(found.joints)]
+    signals = [(f"{where}.base.{axis}", getattr(trajectory, axis), " m") for axis in "xyz"]
+    signals += [(f"{where}.yaw", trajectory.yaw, " rad")]
+    signals += [(f"{where}.joints[{i}]", signal, "") for i, signal in enumerate(trajectory.joints)]
     for at, signal, unit in signals:
         looks, values = _over_time(signal, duration)
         far = ~(np.abs(values) <= FARTHEST)
@@ -229,21 +228,23 @@ def _over_time(signal: Signal, duration: float) -> tuple[Array, Array]:
         return looks, np.broadcast_to(np.asarray(signal.derivatives(looks)[0], dtype=float), looks.shape)
 
 
-def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> Trajectory:
+def reference_from(table: object, n_joints: int, where: str, setting: Setting) -> Trajectory:
     """Trajectory from the whole reference table of a scenario file, with optional tip motion and contact.
 
     Args:
-        table: of the whole reference, as :func:`skyarm.reference.trajectory_from` takes it, and ``tip``, ``push``,
+        table: table of the whole reference: what :func:`skyarm.reference.trajectory_from` takes, ``tip``, ``push`` and
             ``load``.
         n_joints: joints of the vehicle.
         where: name of the reference's table.
-        setting: whose vehicle, and for how long.
+        setting: flight data: vehicle, duration, gravity.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    own = {name: table[name] for name in ("push", "load") if name in table} if isinstance(table, dict) else {}
-    rest = {name: value for name, value in table.items() if name not in own} if own else table
+    own, rest = {}, table
+    if isinstance(table, dict):
+        own = {name: table[name] for name in ("push", "load") if name in table}
+        rest = {name: value for name, value in table.items() if name not in own}
     push = push_from(own["push"], f"{where}.push", setting.duration) if "push" in own else None
     load = signal_from(own["load"], f"{where}.load") if "load" in own else None
     if isinstance(rest, dict) and "tip" in rest:
@@ -255,20 +256,20 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
         if "joints" in rest:
             raise ValueError(f"{where}.joints = {shown(rest['joints'])}: must be left out beside tip; see tip.posture")
         path = motion_from(fields.take("path"), fields.at("path"), setting)
-        found = tip_trajectory(fields, base, path, vehicle, setting)
+        trajectory = tip_trajectory(fields, base, path, vehicle, setting)
         if "base" in rest:
             raise ValueError(f"{where}.base = {shown(rest['base'])}: must be left out, the base follows from tip.path")
     else:
-        found = trajectory_from(rest, n_joints, where, setting)
+        trajectory = trajectory_from(rest, n_joints, where, setting)
         if setting.joint_moves:
             from skyarm.reference.phases import with_joint_moves
 
-            found = with_joint_moves(found, setting.joint_moves, setting.vehicle)
+            trajectory = with_joint_moves(trajectory, setting.joint_moves, setting.vehicle)
     if setting.pushes and push is not None:
         raise ValueError(f"{where}.push: must be left out beside phases that press")
     push = setting.pushes[0] if setting.pushes else push
-    _require_reach(found, where, setting.duration)
-    return dataclasses.replace(found, push=push, load=load)
+    _require_reach(trajectory, where, setting.duration)
+    return dataclasses.replace(trajectory, push=push, load=load)
 
 
 def _vehicle(setting: Setting, where: str) -> Vehicle:
@@ -278,6 +279,6 @@ def _vehicle(setting: Setting, where: str) -> Vehicle:
         raise ValueError(f"{where}: needs a vehicle with a tip; {name}")
     link = vehicle.frame(vehicle.end_effector).link
     if link == BASE or link >= vehicle.n:
-        held = "the base" if link == BASE else "a link that follows others"
-        raise ValueError(f"{where}: needs a tip that joints move; that of {vehicle.name!r} is fixed to {held}")
+        body = "the base" if link == BASE else "a link that follows others"
+        raise ValueError(f"{where}: needs a tip that joints move; that of {vehicle.name!r} is fixed to {body}")
     return vehicle

@@ -21,7 +21,6 @@ field, value, what is allowed.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.records.field_rules import checked
@@ -86,16 +85,16 @@ class SignalList:
     signals: tuple[Signal, ...]
 
     @classmethod
-    def from_table(cls, entry: Any, where: str) -> SignalList:
+    def from_table(cls, entry: object, where: str) -> SignalList:
         """Read a list of time signals from a value of a scenario file."""
         if not isinstance(entry, list) or not entry:
             raise ValueError(f"{where} = {shown(entry)}: must be a list of signals of time, one for each component")
-        found = (
+        signals = (
             Constant(0) if type(each) in (int, float) and each == 0.0 else signal_from(each, f"{where}[{i}]")
             for i, each in enumerate(entry)
         )
-        return cls(tuple(found))
+        return cls(tuple(signals))
 
-    def at(self, t: Scalar) -> tuple[Any, ...]:
+    def at(self, t: Scalar) -> tuple[Scalar, ...]:
         """Values of all signals at time t (s)."""
         return tuple(signal.derivatives(t)[0] for signal in self.signals)

@@ -79,19 +79,19 @@ def with_signals(record: Record, change: Callable[[Signal], Signal]) -> Record:
     if isinstance(record, Signal):
         return change(record)  # type: ignore[return-value]
     if isinstance(record, tuple):
-        found = tuple(with_signals(each, change) for each in record)
-        same = all(new is old for new, old in zip(found, record, strict=True))
-        return record if same else found  # type: ignore[return-value]
+        items = tuple(with_signals(each, change) for each in record)
+        same = all(new is old for new, old in zip(items, record, strict=True))
+        return record if same else items  # type: ignore[return-value]
     moved = {name: with_signals(each, change) for name, each in parts(record).items()}
     moved = {name: each for name, each in moved.items() if each is not getattr(record, name)}
     return dataclasses.replace(record, **moved) if moved else record  # type: ignore[type-var]
 
 
-def switch_times(record: Any) -> tuple[float, ...]:
+def switch_times(record: object) -> tuple[float, ...]:
     """Sorted times (s) at which any time signal in a dataclass, or one of its derivatives, may jump."""
-    found: list[Signal] = []
-    with_signals(record, lambda signal: found.append(signal) or signal)  # type: ignore[func-returns-value]
-    return tuple(sorted({s for signal in found for s in signal.switch_times()}))
+    signals: list[Signal] = []
+    with_signals(record, lambda signal: signals.append(signal) or signal)  # type: ignore[func-returns-value]
+    return tuple(sorted({s for signal in signals for s in signal.switch_times()}))
 
 
 @immutable(kw_only=False)
@@ -196,10 +196,10 @@ class Windowed(Signal):
 
     def path_names(self) -> Names:
         """Names of the window's instants and of the signal's numbers; the time of a sine counts from its start."""
-        found = below(("signal",), path_names(self.signal)) | {name: ((name,),) for name in parts(self)}
+        below_it = below(("signal",), path_names(self.signal)) | {name: ((name,),) for name in parts(self)}
         if isinstance(self.signal, Shifted) and isinstance(self.signal.signal, Sine):
-            found["start"] = (("start",), ("signal", "delay"))
-        return found
+            below_it["start"] = (("start",), ("signal", "delay"))
+        return below_it
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives of the signal inside the window, zeros outside."""
@@ -265,13 +265,13 @@ class Product(Signal):
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives by Leibniz's rule, (f g)^(k) = sum_i C(k, i) f^(i) g^(k - i)."""
         f, g = self.signal.derivatives(t), self.factor.derivatives(t)
-        found: list[Any] = []
+        rows: list[Scalar] = []
         for order in range(len(f)):
             total: Scalar = 0
             for i in range(order + 1):
                 total = add(total, mul(math.comb(order, i), mul(f[i], g[order - i])))
-            found.append(total)
-        return tuple(found)
+            rows.append(total)
+        return tuple(rows)
 
 
 @immutable
@@ -301,15 +301,19 @@ class Pulses(Signal):
 
 
 def sequence(
-    start: Scalar, segments: Iterable[tuple[Any, Any]], *, initial: Scalar = 0.0, shape: Any = "linear"
+    start: Scalar,
+    segments: Iterable[tuple[Scalar, Scalar]],
+    *,
+    initial: Scalar = 0.0,
+    shape: Any = "linear",
 ) -> Signal:
     """Signal of consecutive ramps and holds; the last value is held.
 
     Args:
-        start: begin of the first segment, s.
+        start: beginning of the first segment, s.
         segments: (duration in s, value at its end); a segment that ends where it begins is a hold.
         initial: value before ``start``.
-        shape: of every ramp, "linear" or "quintic".
+        shape: shape of every ramp, "linear" or "quintic".
     """
     signals: list[Signal] = [Constant(initial)]
     t, value = start, initial
@@ -343,7 +347,7 @@ class Turning(Signal):
         return tuple(place.derivative(k) for k in range(5))
 
 
-def signal_from(entry: Any, where: str) -> Signal:
+def signal_from(entry: object, where: str) -> Signal:
     """Time signal from a number, list or table of a scenario file."""
     if isinstance(entry, list):
         return Sum(tuple(signal_from(item, f"{where}[{index}]") for index, item in enumerate(entry)))
@@ -361,7 +365,7 @@ def signal_from(entry: Any, where: str) -> Signal:
 def _checked(make: object, signal: Signal) -> Signal:
     """Signal of a user's kind, whose values are needed before a flight checks its parts; others raise an error."""
     require_result(make, signal, isinstance(signal, Signal), "a skyarm.reference.Signal")
-    found = signal.derivatives(0.0)
-    fine = isinstance(found, tuple) and len(found) == len(Constant(0.0).derivatives(0.0))
-    require_result(signal.derivatives, found, fine, "a tuple of five: value and derivatives one to four")
+    derivatives = signal.derivatives(0.0)
+    fine = isinstance(derivatives, tuple) and len(derivatives) == len(Constant(0.0).derivatives(0.0))
+    require_result(signal.derivatives, derivatives, fine, "a tuple of five: value and derivatives one to four")
     return signal

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -29,8 +29,8 @@ class Polynomials(Signal):
     """Piecewise polynomial time signal, constant before the first and after the last knot.
 
     Attributes:
-        knots: s, rising, one more than there are polynomials.
-        coefficients: of each polynomial c_0 + c_1 s + c_2 s^2 + ..., s the time since its knot in seconds.
+        knots: knot times, s, rising, one more than there are polynomials.
+        coefficients: c_0, c_1 ... of each polynomial c_0 + c_1 s + c_2 s^2 + ..., s the seconds since its knot.
     """
 
     knots: Annotated[tuple[Scalar, ...], Unit("s", "rising")]
@@ -49,8 +49,8 @@ class Polynomials(Signal):
         first, last = numbers[0], numbers[-1]
         if isinstance(t, (int, float)):
             piece = min(max(bisect_right(numbers, float(t)) - 1, 0), len(self.coefficients) - 1)
-            c: Sequence[Any] = self.coefficients[piece]
-            begin: Any = numbers[piece]
+            c: Sequence[Scalar] = self.coefficients[piece]
+            begin: Scalar = numbers[piece]
         elif isinstance(t, np.ndarray):
             pieces = np.clip(np.searchsorted(numbers, t, side="right") - 1, 0, len(self.coefficients) - 1)
             c = list(np.array(self.coefficients, dtype=float)[pieces].T)
@@ -76,7 +76,7 @@ def polynomial(c: Sequence[Scalar], s: Scalar, order: int) -> Scalar:
     return total
 
 
-def _select_row(t: Scalar, rows: list[tuple[Any, ...]], knots: Sequence[float]) -> list[Scalar]:
+def _select_row(t: Scalar, rows: list[tuple[Scalar, ...]], knots: Sequence[float]) -> list[Scalar]:
     """Coefficients of the polynomial that applies at a symbolic time, by nested comparisons."""
     if len(rows) == 1:
         return [float(c) if isinstance(c, int) else c for c in rows[0]]
@@ -91,8 +91,8 @@ def uniform_curve(points: Sequence[float], start: float, step: float) -> Polynom
 
     Args:
         points: control points, at least six; the i-th belongs to the time ``start + (i - 2) step``.
-        start: s, where the curve begins; it ends ``len(points) - 5`` steps later.
-        step: s between control points.
+        start: beginning of the curve, s; it ends ``len(points) - 5`` steps later.
+        step: time between control points, s.
 
     Source: de Boor 1978, chapter IX (cardinal splines).
     """
@@ -121,14 +121,14 @@ def interpolating_points(samples: Sequence[float]) -> list[float]:
     The curve's value at a sample is 1/120, 26/120, 66/120, 26/120, 1/120 of the control points around it; the error is
     given back again and again, which takes off at least 13 % of it each time and nearly all of a smooth one.
     """
-    wanted = np.asarray(samples, dtype=float)
-    points = wanted.copy()
+    values = np.asarray(samples, dtype=float)
+    points = values.copy()
     for _ in range(30):
         padded = np.concatenate([np.repeat(points[:1], 2), points, np.repeat(points[-1:], 2)])
         n = len(points)
         outer = padded[0:n] + padded[4 : n + 4]
         inner = padded[1 : n + 1] + padded[3 : n + 3]
-        points = points + (wanted - (outer + 26.0 * inner + 66.0 * points) / 120.0)
+        points = points + (values - (outer + 26.0 * inner + 66.0 * points) / 120.0)
     return [float(p) for p in points]
 
 
@@ -140,8 +140,8 @@ def minimum_snap(times: Sequence[float], values: Sequence[float]) -> Polynomials
     """Minimum-snap spline through values at given times, from rest to rest.
 
     Args:
-        times: s, rising, at least two.
-        values: at these times.
+        times: knot times, s, rising, at least two.
+        values: values at these times.
     """
     derivatives = knot_derivatives(times, values)
     pieces = []
@@ -165,17 +165,17 @@ def knot_derivatives(times: Sequence[float], values: Sequence[float]) -> list[Se
         span = times[i + 1] - times[i]
         # cost of one piece: d' H d / span^7 with d the ends' derivatives scaled by powers of the span
         weight = [span ** (k % 4) for k in range(8)]
-        known = {0: values[i], 4: values[i + 1]}
+        fixed = {0: values[i], 4: values[i + 1]}
         if i == 0:
-            known |= {1 + k: 0.0 for k in range(FREE)}
+            fixed |= {1 + k: 0.0 for k in range(FREE)}
         if i == inner:
-            known |= {5 + k: 0.0 for k in range(FREE)}
-        at = {k: FREE * (i - 1 + k // 4) + k % 4 - 1 for k in range(8) if k not in known}
+            fixed |= {5 + k: 0.0 for k in range(FREE)}
+        at = {k: FREE * (i - 1 + k // 4) + k % 4 - 1 for k in range(8) if k not in fixed}
         for k, row in at.items():
             for j in range(8):
                 value = COST[k][j] * weight[k] * weight[j] / span**7
-                if j in known:
-                    b[row] -= value * known[j]
+                if j in fixed:
+                    b[row] -= value * fixed[j]
                 elif at[j] <= row:
                     A[row][row - at[j]] += value
     solved = _solve_banded(A, b, band)

@@ -55,49 +55,49 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
     """Condition that ends a task phase, from the table ``until`` of the phase; None without a condition.
 
     Args:
-        phase: its table.
-        normal: of the surface that the task touches, if given.
+        phase: table of the phase.
+        normal: unit normal of the surface that the task touches, if given.
         usual: default guard of the phase without ``until``.
     """
     if phase.take("until", None) is None:
         return None if usual is None else dict(usual)
     fields = Fields(phase.take("until"), phase.at("until"))
-    found = _guard_conditions(fields)
-    found["hold"] = number_within(fields, "hold", 0.5, low=0.0)
-    found["timeout"] = number_within(fields, "timeout", 5.0, low=CLOSEST)
-    found["fails"] = fields.choice("on_timeout", ("go_on", "fail"), "go_on") == "fail"
-    found["early"] = fields.flag("early", False)
+    guard = _guard_conditions(fields)
+    guard["hold"] = number_within(fields, "hold", 0.5, low=0.0)
+    guard["timeout"] = number_within(fields, "timeout", 5.0, low=CLOSEST)
+    guard["fails"] = fields.choice("on_timeout", ("go_on", "fail"), "go_on") == "fail"
+    guard["early"] = fields.flag("early", False)
     given = fields.take("direction", None)
     if given is not None:
-        found["direction"] = unit_vector(fields, "direction")
+        guard["direction"] = unit_vector(fields, "direction")
     fields.done()
-    if not any(name in found for name in ASKED):
+    if not any(name in guard for name in ASKED):
         raise ValueError(f"{phase.at('until')} = {shown(fields.table)}: must have one of {', '.join(ASKED)}")
-    if "direction" not in found and any(name in found for name in NUMBERS[1:]):
+    if "direction" not in guard and any(name in guard for name in NUMBERS[1:]):
         if normal is None:
             allowed = "must be a vector out of the surface, since the task says no normal"
             raise ValueError(f"{fields.at('direction')}: is missing; {allowed}")
-        found["direction"] = normal
-    return found
+        guard["direction"] = normal
+    return guard
 
 
 def _guard_conditions(fields: Fields) -> dict[str, Any]:
     """Thresholds and tactile switches of the condition that ends a task phase."""
-    found: dict[str, Any] = {}
+    conditions: dict[str, Any] = {}
     for name in SWITCHES:
         if fields.take(name, None) is not None:
-            found[name] = fields.take(name)
-            if not isinstance(found[name], str) or not found[name]:
-                raise ValueError(f"{fields.at(name)} = {shown(found[name])}: must be the name of a tactile switch")
+            conditions[name] = fields.take(name)
+            if not isinstance(conditions[name], str) or not conditions[name]:
+                raise ValueError(f"{fields.at(name)} = {shown(conditions[name])}: must be the name of a tactile switch")
     for name in NUMBERS:
         if fields.take(name, None) is not None:
-            found[name] = positive(fields, name)
-    if "force" in found and found.get("force_below", math.inf) <= found["force"]:
-        raise ValueError(f"{fields.at('force_below')} = {found['force_below']:g}: must be above force")
-    found["sensed"] = fields.flag("force_sensor", False)
-    if found["sensed"] and not ("force" in found or "force_below" in found):
+            conditions[name] = positive(fields, name)
+    if "force" in conditions and conditions.get("force_below", math.inf) <= conditions["force"]:
+        raise ValueError(f"{fields.at('force_below')} = {conditions['force_below']:g}: must be above force")
+    conditions["sensed"] = fields.flag("force_sensor", False)
+    if conditions["sensed"] and not ("force" in conditions or "force_below" in conditions):
         raise ValueError(f"{fields.at('force_sensor')} = true: must be left out without force or force_below")
-    return found
+    return conditions
 
 
 def unit_vector(fields: Fields, name: str) -> Vector:
@@ -120,7 +120,7 @@ COMING_BACK = 1.0
 """s in which the reference comes back to its plan where the next place is the one that it would be at."""
 
 
-def seconds(fields: Fields, name: str, *default: Any) -> float:
+def seconds(fields: Fields, name: str, *default: object) -> float:
     """Read a duration (s) of a task phase."""
     return number_within(fields, name, *default, low=CLOSEST)
 
@@ -135,8 +135,9 @@ class Arc:
     """Circular arc of a handle about its axis, such as that of a door.
 
     Attributes:
-        center: m, on its axis. axis: unit vector. force: N, that the tip presses out of the axis while it holds it.
-        normal: unit vector out of the axis to where the tip takes hold. gripper: by which it is held.
+        center: point on its axis, m. axis: unit vector. force: force with which the tip presses out of the axis while
+            it holds it, N.
+        normal: unit vector out of the axis to where the tip takes hold. gripper: gripper that holds it.
     """
 
     center: Place
@@ -146,17 +147,18 @@ class Arc:
     gripper: str
 
 
-class Task:
+class TaskBuilder:
     """Builder of a task's trajectory, phase by phase.
 
     Args:
-        start: place at the beginning, m. limits: of motions. setting: of the flight.
+        start: place at the beginning, m. limits: flight limits of motions. setting: flight data.
 
     Attributes:
-        at: place, m. time: s. begun: s, when the present phase began.
+        at: place, m. time: s. begun: beginning of the present phase, s.
         handled: beginning of the last dwell and the instant at which its load is taken or left, s.
-        normal: out of the surface that the task touches. speed: m/s, with which the tip comes. force: N, the last one.
-        arc: of the handle that is held. known_arc: of the last handle that was.
+        normal: unit vector out of the surface that the task touches. speed: approach speed of the tip, m/s.
+        force: last contact force, N.
+        arc: arc of the handle that is held. known_arc: arc of the last handle that was.
     """
 
     def __init__(self, start: Place, limits: FlightLimits, setting: Setting) -> None:
@@ -200,9 +202,9 @@ class Task:
         """Add a minimum-snap motion through points to the task.
 
         Args:
-            points: from where the task stands, m.
+            points: positions from where the task stands on, m.
             duration: s; as fast as the limits let if left out.
-            back: an offset of the reference is taken back on the way.
+            back: True to take an offset of the reference back on the way.
         """
         begun, here = self.time, len(points) == 2 and _apart(points[0], points[1]) < SHORTEST
         if not here:
@@ -219,10 +221,10 @@ class Task:
         """Add the motion of a task phase to its goal, through its intermediate points.
 
         Args:
-            phase: its table.
-            goal: m.
-            back: an offset of the reference is taken back on the way.
-            new: each place must differ from the one before, even without ``via``.
+            phase: table of the phase.
+            goal: position at the end, m.
+            back: True to take an offset of the reference back on the way.
+            new: True if each place must differ from the one before, even without ``via``.
         """
         via = points_of(phase.take("via", []), phase.at("via"))
         duration = duration_of(phase)
@@ -278,7 +280,7 @@ class Task:
         """Trajectory of the whole task from its phases."""
         axes: list[Signal] = []
         for axis in range(3):
-            parts: list[Any] = [Constant(self.start[axis])]
+            parts: list[Signal] = [Constant(self.start[axis])]
             for points, times in self._pieces:
                 if any(p[axis] != points[0][axis] for p in points):
                     parts.append(minimum_snap(times, [p[axis] - points[0][axis] for p in points]))
@@ -324,8 +326,8 @@ def _apart(a: Place, b: Place) -> float:
 
 
 def require_field(
-    fields: Fields, name: str, value: tuple[Scalar, ...], known: tuple[Scalar, ...] | None, words: str
+    fields: Fields, name: str, value: tuple[Scalar, ...], earlier: tuple[Scalar, ...] | None, words: str
 ) -> None:
     """Refuse a value of a task phase that contradicts an earlier phase."""
-    if known is not None and any(not math.isclose(a, b, abs_tol=1e-9) for a, b in zip(value, known, strict=True)):
+    if earlier is not None and any(not math.isclose(a, b, abs_tol=1e-9) for a, b in zip(value, earlier, strict=True)):
         raise ValueError(f"{fields.at(name)} = {shown(list(value) if len(value) > 1 else value[0])}: {words}")

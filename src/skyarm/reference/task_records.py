@@ -22,7 +22,7 @@ class Phase:
     """Phase of a task: kind, planned end time, and interval in which a position offset returns to zero.
 
     Attributes:
-        name: its kind. end: s, planned. back: begin and end (s) of the interval in which an offset, left by
+        name: its kind. end: planned end, s. back: begin and end (s) of the interval in which an offset, left by
             a phase that ended early, returns to zero.
     """
 
@@ -47,13 +47,14 @@ class Guard:
     Attributes:
         at: s, planned end of the guarded phase, where the reference waits.
         begin: s, planned beginning: distances count from there.
-        phase: number of its phase.
+        phase: index of its phase.
         error: m, of the tip (across the normal while a contact force is requested); of the base without a tip.
         force, force_below: N along ``direction``, above and below which it holds.
         sensed: the force is that of the force sensor at the tip. closed, open: names of tactile switches.
-        distance: m, that the tip has moved against ``direction``, at least.
+        distance: least way of the tip against ``direction``, m.
         direction: unit vector, world axes: out of the surface.
-        hold: s, for which all conditions must hold. timeout: s of waiting after which the reference continues anyway.
+        hold: time for which all conditions must hold, s. timeout: time of waiting after which the reference continues
+            anyway, s.
         fails: True if the flight ends after the timeout instead.
         early: True if the rest of the phase is skipped once the guard is met before its end.
         loads: names of the payloads that the task takes and leaves, at the reference's time.
@@ -98,7 +99,7 @@ class JointMove:
     """Planned move of a joint from rest to rest.
 
     Attributes:
-        joint: its name. value: rad or m, where it ends. start, end: s. where: the field, for messages.
+        joint: its name. value: position at the end, rad or m. start, end: s. where: field, for messages.
     """
 
     joint: str
@@ -113,10 +114,10 @@ class Setting:
     """Flight data that reference tables need, and lists of events, conditions and moves found in them.
 
     Attributes:
-        vehicle: the plant's; None where a reference is read on its own.
+        vehicle: vehicle of the plant; None where a reference is read on its own.
         gravity: m/s^2. duration: s.
         thrust_to_weight: highest thrust over weight; infinite if unknown.
-        events, guards, phases, pushes, joint_moves: filled while phases are read.
+        events, guards, phases, pushes, joint_moves: lists that are filled while phases are read.
     """
 
     vehicle: Vehicle | None = None

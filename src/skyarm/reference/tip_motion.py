@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from skyarm.dynamics.kinematics import chain, joint_placement, out_of_axis
 from skyarm.records.arrays import Array
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import Record, leaves, rebuild
 from skyarm.records.path_names import Names, field_paths
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
@@ -51,8 +51,8 @@ class Arm:
     """Chain of joints between the base and the tip.
 
     Attributes:
-        carriers: numbers of these joints among the vehicle's. joints: the joints, from the base on.
-        tip: of the last link.
+        carriers: indices of these joints among the vehicle's. joints: joints from the base on.
+        tip: position of the tip on the last link.
     """
 
     carriers: tuple[int, ...]
@@ -64,8 +64,7 @@ class Arm:
         point = _to_series(self.tip)
         for number, joint in reversed(list(zip(self.carriers, self.joints, strict=True))):
             point = joint_placement(_to_series(joint), joints[number]).apply(point)
-        found: Vec3 = point
-        return found
+        return point
 
 
 def arm_of(vehicle: Vehicle) -> Arm:
@@ -76,12 +75,12 @@ def arm_of(vehicle: Vehicle) -> Arm:
     """
     if not vehicle.end_effector:
         raise ValueError(f"vehicle {vehicle.name!r}: has no tip (end_effector)")
-    held = vehicle.frame(vehicle.end_effector)
-    if held.link >= vehicle.n:
-        raise ValueError(f"vehicle {vehicle.name!r}: frame {held.name!r} is carried by a follower, not by a joint")
-    carriers = chain(vehicle, held.link)
+    frame = vehicle.frame(vehicle.end_effector)
+    if frame.link >= vehicle.n:
+        raise ValueError(f"vehicle {vehicle.name!r}: frame {frame.name!r} is carried by a follower, not by a joint")
+    carriers = chain(vehicle, frame.link)
     joints = tuple(vehicle.links[i].joint for i in carriers)
-    return Arm(carriers=tuple(carriers), joints=joints, tip=held.position)
+    return Arm(carriers=tuple(carriers), joints=joints, tip=frame.position)
 
 
 @immutable
@@ -100,24 +99,24 @@ class TipMotion:
 
     def path(self, t: Scalar) -> FiveVectors:
         """Tip position and its first four derivatives at time t (s), world axes."""
-        return vector_derivatives(self, t)
+        return vector_derivatives((self.x, self.y, self.z), t)
 
-    def base(self, t: Scalar, yaw: Sequence[Scalar], joints: Sequence[Sequence[Any]]) -> FiveVectors:
+    def base(self, t: Scalar, yaw: Sequence[Scalar], joints: Sequence[Sequence[Scalar]]) -> FiveVectors:
         """Base position and four derivatives that keep the tip of a level vehicle on its desired path.
 
         Args:
             t: s.
             yaw: heading and its derivatives.
-            joints: values, rates ... to the fourth derivative.
+            joints: positions, rates ... to the fourth derivative.
         """
         series = [Taylor.of_derivatives(each) for each in zip(*joints, strict=True)]
         arm = _derivatives(rotate_by_yaw(yaw, self.arm.tip_position(series)))
-        return tuple(tip - held for tip, held in zip(self.path(t), arm, strict=True))
+        return tuple(tip - carried for tip, carried in zip(self.path(t), arm, strict=True))
 
 
-def vector_derivatives(motion: Any, t: Scalar) -> FiveVectors:
-    """Position (m) and first four derivatives at time t (s) of a motion with the signals x, y and z."""
-    rows = [signal.derivatives(t) for signal in (motion.x, motion.y, motion.z)]
+def vector_derivatives(signals: Sequence[Signal], t: Scalar) -> FiveVectors:
+    """Position (m) and first four derivatives at time t (s), from the signals of x, y and z."""
+    rows = [signal.derivatives(t) for signal in signals]
     return tuple(Vec3(*column) for column in zip(*rows, strict=True))
 
 
@@ -133,7 +132,7 @@ def _derivatives(v: Vec3) -> FiveVectors:
     return tuple(Vec3(*column) for column in zip(*rows, strict=True))
 
 
-def _to_series(record: Any) -> Any:
+def _to_series(record: Record) -> Record:
     """Copy of a dataclass with every number as a constant Taylor series."""
     return rebuild(record, iter([Taylor.constant(number, ORDER) for number in leaves(record)]))
 
@@ -169,44 +168,43 @@ class TipPush:
         default=UPRIGHT, metadata=WRITTEN_IF_ANY
     )
 
-    def at(self, t: Scalar) -> tuple[Any, ...]:
+    def at(self, t: Scalar) -> tuple[Scalar, ...]:
         """Desired contact at time t (s) as a tuple: force, approach speed, normal, and grip data.
 
         Force (N), speed (m/s) and unit normal; where the tip may grip, also that (0 to 1), and where it goes about an
         axis, pivot (m) and unit vector of the axis.
         """
-        found: tuple[Any, ...] = (self.force.derivatives(t)[0], self.speed, *_unit(self.normal))
+        press = (self.force.derivatives(t)[0], self.speed, *_unit(self.normal))
         if self.grip is None:
-            return found
-        found = (*found, self.grip.derivatives(t)[0])
-        return found if self.pivot is None else (*found, *self.pivot, *_unit(self.axis))
+            return press
+        grip = (*press, self.grip.derivatives(t)[0])
+        return grip if self.pivot is None else (*grip, *self.pivot, *_unit(self.axis))
 
-    def across(self, away: Array, t: Any, tip: Array) -> Array:
+    def across(self, away: Array, t: Scalar, tip: Array) -> Array:
         """Tip position error (..., 3), m, without the component along the contact normal, at times t (...), s."""
         counted = counted_error(Vec3(*away.T), self.at(t), Vec3(*tip.T))
         return np.stack(np.broadcast_arrays(*map(np.asarray, counted)), axis=-1).astype(float)
 
 
-def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:
+def counted_error(away: Vec3, push: Sequence[Scalar], tip: Vec3) -> Vec3:
     """Tip position error (m) without the component along the normal while the tip presses or grips.
 
     Along the normal a force is held there, not a place.
 
     Args:
-        away: m, world axes, the tip from its reference.
-        push: field of the reference; () where no contact is ever requested.
-        tip: m, world axes.
+        away: position of the tip from its reference, m, world axes.
+        push: contact request of the reference; () where no contact is ever requested.
+        tip: position of the tip, m, world axes.
     """
     if not push:
         return away
     force, _, *normal = push[:5]
-    n, held = Vec3(*normal), force > 0.0
+    n, pressed = Vec3(*normal), force > 0.0
     if len(push) > 5:
-        held = logical_or(held, push[5] > 0.5)
+        pressed = logical_or(pressed, push[5] > 0.5)
     if len(push) > 6:
         n = out_of_axis(tip, Vec3(*push[6:9]), Vec3(*push[9:]), push[5] > 0.5, n)
-    counted: Vec3 = away - n * where(held, n.dot(away), 0.0)
-    return counted
+    return away - n * where(pressed, n.dot(away), 0.0)
 
 
 def _unit(v: tuple[Scalar, Scalar, Scalar]) -> tuple[Scalar, Scalar, Scalar]:

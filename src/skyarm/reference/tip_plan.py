@@ -56,10 +56,10 @@ class ArmTask:
     """Inverse kinematics problem of an arm.
 
     Attributes:
-        vehicle, frame: whose tip. carriers: joints that carry it. posture: joints that it prefers.
+        vehicle, frame: vehicle and frame of the tip. carriers: joints that carry it. posture: preferred joints.
         lower, upper: limits of the joints. rates: their largest speeds, per second.
-        length: m, that weighs a radian of orientation.
-        ease: m, that weighs a radian or metre away from the posture.
+        length: weight of a radian of orientation, m.
+        ease: weight of a radian or metre away from the posture, m.
     """
 
     vehicle: Vehicle
@@ -79,16 +79,16 @@ def follow(
     """Joint positions at every sample of a tip motion, by inverse kinematics.
 
     Args:
-        task: the arm.
-        positions: of the tip, base axes, m; None where any will do.
+        task: inverse kinematics problem of the arm.
+        positions: positions of the tip, base axes, m; None where any will do.
         orientations: R_BT; None where any will do.
-        step: s between instants.
+        step: time between instants, s.
 
     Returns:
         Joints of the whole vehicle, one list an instant.
     """
     count = len(positions if positions is not None else orientations or ())
-    found: list[list[float]] = []
+    rows: list[list[float]] = []
     q = [min(max(p, low), high) for p, low, high in zip(task.posture, task.lower, task.upper, strict=True)]
     for k in range(count):
         low, high = list(task.lower), list(task.upper)
@@ -98,8 +98,8 @@ def follow(
         p = None if positions is None else positions[k]
         turn = None if orientations is None else orientations[k]
         q = solve_pose(task, p, turn, q, low, high, STEPS if k else FIRST_STEPS)
-        found.append(q)
-    return found
+        rows.append(q)
+    return rows
 
 
 def solve_pose(
@@ -116,21 +116,21 @@ def solve_pose(
     rows, errors = _errors(task, q, position, orientation)
     cost = _cost(task, q, errors)
     for _ in range(steps):
-        held: set[int] = set()
+        still: set[int] = set()
         while True:
-            dq = _step(task, q, rows, errors, held, damping)
+            dq = _step(task, q, rows, errors, still, damping)
             past = {
                 i for i, d in enumerate(dq) if (q[i] <= lower[i] and d < 0.0) or (q[i] >= upper[i] and d > 0.0)
-            } - held
+            } - still
             if not past:
                 break
-            held |= past
+            still |= past
         new = [min(max(x + d, a), b) for x, d, a, b in zip(q, dq, lower, upper, strict=True)]
         tried = _errors(task, new, position, orientation)
-        found = _cost(task, new, tried[1])
+        new_cost = _cost(task, new, tried[1])
         moved = max((abs(a - b) for a, b in zip(new, q, strict=True)), default=0.0)
-        if found <= cost:
-            q, cost, (rows, errors), damping = new, found, tried, damping * EASIER
+        if new_cost <= cost:
+            q, cost, (rows, errors), damping = new, new_cost, tried, damping * EASIER
         else:
             damping *= HARDER
         if moved < ENOUGH:
@@ -166,11 +166,11 @@ def _step(
     q: Sequence[float],
     rows: Sequence[Sequence[float]],
     errors: Sequence[float],
-    held: set[int],
+    still: set[int],
     damping: float,
 ) -> list[float]:
     """Damped least-squares increment of the joint positions, with joints at a bound held fixed."""
-    free = [i for i in task.carriers if i not in held]
+    free = [i for i in task.carriers if i not in still]
     own = task.ease * task.ease
     J = [[row[i] for i in free] for row in rows]
     A = [
@@ -216,12 +216,12 @@ class TipChoices:
     """Options for a tip trajectory: posture of the arm, share of the motion by the base, and speed limits.
 
     Attributes:
-        posture: joints that the arm prefers, rad or m.
-        base_share: from 0 to 1, how much of a tip's way in the world the base takes; the arm takes the rest.
-        arm_range: m, that the arm moves its tip at most for that.
-        joint_speed: rad/s or m/s, the largest of a plan.
+        posture: joint positions that the arm prefers, rad or m.
+        base_share: share of a tip's way in the world that the base takes, 0 to 1; the arm takes the rest.
+        arm_range: largest way of the tip by the arm for that, m.
+        joint_speed: largest joint speed of a plan, rad/s or m/s.
         orientation: roll, pitch and yaw (ZYX) of the tip in the world; None for any.
-        rate: Hz of the plan's samples.
+        rate: rate of the plan's samples, Hz.
     """
 
     posture: Annotated[tuple[float, ...], Unit("rad or m", "of each joint")] = ()
@@ -265,37 +265,37 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
         ]
     samples = follow(task, positions, turns, step)
     carriers = set(tip.arm.carriers)
-    found: list[Signal] = []
+    signals: list[Signal] = []
     for i, low, high in zip(range(vehicle.n), task.lower, task.upper, strict=True):
         if i not in carriers:
-            found.append(Constant(choices.posture[i]))
+            signals.append(Constant(choices.posture[i]))
             continue
         points = interpolating_points([row[i] for row in samples])[BEYOND - 2 : len(times) - BEYOND + 2]
-        found.append(uniform_curve(_held_within(points, low, high, choices.joint_speed * step), 0.0, step))
-    return tuple(found)
+        signals.append(uniform_curve(_held_within(points, low, high, choices.joint_speed * step), 0.0, step))
+    return tuple(signals)
 
 
 def _held_within(points: Sequence[float], low: float, high: float, most: float) -> list[float]:
     """Spline control points clipped to joint limits and to the largest increment per step."""
-    found: list[float] = []
+    clipped: list[float] = []
     for point in points:
         within = min(max(point, low), high)
-        found.append(min(max(within, found[-1] - most), found[-1] + most) if found else within)
-    return found
+        clipped.append(min(max(within, clipped[-1] - most), clipped[-1] + most) if clipped else within)
+    return clipped
 
 
 def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *, exact: bool = True) -> ArmTask:
     """Inverse kinematics problem of a vehicle's arm, with joint limits, speeds and preferred posture."""
     length = max(float(reach(vehicle)), 1e-3)
     limits = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
-    kept = [(low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low))) for low, high in limits]
+    inner = [(low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low))) for low, high in limits]
     return ArmTask(
         vehicle=vehicle,
         frame=vehicle.frame(vehicle.end_effector),
         carriers=carriers,
         posture=choices.posture,
-        lower=tuple(low for low, _ in kept),
-        upper=tuple(high for _, high in kept),
+        lower=tuple(low for low, _ in inner),
+        upper=tuple(high for _, high in inner),
         rates=(choices.joint_speed,) * vehicle.n,
         length=length,
         ease=length * (EXACT if exact else SMOOTH),
@@ -307,12 +307,12 @@ def _arm_goals(
 ) -> list[Vec3]:
     """Desired tip positions in base axes (m) at given times."""
     start, home = tip.path(0.0)[0], frame_pose(task.vehicle, task.frame, choices.posture).p
-    found = []
+    goals = []
     for t, heading in zip(times, headings, strict=True):
         way = _heading(-heading).apply(tip.path(t)[0] - start) * (1.0 - choices.base_share)
         length = float(way.norm()) / choices.arm_range
-        found.append(home + way * (1.0 / math.sqrt(1.0 + length * length)))
-    return found
+        goals.append(home + way * (1.0 / math.sqrt(1.0 + length * length)))
+    return goals
 
 
 def _heading(angle: float) -> Mat3:
@@ -336,10 +336,10 @@ def tip_trajectory(
 
     Args:
         fields: table ``tip`` of the reference.
-        base: its heading.
-        path: x, y, z of the tip.
-        vehicle: whose arm carries the tip.
-        setting: of the flight.
+        base: trajectory with the heading.
+        path: trajectory of the tip, x, y, z.
+        vehicle: vehicle whose arm carries the tip.
+        setting: flight data.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -349,8 +349,8 @@ def tip_trajectory(
     tip = TipMotion(x=path.x, y=path.y, z=path.z, arm=arm_of(vehicle))
     with errors_as(ValueError, f"{fields.where}."):
         joints = plan(vehicle, tip, base.yaw, choices, setting.duration)
-    found = dataclasses.replace(base, joints=joints, tip=tip, guards=setting.all_guards, phases=setting.all_phases)
-    return with_joint_moves(found, setting.joint_moves, vehicle, choices.joint_speed)
+    planned = dataclasses.replace(base, joints=joints, tip=tip, guards=setting.all_guards, phases=setting.all_phases)
+    return with_joint_moves(planned, setting.joint_moves, vehicle, choices.joint_speed)
 
 
 def _posture(given: tuple[float, ...], vehicle: Vehicle, fields: Fields) -> tuple[float, ...]:

@@ -9,14 +9,14 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.records import coerce
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
@@ -70,12 +70,14 @@ class Reference:
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")
 
-    def map_scalars(self, function: Callable[[Any], Any]) -> Reference:
+    def map_scalars(self, function: Callable[[Scalar], Scalar]) -> Reference:
         """Copy of the reference with a function applied to every number."""
         values: dict[str, Any] = {}
         for name, value in parts(self).items():
-            kept = tuple(map(function, value if isinstance(value, Vec3 | tuple) else (value,)))
-            values[name] = Vec3(*kept) if isinstance(value, Vec3) else kept if isinstance(value, tuple) else kept[0]
+            mapped = tuple(map(function, value if isinstance(value, Vec3 | tuple) else (value,)))
+            values[name] = (
+                Vec3(*mapped) if isinstance(value, Vec3) else mapped if isinstance(value, tuple) else mapped[0]
+            )
         return Reference(**values)
 
     def dense(self) -> Reference:
@@ -121,16 +123,16 @@ class Trajectory:
 
     def path_names(self) -> Names:
         """Names of the fields that are there, and of the base's motion as its table in a file has them."""
-        found = field_paths(self) | {"base": motion_names(self.x, self.y, self.z)}
-        return {name: places for name, places in found.items() if getattr(self, name, self) is not None}
+        names = field_paths(self) | {"base": motion_names(self.x, self.y, self.z)}
+        return {name: places for name, places in names.items() if getattr(self, name, self) is not None}
 
     def at(self, t: Scalar) -> Reference:
         """Reference at time t (s): position, heading and joints with derivatives, and contact request."""
-        base = vector_derivatives(self, t)
+        base = vector_derivatives((self.x, self.y, self.z), t)
         heading = self.yaw.derivatives(t)
         yaw, yaw_rate, yaw_acceleration, _, _ = heading
         q = tuple(zip(*(k.derivatives(t) for k in self.joints), strict=True)) or ((),) * 5
-        tip: tuple[Any, ...] = ()
+        tip: tuple[Scalar, ...] = ()
         if self.tip is not None:
             carried = self.tip.base(t, heading, q)
             base = tuple(own + more for own, more in zip(carried, base, strict=True))
@@ -154,7 +156,7 @@ class Trajectory:
         """Copy of the trajectory with other joint signals; a number is a constant signal."""
         return dataclasses.replace(self, joints=signals(joints))
 
-    def shifted(self, delay: Any) -> Trajectory:
+    def shifted(self, delay: Scalar) -> Trajectory:
         """Copy of the trajectory that is ``delay`` seconds later."""
         moved = with_signals(self, lambda signal: Shifted(signal, delay))
         if not self.guards:
@@ -195,7 +197,7 @@ def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:
     return tuple(value if isinstance(value, Signal) else Constant(value) for value in values)
 
 
-def hover(position: Sequence[Scalar], *, yaw: Scalar = 0.0, joints: Sequence[Signal | Any] = ()) -> Trajectory:
+def hover(position: Sequence[Scalar], *, yaw: Scalar = 0.0, joints: Sequence[Signal | Scalar] = ()) -> Trajectory:
     """Make a trajectory at a constant position (m) and heading (rad), with optional joint signals."""
     place = coerce.items("hover.position", position, (3,), "must be three numbers")
     x, y, z, heading = signals((*place, yaw))
@@ -208,10 +210,10 @@ def circle(
     radius: Scalar,
     frequency_hz: Scalar,
     center: Sequence[Scalar],
-    start: Any = -math.inf,
+    start: Scalar = -math.inf,
     stop: Scalar = math.inf,
     yaw: Scalar = 0.0,
-    joints: Sequence[Signal | Any] = (),
+    joints: Sequence[Signal | Scalar] = (),
 ) -> Trajectory:
     """Make a horizontal circular trajectory within [start, stop), at the centre otherwise.
 
@@ -234,6 +236,9 @@ def circle(
     ]
     at_center = hover(center, yaw=yaw, joints=joints)
     return dataclasses.replace(at_center, x=at_center.x + motion[0], y=at_center.y + motion[1])
+
+
+Tick = TypeVar("Tick", int, AnyArray)
 
 
 @immutable
@@ -265,11 +270,11 @@ class Publisher:
         """Number of control ticks per reference sample."""
         return round(self.control_rate / self.reference_rate)
 
-    def held_tick(self, tick: Any) -> Any:
+    def held_tick(self, tick: Tick) -> Tick:
         """Control tick at which the currently held reference sample was taken."""
         return tick // self.ratio * self.ratio
 
-    def held_time(self, tick: Any) -> Any:
+    def held_time(self, tick: Tick) -> Any:
         """Time (s) at which the currently held reference sample was taken."""
         return self.held_tick(tick) / self.control_rate
 

@@ -25,7 +25,6 @@ import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -122,9 +121,9 @@ def _shares(points: Points, shares: list[float]) -> list[float]:
         size = max(abs(way) for way in ways) or 1.0
         moved = [share * math.exp(-step * way / size) for share, way in zip(shares, ways, strict=True)]
         moved = [share / sum(moved) for share in moved]
-        found = _cost(points, moved)
-        if found < cost:
-            shares, cost, step = moved, found, min(1.5 * step, 0.5)
+        new_cost = _cost(points, moved)
+        if new_cost < cost:
+            shares, cost, step = moved, new_cost, min(1.5 * step, 0.5)
         else:
             step *= 0.3
     return shares
@@ -189,12 +188,12 @@ def within(value: float, at: str, low: float = -FARTHEST, high: float = FARTHEST
     return value
 
 
-def number_within(fields: Fields, name: str, *default: Any, low: float = -FARTHEST, high: float = FARTHEST) -> float:
+def number_within(fields: Fields, name: str, *default: object, low: float = -FARTHEST, high: float = FARTHEST) -> float:
     """Read a number of a table and check that it is between two bounds (inclusive)."""
     return within(fields.number(name, *default), fields.at(name), low, high)
 
 
-def positive(fields: Fields, name: str, *default: Any, low: float = 0.0, high: float = FARTHEST) -> float:
+def positive(fields: Fields, name: str, *default: object, low: float = 0.0, high: float = FARTHEST) -> float:
     """Read a positive number of a table and check that it is between two bounds (inclusive)."""
     return within(fields.number(name, *default, low=0.0, strict=True), fields.at(name), low, high)
 
@@ -222,7 +221,7 @@ def samples_signal(fields: Fields) -> Signal:
     return minimum_snap(*_samples_of(fields))
 
 
-def samples_as_spline(fields: Fields) -> dict[str, Any]:
+def samples_as_spline(fields: Fields) -> dict[str, str | list[float]]:
     """Table of the signal through given values that equals one through a column of a CSV file."""
     times, values = _samples_of(fields)
     fields.take("kind", None)
@@ -263,25 +262,25 @@ def limits_of(fields: Fields, setting: Setting) -> FlightLimits:
     if not 1.0 < thrust <= max(most, 1.0):
         allowed = f"must be above 1 and at most {most:.3g}, 0.9 of the rotors' highest thrust over the weight"
         raise ValueError(f"{fields.at('thrust')} = {thrust:.4g}: {allowed}")
-    found = {name: positive(fields, name, getattr(usual, name), low=LEAST) for name in LIMITS if name != "thrust"}
-    if found["tilt"] >= 0.5 * math.pi:
-        raise ValueError(f"{fields.at('tilt')} = {found['tilt']!r}: must be below pi/2 rad")
-    return FlightLimits(**found, thrust=thrust)
+    limits = {name: positive(fields, name, getattr(usual, name), low=LEAST) for name in LIMITS if name != "thrust"}
+    if limits["tilt"] >= 0.5 * math.pi:
+        raise ValueError(f"{fields.at('tilt')} = {limits['tilt']!r}: must be below pi/2 rad")
+    return FlightLimits(**limits, thrust=thrust)
 
 
-def points_of(entries: Any, at: str) -> Points:
+def points_of(entries: object, at: str) -> Points:
     """Read a list of waypoints, each three coordinates in m."""
     if not isinstance(entries, list):
         raise ValueError(f"{at} = {shown(entries)}: must be a list of points [x, y, z]")
     return [_place(entry, f"{at}[{i}]") for i, entry in enumerate(entries)]
 
 
-def place_of(fields: Fields, name: str, *default: Any) -> tuple[float, float, float]:
+def place_of(fields: Fields, name: str, *default: object) -> tuple[float, float, float]:
     """Read a position (m) of three coordinates from a table."""
     return _place(fields.take(name, *default), fields.at(name))
 
 
-def _place(entry: Any, at: str) -> tuple[float, float, float]:
+def _place(entry: object, at: str) -> tuple[float, float, float]:
     if not isinstance(entry, (list, tuple)) or len(entry) != 3:
         raise ValueError(f"{at} = {shown(entry)}: must be three numbers")
     x, y, z = (within(number(c, f"{at}[{i}]"), f"{at}[{i}]") for i, c in enumerate(entry))
@@ -292,9 +291,9 @@ def require_way(start: Sequence[float] | None, points: Points, names: Sequence[s
     """Refuse successive waypoints at the same position.
 
     Args:
-        start: where the task is before, m; None where the points begin the path.
-        points: of the path, m.
-        names: of their fields.
+        start: place of the task before, m; None where the points begin the path.
+        points: points of the path, m.
+        names: names of their fields.
     """
     path = points if start is None else [start, *points]
     for (a, b), name in zip(itertools.pairwise(path), names[len(names) - len(path) + 1 :], strict=True):

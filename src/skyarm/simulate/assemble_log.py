@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.control.law_estimates import found_by_law
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.metrics.windows import Windows
@@ -30,21 +31,23 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import Component, WindSample
 from skyarm.world.component import Column
 
+Value = TypeVar("Value")
 
-def by_array(components: Sequence[Component[Tree]], numbers: Sequence[Any]) -> dict[str, list[Any]]:
+
+def by_array(components: Sequence[Component[Tree]], numbers: Sequence[Value]) -> dict[str, list[Value]]:
     """Group the logged values of winds, forces and contacts by the name of the log array that each belongs to."""
-    found: dict[str, list[Any]] = {}
+    groups: dict[str, list[Value]] = {}
     for column, number in zip((column for each in components for column in each.columns), numbers, strict=True):
-        found.setdefault(column[0], []).append(number)
-    return found
+        groups.setdefault(column[0], []).append(number)
+    return groups
 
 
 @immutable(kw_only=False)
-class Samples:
+class LoggedSamples:
     """Logged values of a flight, one row per control instant: states, commands, readings, winds, estimates.
 
     Attributes:
-        measurement: received by the law; None if not logged. readings: name and record of each sensor.
+        measurement: measurement received by the law; None if not logged. readings: name and record of each sensor.
         wind: its scalars (N,) or longer; numbers that stand for every instant.
         found: (N, k) online estimates of the law, k = 0 without any.
         led: (N, k) columns of the reference clock (``Sample.led``), k = 0 without one.
@@ -53,7 +56,7 @@ class Samples:
     states: Array
     commands: Array
     measurement: Measurement | None
-    readings: tuple[tuple[str, Any], ...]
+    readings: tuple[tuple[str, Tree], ...]
     wind: WindSample
     found: Array
     led: Array
@@ -64,13 +67,13 @@ class Piece:
     """Consecutive control periods of a flight between two scheduled changes, under one scenario.
 
     Attributes:
-        inputs: of the scenario. start: number of the first period. flown: logged samples.
+        inputs: inputs of the scenario. start: index of the first period. flown: logged samples.
     """
 
     scenario: Scenario
     inputs: EpisodeInputs
     start: int
-    flown: Samples
+    flown: LoggedSamples
 
 
 def join_pieces(
@@ -79,7 +82,7 @@ def join_pieces(
     """Concatenate the parts of a flight before and after each scheduled change into one log.
 
     Args:
-        scenario: of the flight, as the log records it.
+        scenario: scenario of the flight, as the log records it.
         pieces: at least one.
         ending: None for a flight that was completed.
         info: metadata of the log, if known already.
@@ -87,17 +90,17 @@ def join_pieces(
     tables = [_tables(piece) for piece in pieces]
     sources: dict[str, Any] = {}
     for i, piece in enumerate(pieces):
-        received, described = sensor_data(piece)
+        received, descriptions = sensor_data(piece)
         tables[i] |= received
-        for name, source in described.items():
+        for name, source in descriptions.items():
             sources.setdefault(name, source)["fields"] |= source["fields"]
     if any("path_time" in each for each in tables):
         tables = [{"path_time": each["time"], **each} for each in tables]
     if len(tables) > 1:
         _fill_missing(tables)
         tables = [{name: np.concatenate([table[name] for table in tables]) for name in tables[0]}]
-    said = describe(scenario, ending) if info is None else info
-    return log_of_arrays(tables[0], said | ({DESCRIPTION: sources} if sources else {}))
+    described = describe(scenario, ending) if info is None else info
+    return log_of_arrays(tables[0], described | ({DESCRIPTION: sources} if sources else {}))
 
 
 def _fill_missing(tables: Sequence[dict[str, Array]]) -> None:
@@ -114,7 +117,7 @@ def state_arrays(vehicle: Vehicle, times: Array, x: Array, u: Array) -> dict[str
     """Log arrays of time, state and commands by name, as views of the recorded values.
 
     Args:
-        vehicle: of the plant.
+        vehicle: vehicle of the plant.
         times: s, (N,).
         x: states, a row each.
         u: commands, a row each.
@@ -143,20 +146,20 @@ def _tables(piece: Piece) -> dict[str, Array]:
     wind = flown.wind
     start, stop = piece.start, piece.start + count
 
-    def table(record: Any, start: int = 0) -> Array:
+    def table(record: Iterable[Scalar | Array], start: int = 0) -> Array:
         columns = [np.asarray(c, dtype=float) for c in record]
         columns = [c[start : start + count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
     state = state_arrays(vehicle, inputs.times[start:stop], flown.states, flown.commands)
     position, quaternion, joints = (state[name] for name in ("position", "quaternion", "joints"))
-    held, free, path_time, late = _references(inputs, flown, start, stop)
+    sampled, free, path_time, late = _references(inputs, flown, start, stop)
     tables = {
-        "position_held": table(held.position, late),
-        "velocity_held": table(held.velocity, late),
-        "joints_held": table(held.joints, late),
-        "joint_rates_held": table(held.joint_rates, late),
-        "yaw_held": table((held.yaw,), late)[:, 0],
+        "position_held": table(sampled.position, late),
+        "velocity_held": table(sampled.velocity, late),
+        "joints_held": table(sampled.joints, late),
+        "joint_rates_held": table(sampled.joint_rates, late),
+        "yaw_held": table((sampled.yaw,), late)[:, 0],
         "position_reference": table(free.position),
         "joints_reference": table(free.joints),
         "yaw_reference": table((free.yaw,))[:, 0],
@@ -167,7 +170,7 @@ def _tables(piece: Piece) -> dict[str, Array]:
         tables["path_time"] = path_time
     if scenario.reference.phases:
         tables["phase"] = phase_numbers(scenario.reference, path_time)
-    own = {"held": table(held.tip, late), "reference": table(free.tip)} if free.tip else {}
+    own = {"held": table(sampled.tip, late), "reference": table(free.tip)} if free.tip else {}
     for name, columns in by_array(scenario.components, wind.numbers).items():
         tables[f"{COMPONENTS}.{name}"] = table(columns)
     begin = 0
@@ -194,7 +197,7 @@ def sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
     arrays: dict[str, Array] = {}
     described: dict[str, Any] = {}
 
-    def keep(source: str, record: Any, **clock: Any) -> None:
+    def keep(source: str, record: Tree, **clock: Any) -> None:
         fields = {name: (field, array) for name, field, array in fields_of(record, count)}
         arrays.update({f"{source}.{name}": array for name, (_, array) in fields.items()})
         described[source] = Source({name: field for name, (field, _) in fields.items()}, **clock).plain
@@ -222,12 +225,12 @@ def sensor_data(piece: Piece) -> tuple[dict[str, Array], dict[str, Any]]:
 
 def _differing_units(columns: Sequence[Column]) -> list[str] | None:
     """List the unit of each column of a log array; None if all columns have the same unit."""
-    found = [each.unit for each in columns]
-    return found if len(set(found)) > 1 else None
+    units = [each.unit for each in columns]
+    return units if len(set(units)) > 1 else None
 
 
 def _references(
-    inputs: EpisodeInputs, flown: Samples, start: int, stop: int
+    inputs: EpisodeInputs, flown: LoggedSamples, start: int, stop: int
 ) -> tuple[Reference, Reference, Array, int]:
     """Sampled-and-held reference, continuous reference and path time (s) at the logged instants of a flight."""
     if inputs.waits.guards:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from skyarm.scenario.in_flight import require_changes, stretches
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, noise_key
 from skyarm.simulate.batch_leg import Leg, LegOptions
-from skyarm.simulate.batch_log import BatchLog, batch_log
+from skyarm.simulate.batch_log import BatchLog, Logged, batch_log
 from skyarm.simulate.lane_numbers import (
     LaneRules,
     lane_columns,
@@ -40,11 +39,11 @@ class Outcome:
     """Results of a batch of flights: arrays with one entry per flight.
 
     Attributes:
-        metrics: by name; they count only the time an episode was alive. NaN where it ended before their window.
+        metrics: metrics by name; they count only the time an episode was alive. NaN where it ended before their window.
         completed: True where the episode flew its whole duration without an ending, even at its very end. end_time: s.
         status: "completed", or why it ended (:mod:`skyarm.scenario.endings`).
-        state: the last one of each lane.
-        log: of a batch that keeps one, else None.
+        state: last state of each lane.
+        log: log of a batch that keeps one, else None.
     """
 
     metrics: dict[str, Array]
@@ -59,10 +58,10 @@ class Batch:
     """Compiled simulation of many flights of one scenario at once, whose parameters differ from flight to flight.
 
     Args:
-        scenario: on the rigid-body plant; its other numbers are constants of the code.
+        scenario: scenario on the rigid-body plant; its other numbers are constants of the code.
         paths: numbers that differ from lane to lane (:mod:`skyarm.scenario.numbers`).
         metrics: names and groups of :mod:`skyarm.log.metrics.metric_catalogue`; others are not computed.
-        windows: of the metrics, in place of the scenario's.
+        windows: time windows of the metrics, in place of the scenario's.
         single: 32-bit floats. bit_exact: every lane equals the Python floats bit for bit; else a multiplication and an
             addition may be rounded once.
         stiffest: a scenario with the stiffest joint friction of the batch, and the shortest largest step that its air,
@@ -70,7 +69,7 @@ class Batch:
         log_every: keep state, command and reference of each so many control periods; 0 keeps none. A sample takes
             8 bytes (4 if single) a number, 14 + 3 joints + 2 rotors + the reference's: 0.3 to 0.5 kB for two joints and
             four rotors. All of it is there twice while it is sorted.
-        effort: of the compiler, as of :class:`skyarm.compile.llvm.kernel.Kernel`; 0 is worth it for few, short
+        effort: effort of the compiler, as of :class:`skyarm.compile.llvm.kernel.Kernel`; 0 is worth it for few, short
             episodes.
     """
 
@@ -150,8 +149,8 @@ class Batch:
         self._rules.require(named)
         for leg in self._legs:
             leg.require(columns)
-        keys = {"seed": seed, "episodes": np.arange(count) if episodes is None else np.asarray(episodes)}
-        carry, log = self._fly_legs(columns, count, keys, threads)
+        keys = np.arange(count) if episodes is None else np.asarray(episodes)
+        carry, log = self._fly_legs(columns, seed, keys, threads)
         ended = rebuild(self._legs[-1].first, iter(list(carry.astype(float))))
         ticks = np.asarray(ended[0].ticks).astype(int)
         completed = ticks >= self.scenario.steps
@@ -168,33 +167,33 @@ class Batch:
         )
 
     def _fly_legs(
-        self, columns: list[Array], count: int, keys: Mapping[str, Any], threads: int
-    ) -> tuple[Array, list[tuple[Any, Array]]]:
+        self, columns: list[Array], seed: int, episodes: Array, threads: int
+    ) -> tuple[Array, list[tuple[Logged, Array]]]:
         """Simulate all intervals between scheduled changes; return final loop states, metric sums and logs."""
         last: tuple[Leg, Array] | None = None
-        log: list[tuple[Any, Array]] = []
+        log: list[tuple[Logged, Array]] = []
         for leg in self._legs:
-            parameters = leg.parameters(columns, count)
-            carry = leg.begin(parameters, keys["seed"], keys["episodes"], last)
-            carry, kept = leg.fly(carry, parameters, keys, threads)
-            last, log = (leg, carry), [*log, *kept]
+            parameters = leg.parameters(columns, len(episodes))
+            carry = leg.begin(parameters, seed, episodes, last)
+            carry, logged = leg.fly(carry, parameters, seed, episodes, threads)
+            last, log = (leg, carry), [*log, *logged]
         return carry, log
 
     def _statuses(self, columns: list[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
         """Termination status of each flight of the batch, by the scenario in force when the flight ended."""
-        found = np.full(len(ticks), "completed", dtype=object)
+        statuses = np.full(len(ticks), "completed", dtype=object)
         for leg in self._legs:
             here = (ticks >= leg.periods.start) & ((ticks < leg.periods.stop) | (leg is self._legs[-1]))
             if here.any():
                 left = rebuild(now, iter([np.asarray(number)[here] for number in leaves(now)]))
                 mine = [column[here] for column in columns]
-                found[here] = leg.statuses(mine, left, ticks[here], ended[here])
-        return found.astype(str)
+                statuses[here] = leg.statuses(mine, left, ticks[here], ended[here])
+        return statuses.astype(str)
 
     def _metrics(self, totals: tuple[Array, ...], ticks: Array) -> dict[str, Array]:
         """Metrics of each flight of the batch, from the sums accumulated in flight."""
         # an episode's instants are the first of the clock: how many of them lie in a window is a table
         instants = {name: np.append(0, np.cumsum(mask))[ticks] for name, mask in self._masks.items()}
-        held = dict(zip(self._wanted, totals, strict=True))
+        named = dict(zip(self._wanted, totals, strict=True))
         joints, period = self.scenario.plant.vehicle.n, 1.0 / self.scenario.rates.control
-        return metric_values(self.names, held, instants, joints, period)
+        return metric_values(self.names, named, instants, joints, period)

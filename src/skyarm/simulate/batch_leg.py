@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from skyarm.log.metrics.accumulate import Total, advance_totals, first_totals
 from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
@@ -30,19 +30,22 @@ from skyarm.simulate.first_state import component_places
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs, table_of
 from skyarm.simulate.lane_loop import LaneLoop, held_reference, lane_statuses
 from skyarm.simulate.lane_numbers import require_short_steps
-from skyarm.simulate.loop_state import GivenRow, LoopState, Row, Sample, carry_over, structure_of
-from skyarm.simulate.period import make_period
+from skyarm.simulate.loop_state import GivenRow, InputRow, LoopState, Sample, carry_over, structure_of
+from skyarm.simulate.period import Uniforms, make_period
 from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
 from skyarm.simulate.reference_clock import clock_of_change, is_other_reference
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
+
+FeedRow: TypeAlias = tuple[GivenRow, tuple[Scalar, ...], *tuple[MetricGoal, ...]]
+"""Row of a feed: inputs of the loop, flags of the windows, goals of the held and of the continuous reference."""
 
 
 class Feed:
     """Table of closed-loop inputs shared by all flights of a batch, one row per control period, with its decoder.
 
     Args:
-        scenario: of the batch. paths: its varied numbers. inputs: tables of the scenario.
+        scenario: scenario of the batch. paths: its varied numbers. inputs: tables of the scenario.
         masks: window -> (steps,) which instants lie in it.
 
     Attributes:
@@ -56,12 +59,12 @@ class Feed:
         # windows that hold every instant are structure
         self._flags = tuple(name for name in masks if not masks[name].all())
         table, goals = inputs.times[:, None], list[MetricGoal]()
-        row: GivenRow = Row(time=0.0, reference=())
+        row: GivenRow = InputRow(time=0.0, reference=())
         if not (scenario.reference.guards or any(path.startswith("reference.") for path in paths)):
             row, table = inputs.row_example, inputs.rows
             goals = [self._goal_table(record) for record in (inputs.held_reference, inputs.reference)]
         flags = [np.asarray(masks[name], dtype=float)[:, None] for name in self._flags]
-        self.example: Any = (row, (0.0,) * len(flags), *map(structure_of, goals))
+        self.example: FeedRow = (row, (0.0,) * len(flags), *map(structure_of, goals))
         self.rows = np.hstack([table, *flags, *(table_of(goal, scenario.steps) for goal in goals)])
 
     def _goal_table(self, reference: Reference) -> MetricGoal:
@@ -73,20 +76,21 @@ class Feed:
         return goal
 
     def read(
-        self, varied: Scenario, fed: Any, ticks: Scalar
-    ) -> tuple[GivenRow, tuple[MetricGoal, ...], dict[str, Any]]:
+        self, varied: Scenario, fed: FeedRow, ticks: Scalar
+    ) -> tuple[GivenRow, tuple[MetricGoal, ...], dict[str, Scalar]]:
         """Decode a row of inputs: reference, desired positions for the metrics, flags of the metrics' time windows.
 
         Without goals where phases wait for guards: the loop itself evaluates its reference.
         """
         row, flags, *goals = fed
-        inside: dict[str, Any] = dict.fromkeys(self._windows, True)
+        inside: dict[str, Scalar] = dict.fromkeys(self._windows, True)
         inside |= {name: flag > 0.5 for name, flag in zip(self._flags, flags, strict=True)}
         if self._scenario.reference.guards or (goals and not self._arm_varies(varied)):
             return row, tuple(goals), inside
+        reference = row.reference or held_reference(varied, ticks)
         if not goals:
-            row = Row(time=row.time, reference=held_reference(varied, ticks))
-        both = row.reference, varied.reference.at(row.time)
+            row = InputRow(time=row.time, reference=reference)
+        both = reference, varied.reference.at(row.time)
         return row, tuple(goal_of(varied.plant.vehicle, each.dense()) for each in both), inside
 
     def _arm_varies(self, varied: Scenario) -> bool:
@@ -97,7 +101,7 @@ class Feed:
 
 
 def _instant(
-    stages: Stages, loop: LoopState, row: Row[Reference], sample: Sample, goals: tuple[MetricGoal, ...]
+    stages: Stages, loop: LoopState, row: InputRow[Reference], sample: Sample, goals: tuple[MetricGoal, ...]
 ) -> MetricInstant:
     """Collect the quantities of one control instant from which the metrics are computed."""
     vehicle, waits, command = stages.scenario.plant.vehicle, stages.waits, sample.command
@@ -105,6 +109,7 @@ def _instant(
         free = waits.reference(*waits.instants(waits.log_values(loop.agent.clock, loop.ticks))[1])
         goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
     first = loop.ticks < 0.5
+    push, parts = _contact_inputs(stages.scenario, row, sample)
     pairs = zip(command.rotor_speeds, loop.agent.queue[-1].rotor_speeds, strict=True)
     return MetricInstant(
         state=sample.state,
@@ -117,24 +122,27 @@ def _instant(
         phase=waits.phase(_path_time(row)),
         time=row.time,
         limits=ActuatorLimits.of(vehicle, stages.scenario.commands_setpoints),
-        **_contact_inputs(stages.scenario, row, sample),
+        push=push,
+        parts=parts,
     )
 
 
-def _path_time(row: Row[Reference]) -> Scalar:
+def _path_time(row: InputRow[Reference]) -> Scalar:
     """Time along the reference, s; equals the flight time unless the reference is time-scaled."""
     return row.time if isinstance(row.path_time, tuple) else row.path_time
 
 
-def _contact_inputs(scenario: Scenario, row: Row[Reference], sample: Sample) -> dict[str, Any]:
-    """Inputs of the contact metrics: logged values of winds, forces and contacts, and the desired contact force."""
+def _contact_inputs(
+    scenario: Scenario, row: InputRow[Reference], sample: Sample
+) -> tuple[tuple[Scalar, ...], tuple[tuple[str, tuple[Scalar, ...]], ...]]:
+    """Inputs of the contact metrics: the desired contact force, and logged values of winds, forces and contacts."""
     numbers = by_array(scenario.components, sample.wind.numbers)
     constants = [each for component in scenario.components for each in component.constants.items()]
     push = scenario.reference.push
-    return {
-        "push": () if push is None or not numbers else push.at(_path_time(row)),
-        "parts": tuple((name, tuple(each)) for name, each in (*numbers.items(), *constants)),
-    }
+    return (
+        () if push is None or not numbers else push.at(_path_time(row)),
+        tuple((name, tuple(each)) for name, each in (*numbers.items(), *constants)),
+    )
 
 
 OF_CHANGES = "changes."
@@ -146,10 +154,11 @@ class LegOptions:
     """Settings that all intervals of a batch between scheduled changes share.
 
     Attributes:
-        paths: varied numbers. lanes: vector shape. stiffest: in place of the scenario, for the integration steps.
+        paths: varied numbers. lanes: vector shape. stiffest: scenario that fixes the integration steps; None for
+            the batch's own.
         wanted: totals that are counted. masks: window -> (steps,) which instants lie in it.
         every: keep each so many periods' state, command and reference; 0 keeps none.
-        changing: whether there are several legs. effort: of the compiler.
+        changing: whether there are several legs. effort: effort of the compiler.
     """
 
     paths: tuple[str, ...]
@@ -162,12 +171,16 @@ class LegOptions:
     effort: int = 0
 
 
+CodeKey: TypeAlias = tuple[tuple[tuple[str, object], ...], tuple[str, ...], tuple[str, ...], tuple[str, ...]]
+"""Replaced parts, varied paths, paths that changes set, and those of them that vary: equal for legs of one code."""
+
+
 class LegCode(NamedTuple):
     """Compiled code of a batch between two scheduled changes, the key by which it is reused, and its step counts."""
 
     kernel: Kernel
-    logged: Any
-    key: tuple[Any, ...]
+    logged: Logged | tuple[()]
+    key: CodeKey
     substeps: Substeps
 
 
@@ -181,7 +194,7 @@ class Leg:
         begun: initial scenario with its scheduled changes.
         overrides: values and parts in force in this leg.
         periods: control periods that it flies.
-        options: of the batch.
+        options: settings of the batch.
         before: legs before it.
 
     Attributes:
@@ -196,8 +209,8 @@ class Leg:
         self._overrides = overrides
         self._shape, self.scenario = overrides.parts_of(begun), overrides.of(begun)
         self.scenario.controller.require_compiled("a batch")
-        held = {path for path in options.paths if overrides.hides(path) or overrides.holds(self._shape, path)}
-        self._free = tuple(path for path in options.paths if path not in held and not path.startswith(OF_CHANGES))
+        fixed = {path for path in options.paths if overrides.hides(path) or overrides.holds(self._shape, path)}
+        self._free = tuple(path for path in options.paths if path not in fixed and not path.startswith(OF_CHANGES))
         self._set: dict[str, float] = dict(overrides.data(begun).numbers)
         named = {path: f"{OF_CHANGES}{i}.value" for path, i in sources(begun, periods.start).items()}
         self._swept = {path: named[path] for path in self._set if named[path] in options.paths}
@@ -207,7 +220,7 @@ class Leg:
             own = overrides_at(options.stiffest, periods.start) if options.stiffest.changes else overrides
             stiff = own.of(options.stiffest)
         self._loop = LaneLoop(self.scenario, self._lane_scenario, (*self.base, *self._set.values()), stiff)
-        self.first: tuple[LoopState, tuple[Any, ...]] = (self._loop.first, first_totals(options.wanted))
+        self.first = (self._loop.first, first_totals(options.wanted))
         used = dict.fromkeys(window for _, window, _ in options.wanted)
         masks = {name: options.masks[name] for name in used}
         self._feed = Feed(self.scenario, (*self._free, *self._swept), episode_inputs(self.scenario), masks)
@@ -224,10 +237,12 @@ class Leg:
         own = {path: value for path, value in zip(self._options.paths, values, strict=False) if path in self._free}
         return with_numbers(self._shape, own | {path: named[path] for path in self._set})
 
-    def _compile(self, key: tuple[Any, ...]) -> LegCode:
+    def _compile(self, key: CodeKey) -> LegCode:
         options, substeps = self._options, self._loop.substeps
 
-        def step(both: Any, values: tuple[Scalar, ...], fed: Any, uniforms: tuple[Scalar, ...]) -> tuple[Any, Any]:
+        def step(
+            both: tuple[LoopState, tuple[Tree, ...]], values: tuple[Scalar, ...], fed: FeedRow, uniforms: Uniforms
+        ) -> tuple[tuple[LoopState, tuple[Tree, ...]], Logged | tuple[()]]:
             varied = self._lane_scenario(values)
             stages, (loop, totals) = Stages(varied), both
             row, goals, inside = self._feed.read(varied, fed, loop.ticks)
@@ -237,15 +252,15 @@ class Leg:
             alive, instant = sample.alive > 0.5, _instant(stages, loop, row, sample, goals)
             counted = {name: alive if each is True else logical_and(alive, each) for name, each in inside.items()}
             totals = advance_totals(totals, options.wanted, instant, counted)
-            wanted = row.reference.dense() if options.changing else row.reference
+            reference = row.reference.dense() if options.changing else row.reference
             # a law's samples to come are no motion of this instant, and laws before and after a change take others
-            wanted = replace(wanted, ahead=())
+            reference = replace(reference, ahead=())
             received = tuple((f"{READINGS}.{name}", reading) for name, reading in sample.readings)
             received += ((ESTIMATE, sample.measurement),) if varied.has_estimator else ()
-            kept = Logged(
-                alive=sample.alive, state=sample.state, command=sample.command, reference=wanted, received=received
+            logged = Logged(
+                alive=sample.alive, state=sample.state, command=sample.command, reference=reference, received=received
             )
-            return (following, totals), kept if options.every else ()
+            return (following, totals), logged if options.every else ()
 
         program = self._loop.program(step, self.first, self._loop.base, self._feed.example)
         kernel = Kernel(program, options.lanes, logging=options.every > 0, effort=options.effort)
@@ -280,22 +295,25 @@ class Leg:
         return np.stack([np.broadcast_to(row, (len(episodes),)) for row in rows])
 
     def fly(
-        self, carry: Array, parameters: Array, keys: Mapping[str, Any], threads: int
-    ) -> tuple[Array, list[tuple[Any, Array]]]:
+        self, carry: Array, parameters: Array, seed: int, episodes: Array, threads: int
+    ) -> tuple[Array, list[tuple[Logged, Array]]]:
         """Simulate the interval for all flights; return final loop states with metric sums, and the logged samples."""
         if self.code is None:
             return carry, []
-        kernel, every = self.code.kernel, max(1, self._options.every)
+        kernel, logged, every = self.code.kernel, self.code.logged, max(1, self._options.every)
         limit = np.finfo(kernel.dtype).max
-        log: list[tuple[Any, Array]] = []
+        log: list[tuple[Logged, Array]] = []
         # samples are kept at multiples of ``every`` from the beginning of the flight
         aligned = min(-(-self.periods.start // every) * every, self.periods.stop)
         for start, stop in ((self.periods.start, aligned), (aligned, self.periods.stop)):
             if start < stop:
                 rows = self.rows[start - self.periods.start : stop - self.periods.start]
-                held = np.clip(carry, -limit, limit)
-                carry, kept = kernel.run(held, parameters, rows, start=start, threads=threads, every=every, **keys)
-                log += [(self.code.logged, kept)] if start % every == 0 else []
+                bounded = np.clip(carry, -limit, limit)
+                carry, samples = kernel.run(
+                    bounded, parameters, rows,
+                    seed=seed, episodes=episodes, start=start, threads=threads, every=every,
+                )  # fmt: skip
+                log += [(logged, samples)] if logged and start % every == 0 else []
         return carry, log
 
     def statuses(self, columns: Sequence[Array], now: LoopState, ticks: Array, ended: Array) -> Array:

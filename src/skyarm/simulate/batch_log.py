@@ -14,7 +14,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.log.sensor_data import ESTIMATE
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, mismatch, rebuild
+from skyarm.records.leaves import Record, leaves, mismatch, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
@@ -41,8 +41,8 @@ class BatchLog:
     Attributes:
         time: (samples,), s. alive: (lanes, samples), bool.
         state, command, reference: records whose scalars are (lanes, samples); what is structure in them stays so.
-        readings: sensor -> record of its newest reading that has arrived. estimate: that the law received from an
-            estimator; None without one. NaN where a leg of the flight has none of it.
+        readings: sensor -> record of its newest reading that has arrived. estimate: measurement that the law received
+            from an estimator; None without one. NaN where a leg of the flight has none of it.
     """
 
     time: Array
@@ -62,9 +62,9 @@ def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
         time: (samples,), s.
     """
     parts = [_by_episode(example, rows) for example, rows in legs]
-    alive: list[Any] = [each.alive for each in parts]
+    alive = [np.asarray(each.alive) for each in parts]
     shapes = [each.shape for each in alive]
-    kept = {
+    records = {
         name: _concatenate([getattr(each, name) for each in parts], shapes)
         for name in ("state", "command", "reference")
     }
@@ -73,7 +73,7 @@ def batch_log(legs: Sequence[tuple[Logged, Array]], time: Array) -> BatchLog:
     return BatchLog(
         time=time,
         alive=np.concatenate(alive, axis=1),
-        **kept,
+        **records,
         estimate=received.pop(ESTIMATE, None),
         readings={name.partition(".")[2]: record for name, record in received.items()},
     )
@@ -88,7 +88,7 @@ def _by_episode(example: Logged, rows: Array) -> Logged:
     return replace(whole, alive=alive)
 
 
-def _concatenate(records: Sequence[Any], shapes: Sequence[tuple[int, ...]]) -> Any:
+def _concatenate(records: Sequence[Record | None], shapes: Sequence[tuple[int, ...]]) -> Record:
     """Join logged segments along time; segments with other fields than the last one become NaN."""
     example = next(each for each in reversed(records) if each is not None)
     count, columns = len(leaves(example)), []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from skyarm.reference.trajectory import failure_words
 from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.loop_state import Clock
 
 SLACK = 1e-5
 """m, rad or 1: how far inside a limit a lane may be that machine code, which rounds otherwise, found outside."""
@@ -48,9 +48,9 @@ def endings_of(scenario: Scenario) -> tuple[Ending, ...]:
     return (*BUILT_IN, *scenario.endings)
 
 
-def healthy(scenario: Scenario, state: State, goal: Vec3) -> Any:
+def healthy(scenario: Scenario, state: State, goal: Vec3) -> Scalar:
     """True while no termination condition is met; a state with NaN meets one."""
-    fine: Any = True
+    fine: Scalar = True
     for ending in endings_of(scenario):
         fine = _both(fine, ending.fine(scenario, state, goal, 0))
     return fine
@@ -77,9 +77,9 @@ def find_ending(scenario: Scenario, time: float, x: Sequence[float], goal: Seque
     return None
 
 
-def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
+def failed_phase(scenario: Scenario, time: float, clock: Clock) -> Ended | None:
     """Early end of a flight because a mandatory phase of its task timed out, or None."""
-    if float(getattr(clock, "failed", 0.0)) < 0.5:
+    if not clock or float(clock.failed) < 0.5:
         return None
     # the clock has gone on to the next guard
     guard = scenario.reference.guards[round(float(clock.guard)) - 1]
@@ -110,26 +110,26 @@ def statuses(
     """Termination status of each flight of a batch, from its final state.
 
     Args:
-        scenario: of the batch.
+        scenario: scenario of the batch.
         values: path -> (lanes,), its varied numbers.
-        state: last one of each lane, its scalars (lanes,).
+        state: last state of each lane, its scalars (lanes,).
         goals: (lanes, 3) position of the held reference at that time, m.
         ended: True where the lane stopped before its time. A lane that flew to the end is looked at once more, as a
             single run does after its last step.
         failed: True where a phase of its task failed; None of a scenario whose phases do not wait.
     """
     # limits, the places of rotors and joints, and the endings' own numbers are all that the causes depend on
-    kept = {path: column for path, column in values.items() if path.startswith(OF_CAUSES)}
+    numbers = {path: column for path, column in values.items() if path.startswith(OF_CAUSES)}
     goal, lanes = Vec3(*goals.T), len(goals)
     with np.errstate(all="ignore"):
-        varied = with_numbers(scenario, kept)
+        varied = with_numbers(scenario, numbers)
         every = endings_of(varied)
         words = np.array(["completed", *(ending.status for ending in every), PHASE_FAILED])
-        found = np.where(ended, 1, 0)  # a command that is not finite leaves a sound state behind
+        number = np.where(ended, 1, 0)  # a command that is not finite leaves a sound state behind
         if failed is not None:
-            found = np.where(failed, len(words) - 1, found)
+            number = np.where(failed, len(words) - 1, number)
         for slack, asked in ((SLACK, ended), (0, np.ones(lanes, dtype=bool))):
             for index in range(len(every), 0, -1) if asked.any() else ():
                 fine = np.broadcast_to(np.asarray(every[index - 1].fine(varied, state, goal, slack)), (lanes,))
-                found = np.where(asked & ~fine, index, found)
-    return words[found]
+                number = np.where(asked & ~fine, index, number)
+    return words[number]

@@ -6,12 +6,13 @@ import zlib
 from collections import Counter
 from collections.abc import Sequence
 from itertools import islice
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from skyarm.algebra.scalars import Scalar
 from skyarm.algebra.scalars.philox import uniforms
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 
@@ -68,14 +69,14 @@ def draws_needed(scenario: Scenario) -> tuple[tuple[int, int], ...]:
     return draw_plan(scenario).channels
 
 
-def start_draws(scenario: Scenario, seed: int, episode: Any) -> list[Any]:
+def start_draws(scenario: Scenario, seed: int, episode: ArrayLike) -> list[Array]:
     """Uniform random numbers for the initial states of wind, force and contact models, shape (..., 2 count)."""
     steps, keys = np.array(STARTS), np.asarray(episode)[..., None]
-    found = []
+    draws = []
     for channel, count in draw_plan(scenario).components:
         numbers = uniforms(seed, keys, channel, steps, count) if count else np.zeros((*keys.shape[:-1], 2, 0))
-        found.append(numbers.reshape(*keys.shape[:-1], 2 * count))
-    return found
+        draws.append(numbers.reshape(*keys.shape[:-1], 2 * count))
+    return draws
 
 
 def _channel(kind: str, name: str) -> int:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
+from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
 from skyarm.records.arrays import Array
@@ -31,13 +32,13 @@ from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.assemble_log import Piece, Samples
+from skyarm.simulate.assemble_log import LoggedSamples, Piece
 from skyarm.simulate.check_endings import Ended, ending_of_command, failed_phase, find_ending
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import component_places, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import GivenRow, LoopState, Sample, carry_over, structure_of
-from skyarm.simulate.period import PlantSteps, make_period, measure
+from skyarm.simulate.period import PlantSteps, Uniforms, make_period, measure
 from skyarm.simulate.plant_steps import (
     CalledPlant,
     EpisodeEndedError,
@@ -62,17 +63,24 @@ ALIVE, TICKS = 0, 1
 """Places of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's leaves."""
 
 
+ProgramKey: TypeAlias = tuple[tuple[tuple[str, object], ...], tuple[str, ...]]
+"""Replaced parts and paths of the numbers: equal for programs that differ in the values of their numbers alone."""
+
+EngineRow: TypeAlias = GivenRow | tuple[GivenRow, Scalar, Command]
+"""Row of inputs, with what a command from outside says and that command where there may be one."""
+
+
 class EpisodeCode:
     """Traced program of one control period of a scenario, compiled to machine code unless it runs in Python.
 
     Args:
-        scenario: as it flies now; it fixes the integration steps.
+        scenario: scenario that flies now; it fixes the integration steps.
         vary: the scenario from the numbers of ``numbers``, which the program reads in every period; None without any.
-        numbers: by path, as they are now.
+        numbers: present values by path.
         machine_code: False evaluates the program in Python, whose numbers are constants.
         commands: a command from outside may take the law's place.
-        effort: of the compiler; None chooses by the length of the episode.
-        key: of programs that differ in the values of their numbers alone.
+        effort: effort of the compiler; None chooses by the length of the episode.
+        key: key of all programs that differ in the values of their numbers alone.
 
     Raises:
         NoMachineCodeError: there is no compiler; evaluate it in Python.
@@ -81,13 +89,13 @@ class EpisodeCode:
     def __init__(
         self,
         scenario: Scenario,
-        vary: Callable[[Sequence[Any]], Scenario] | None = None,
+        vary: Callable[[Sequence[Scalar]], Scenario] | None = None,
         numbers: Mapping[str, float] | None = None,
         *,
         machine_code: bool = True,
         commands: bool = True,
         effort: int | None = None,
-        key: Any = None,
+        key: ProgramKey | None = None,
     ) -> None:
         require_shapes(scenario)
         self.scenario, self.commands, self.key = scenario, commands, key
@@ -99,7 +107,7 @@ class EpisodeCode:
             scenario.controller.require_traceable("machine code of the loop")
         elif not scenario.controller.compiled:
             self.carry = _with_memory(self.first, PushAlone.of(self.first.agent.memory))
-        self._example: Any = structure_of(self.carry)
+        self._example = structure_of(self.carry)
         self.draws = draws_needed(scenario)
         self._plant: PlantSteps[State] | None = None
         if scenario.kind == "rigid_body":
@@ -120,16 +128,15 @@ class EpisodeCode:
         """Times and references of the scenario that the program was traced from."""
         return episode_inputs(self.scenario)
 
-    def _trace(self, step: Callable[..., Any]) -> Loop:
-        fed: Any = self.inputs.row_example
-        if self.commands:
-            fed = fed, 0.0, structure_of(self.first.agent.queue[0])
+    def _trace(self, step: Callable[..., tuple[Tree, Tree]]) -> Loop:
+        row = self.inputs.row_example
+        fed: EngineRow = (row, 0.0, structure_of(self.first.agent.queue[0])) if self.commands else row
         return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
 
-    def _begin(self, numbers: Any, fed: Any) -> tuple[Stages, PlantSteps[State], GivenRow]:
+    def _begin(self, numbers: Sequence[Scalar], fed: EngineRow) -> tuple[Stages, PlantSteps[State], GivenRow]:
         """Make the computation stages, plant model and input record of one control period, for tracing."""
         scenario = self._vary(numbers)
-        row, given, command = fed if self.commands else (fed, None, None)
+        row, given, command = fed if isinstance(fed, tuple) else (fed, None, None)
         if self.calls is None:
             stages = Stages(scenario, command, given)
         else:
@@ -137,11 +144,15 @@ class EpisodeCode:
         plant = RigidBodySteps(stages, self.substeps) if self._plant is None else self._plant
         return stages, plant, row
 
-    def _step(self, now: LoopState, numbers: Any, fed: Any, uniforms: tuple[Scalar, ...]) -> tuple[LoopState, Sample]:
+    def _step(
+        self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
+    ) -> tuple[LoopState, Sample]:
         stages, plant, row = self._begin(numbers, fed)
         return make_period(stages, plant)(now, row, uniforms)
 
-    def _measure(self, now: LoopState, numbers: Any, fed: Any, uniforms: Any) -> tuple[LoopState, Measurement]:
+    def _measure(
+        self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
+    ) -> tuple[LoopState, Measurement]:
         """Evaluate a control period up to the measurement of the control law; return the loop state unchanged."""
         stages, plant, row = self._begin(numbers, fed)
         row = stages.waits.lead(now.agent.clock, now.ticks, row)
@@ -152,12 +163,12 @@ class EpisodeCode:
         """Traced program that computes the measurement of the control law in a control period."""
         return self._trace(self._measure)
 
-    def fits(self, key: Any, scenario: Scenario, changed: Sequence[str] | None = None) -> bool:
+    def fits(self, key: ProgramKey, scenario: Scenario, changed: Sequence[str] | None = None) -> bool:
         """True if the compiled program can also fly another scenario, with other parameter values as its inputs.
 
         Args:
-            key: of that scenario.
-            scenario: with its numbers.
+            key: key of that scenario.
+            scenario: other scenario, with its numbers.
             changed: paths of the numbers that changed; None for any.
         """
         if self.kernel is None or key != self.key:
@@ -192,20 +203,24 @@ class _PythonSteps:
         drawn = np.concatenate([np.zeros((len(steps), 0)), *draws], axis=1)
         for k, row in zip(range(begin, end), drawn.tolist(), strict=True):
             try:
-                found = self._step((*now, *numbers, *self._rows[k].tolist(), *row))
+                outputs = self._step((*now, *numbers, *self._rows[k].tolist(), *row))
             except EpisodeEndedError as error:
                 now, self.command = (0.0, *now[1:]), error.command
                 break
-            now, self._log[k] = found[:count], found[count:]
+            now, self._log[k] = outputs[:count], outputs[count:]
         self.carry[:] = now
+
+
+EngineState: TypeAlias = tuple[Scenario, EpisodeInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any]]
+"""Scenario, its inputs and their rows, begin of the piece, tick, end; loop state, parameters, log, memory of a law."""
 
 
 class Engine:
     """Closed-loop simulator of one flight, which advances one or many control periods per call.
 
     Args:
-        code: its program. scenario: as it is flown now; that of the program if left out.
-        numbers: of the program's parameters, by path; its own if left out.
+        code: its program. scenario: scenario that is flown now; that of the program if left out.
+        numbers: values of the program's parameters, by path; its own if left out.
 
     Attributes:
         first: the loop before its first period. tick: control periods flown.
@@ -229,7 +244,9 @@ class Engine:
         self.ended: Ended | None = None
         self._stretch, self.commanded = 1, False
 
-    def _make_stepper(self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False) -> Any:
+    def _make_stepper(
+        self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False
+    ) -> Stepper | _PythonSteps:
         """Make the evaluator of a traced program: machine code if the flight is compiled, else Python."""
         seed, episode = self.scenario.seed, self.scenario.episode
         if self.code.kernel is None:
@@ -255,8 +272,8 @@ class Engine:
         """Fly one control period; False once the episode has ended or reached its duration.
 
         Args:
-            command: in place of the law's, whose memory stays.
-            rotors_only: its rotor speeds alone; the law moves the joints, and its memory goes on.
+            command: command in place of the law's, whose memory stays.
+            rotors_only: True for its rotor speeds alone; the law moves the joints, and its memory goes on.
         """
         k = self.tick
         if k >= self._steps or self.ended is not None:
@@ -308,41 +325,41 @@ class Engine:
         """Status, cause and time of the flight's early termination; None after its full duration."""
         scenario, now, time = self.scenario, self.now, self.tick / self.scenario.rates.control
         goal = self.inputs.row_at(self.tick, now).reference.position
-        found = find_ending(scenario, time, leaves(now.agent.state), [float(c) for c in goal])
-        found = found or failed_phase(scenario, time, now.agent.clock)
-        if found is not None or not lost:
-            return found
+        ending = find_ending(scenario, time, leaves(now.agent.state), [float(c) for c in goal])
+        ending = ending or failed_phase(scenario, time, now.agent.clock)
+        if ending is not None or not lost:
+            return ending
         command = getattr(self._stepper, "command", ())
         if not command:
             sample: Sample = rebuild(self.code.sample, iter(self._log[self.tick].tolist()))
             command = leaves(sample.command)
-        found = ending_of_command(scenario, time, command)
-        if found is None:
+        ending = ending_of_command(scenario, time, command)
+        if ending is None:
             raise RuntimeError(f"at {time} s: an episode has ended in which no ending finds anything wrong")
-        return found
+        return ending
 
     @property
     def piece(self) -> Piece:
         """Logged samples of all control periods since the last change of the scenario."""
         return Piece(self.scenario, self.inputs, self.begun, self.samples(self.begun, self.tick))
 
-    def samples(self, start: int, stop: int) -> Samples:
+    def samples(self, start: int, stop: int) -> LoggedSamples:
         """Logged samples of control periods ``start`` to ``stop`` as array views."""
         rows, sample = self._log[start:stop], self.code.sample
         columns: Sample = rebuild(sample, iter(rows.T))
         end = rows.shape[1] - len(columns.led)
-        found, led = rows[:, end - len(columns.found) : end], rows[:, end:]
+        estimates, led = rows[:, end - len(columns.found) : end], rows[:, end:]
         states, commands = self.states_and_commands(start, stop)
-        return Samples(states, commands, columns.measurement, columns.readings, columns.wind, found, led)
+        return LoggedSamples(states, commands, columns.measurement, columns.readings, columns.wind, estimates, led)
 
     @cached_property
     def reading_columns(self) -> dict[str, slice]:
         """Columns of each sensor's reading in a row of the log, by the sensor's name."""
-        sample, found = self.code.sample, {}
+        sample, places = self.code.sample, dict[str, slice]()
         begin = self._marks[2] + len(leaves(sample.measurement))
         for name, reading in sample.readings:
-            found[name] = slice(begin, begin := begin + len(leaves(reading)))
-        return found
+            places[name] = slice(begin, begin := begin + len(leaves(reading)))
+        return places
 
     @cached_property
     def joint_columns(self) -> slice:
@@ -355,8 +372,8 @@ class Engine:
 
     def row(self, tick: int) -> Array:
         """Logged row of a control period that has been flown: alive, state, command, measurement, readings."""
-        found: Array = self._log[tick]
-        return found
+        row: Array = self._log[tick]
+        return row
 
     def states_and_commands(self, start: int, stop: int) -> tuple[Array, Array]:
         """Logged states and commands of control periods ``start`` to ``stop`` as array views, a row each."""
@@ -372,8 +389,8 @@ class Engine:
     @property
     def now(self) -> LoopState:
         """State of plant, law, sensors and estimator before the next control period."""
-        found: LoopState = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
-        return found if self._memory is None else _with_memory(found, self._memory)
+        state = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
+        return state if self._memory is None else _with_memory(state, self._memory)
 
     @property
     def _memory(self) -> Any:
@@ -404,38 +421,35 @@ class Engine:
 
     def state(self) -> State:
         """Current true state of the vehicle."""
-        state: State = rebuild(self.first.agent.state, iter(self._stepper.carry[2:].tolist()))
-        return state
+        return rebuild(self.first.agent.state, iter(self._stepper.carry[2:].tolist()))
 
     def reference(self) -> Reference:
         """Reference sample that is held in the next control period."""
-        held: Reference = self.inputs.row_at(self.tick, self.now).reference
-        return held
+        return self.inputs.row_at(self.tick, self.now).reference
 
     @cached_property
-    def _peek(self) -> Any:
+    def _peek(self) -> tuple[Stepper | _PythonSteps, Array, Measurement]:
         loop = self.code.measurement
         stepper = self._make_stepper(loop, np.zeros(loop.carry), np.zeros(loop.parameters), peek=True)
         return stepper, np.empty((1, loop.logged)), loop.result[1]
 
     def measurement(self) -> Measurement:
         """Measurement that the control law receives in the next period."""
-        stepper, found, example = self._peek
+        stepper, output, example = self._peek
         stepper.carry[:], stepper.parameters[:] = self._stepper.carry, self._stepper.parameters
-        stepper.read_tables(self._rows[self.tick : self.tick + 1], found)
+        stepper.read_tables(self._rows[self.tick : self.tick + 1], output)
         stepper.fly(0, 1, start=self.tick)
-        measurement: Measurement = rebuild(example, iter(found[0].tolist()))
-        return measurement
+        return rebuild(example, iter(output[0].tolist()))
 
-    def snapshot(self) -> Any:
+    def snapshot(self) -> EngineState:
         """Copy of the simulator's state, from which :meth:`restore` continues."""
         stepper = self._stepper
         numbers = stepper.carry.copy(), stepper.parameters.copy(), self._log, copy.deepcopy(self._memory)
         return self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers
 
-    def restore(self, held: Any) -> None:
+    def restore(self, state: EngineState) -> None:
         """Return to the simulator state of a snapshot."""
-        self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers = held
+        self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers = state
         self._stepper.carry[:], self._stepper.parameters[:], log, memory = numbers
         own = np.empty_like(log)
         own[: self.tick] = log[: self.tick]
@@ -443,14 +457,14 @@ class Engine:
         if self.code.calls is not None:
             self.code.calls.memory = copy.deepcopy(memory)
 
-    def give(self, scenario: Scenario, numbers: Mapping[str, float], changed: Sequence[str], key: Any) -> bool:
+    def give(self, scenario: Scenario, numbers: Mapping[str, float], changed: Sequence[str], key: ProgramKey) -> bool:
         """Change parameter values from the next control period on; False, without effect, if that needs new code.
 
         Args:
-            scenario: as it is now.
-            numbers: of the program's parameters, by path.
+            scenario: scenario from now on.
+            numbers: values of the program's parameters, by path.
             changed: paths of the numbers that are other than before.
-            key: of the program that the scenario needs.
+            key: key of the program that the scenario needs.
         """
         if not self.code.fits(key, scenario, changed):
             return False
@@ -465,12 +479,13 @@ class Engine:
         """Continue a flight from the state of another simulator; ``anew``: the reference has been replaced."""
         now = other.now
         clock = clock_of_change(self.scenario, self.first, now, anew=anew)
-        kept = carry_over(self.first, now, (component_places(self.scenario), component_places(other.scenario)), clock)
+        places = component_places(self.scenario), component_places(other.scenario)
+        carried = carry_over(self.first, now, places, clock)
         if self.code.calls is not None and not self.scenario.controller.compiled:
             same = self.scenario.controller.law is other.scenario.controller.law
             # the memory of a law that is called is its own: it may hold anything
-            self.code.calls.memory = copy.deepcopy(now.agent.memory if same else kept.agent.memory)
-            kept = _with_memory(kept, PushAlone.of(self.code.calls.memory))
-        self._stepper.carry[:] = leaves(kept)
+            self.code.calls.memory = copy.deepcopy(now.agent.memory if same else carried.agent.memory)
+            carried = _with_memory(carried, PushAlone.of(self.code.calls.memory))
+        self._stepper.carry[:] = leaves(carried)
         self.begun, self.tick, self.ended = other.tick, other.tick, other.ended
         self.commanded = other.commanded

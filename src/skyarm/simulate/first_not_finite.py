@@ -6,7 +6,8 @@ import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import FrameType
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -18,24 +19,28 @@ CONSTANTS = "self", "par"
 """Arguments whose numbers a period does not change: limits among them may be infinite."""
 
 
+Trace: TypeAlias = Callable[[FrameType, str, Any], "Trace | None"]
+"""Function that Python calls with a frame, what happens in it, and the value or the error of it."""
+
+
 def first_line(period: Callable[[], object]) -> str:
     """First line of user code in a function called with floats that gives inf or NaN from finite arguments.
 
     Args:
-        period: it may raise; the user's own 1 / 0 is such a line.
+        period: function that may raise; the user's own 1 / 0 is such a line.
 
     Returns:
         ``file.py:12 (law): name is nan``, with the variable where there is one; empty without such a line.
     """
-    found, debugger = list[str](), sys.gettrace()
+    lines, debugger = list[str](), sys.gettrace()
 
-    def enter(frame: Any, _event: str, _value: Any) -> Any:
+    def enter(frame: FrameType, _event: str, _value: object) -> Trace | None:
         given = (value for name, value in frame.f_locals.items() if name not in CONSTANTS)
         if not is_own(frame.f_code, frame.f_globals.get("__name__", "")) or any(map(_kind, given)):
             return None
-        line, last, begun, first = frame.f_lineno, "", len(found), dict[str, str]()
+        line, last, begun, first = frame.f_lineno, "", len(lines), dict[str, str]()
 
-        def step(frame: Any, event: str, value: Any) -> Any:
+        def step(frame: FrameType, event: str, value: Any) -> Trace:
             nonlocal line, last
             code = frame.f_code
             place = f"{Path(code.co_filename).name}:{line} ({code.co_qualname.replace('<locals>.', '')})"
@@ -43,11 +48,11 @@ def first_line(period: Callable[[], object]) -> str:
                 if isinstance(each, (float, Vec3, np.ndarray)) and (kind := _kind(each)):
                     first.setdefault(kind, f"{place}: {name} is {kind}")
             if event == "exception" and issubclass(value[0], ArithmeticError):
-                found.append(f"{place}: {value[1]}")
+                lines.append(f"{place}: {value[1]}")
             elif event == "return" and last != "exception":
-                del found[begun:]  # what was not finite on the way to a finite result is meant
+                del lines[begun:]  # what was not finite on the way to a finite result is meant
                 if kind := _kind(value):
-                    found.append(first.get(kind, place))
+                    lines.append(first.get(kind, place))
             line, last = frame.f_lineno, event
             return step
 
@@ -60,10 +65,10 @@ def first_line(period: Callable[[], object]) -> str:
         pass
     finally:
         sys.settrace(debugger)
-    return found[0] if found else ""
+    return lines[0] if lines else ""
 
 
-def _kind(value: Any) -> str:
+def _kind(value: object) -> str:
     """The worst number of a value that is not finite, "nan" or "inf"; else empty."""
     value = value.tolist() if isinstance(value, np.ndarray) else getattr(value, "state", value)  # of a motion
     if isinstance(value, float):

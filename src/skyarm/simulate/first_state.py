@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
-from skyarm.algebra.scalars import data
+from skyarm.algebra.scalars import Scalar, data
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import example_state
+from skyarm.plant.surroundings import Surroundings
 from skyarm.records.coerce import concrete
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.estimate.estimator import FULL_STATE
@@ -22,11 +22,11 @@ from skyarm.simulate.reference_clock import Waits
 from skyarm.simulate.stages import Stages
 
 
-def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None = None) -> LoopState:
+def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Scalar]] | None = None) -> LoopState:
     """Initial state of plant, law, delay queues, sensors, estimator and models; parameter values may be traced.
 
     Args:
-        scenario: of the episode.
+        scenario: scenario of the episode.
         draws: uniform numbers that start each component; the episode's own if left out.
     """
     state, vehicle = first_state(scenario), scenario.plant.vehicle
@@ -34,8 +34,8 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
     if scenario.all_drives:
         rows = zip(scenario.all_drives, efforts, state.joints, strict=True)
         efforts = tuple(drive.standing(effort, q) for drive, effort, q in rows)
-    held = tuple(data(effort) for effort in efforts)
-    standing = Command(rotor_speeds=state.rotor_speeds, efforts=held, tilts=state.tilts)
+    setpoints = tuple(data(effort) for effort in efforts)
+    standing = Command(rotor_speeds=state.rotor_speeds, efforts=setpoints, tilts=state.tilts)
     if draws is None:
         draws = [row.tolist() for row in start_draws(scenario, scenario.seed, scenario.episode)]
     period = 1.0 / scenario.rates.control
@@ -54,7 +54,7 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
         ),
         clock=Waits(scenario).first(),
     )
-    components = tuple(c.settle(held, motion, still) for c, held in zip(scenario.components, begun, strict=True))
+    components = tuple(c.settle(memory, motion, still) for c, memory in zip(scenario.components, begun, strict=True))
     return LoopState(alive=1.0, ticks=0.0, agent=agent, components=components)
 
 
@@ -63,7 +63,7 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
     vehicle, (_, sensor) = scenario.plant.vehicle, scenario.all_sensors[index]
     waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
     if index == 0:
-        blank: Any = blank_measurement(*vehicle.sizes)
+        blank = blank_measurement(*vehicle.sizes)
         return SensorState(memory=memory, held=(), waiting=(blank,) * waiting)
     state, draws = example_state(*vehicle.sizes), (0.5,) * sensor.uniforms(vehicle)
     period = 1.0 / (sensor.frequency or scenario.rates.control)
@@ -88,7 +88,7 @@ def readings_waiting(scenario: Scenario, index: int) -> int:
     return round(delay * scenario.rates.control)
 
 
-def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
+def first_surroundings(scenario: Scenario, first: LoopState) -> Surroundings:
     """Wind, contacts, faults and drives around the plant in the first control period, as a structural example."""
     return Stages(scenario).surroundings(first.components, first.agent.drives, 0.0)
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -15,12 +14,12 @@ from skyarm.compile import Program, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.control.controller import preview_leads
 from skyarm.records.arrays import Array
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.preview import with_preview
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.loop_state import GivenRow, LoopState, PathClock, Row, structure_of
+from skyarm.simulate.loop_state import GivenRow, InputRow, LoopState, PathClock, structure_of
 from skyarm.simulate.reference_clock import Waits
 
 
@@ -29,13 +28,13 @@ class EpisodeInputs:
     """Times and references of a flight at all control instants, as tables computed on first use.
 
     Attributes:
-        scenario: whose inputs these are.
+        scenario: scenario of the inputs.
         times: control instants, s.
         held_reference: the reference as published and held, as a record of arrays.
     """
 
     scenario: Scenario
-    times: Any
+    times: Array
     held_reference: Reference
 
     @property
@@ -61,7 +60,9 @@ class EpisodeInputs:
         """Table of closed-loop inputs, one row per control instant: time, held reference, time-scaled reference."""
         if self.waits.guards:
             return table_of((self.times,), self.scenario.steps)
-        fed = Row(time=self.times, reference=self.held_reference, told=self.told_reference, path_time=self.path_time)
+        fed = InputRow(
+            time=self.times, reference=self.held_reference, told=self.told_reference, path_time=self.path_time
+        )
         return table_of(fed, self.scenario.steps)
 
     @cached_property
@@ -90,29 +91,31 @@ class EpisodeInputs:
     def row_example(self) -> GivenRow:
         """Closed-loop inputs of one control instant as an example of their structure, for tracing."""
         if self.waits.guards:
-            return Row(time=0.0, reference=())
+            return InputRow(time=0.0, reference=())
         return self._whole_row
 
     @property
-    def _whole_row(self) -> Row[Reference]:
+    def _whole_row(self) -> InputRow[Reference]:
         """Example of a row that has its reference."""
-        told = structure_of(self.told_reference)
-        return Row(time=0.0, reference=self.reference_example, told=told, path_time=0.0 if told else ())
+        scaled = structure_of(self.told_reference)
+        return InputRow(time=0.0, reference=self.reference_example, told=scaled, path_time=0.0 if scaled else ())
 
     @cached_property
     def waits(self) -> Waits:
         """Evaluator of the conditions (guards) that end phases of the reference, with the reference's clock."""
         return Waits(self.scenario)
 
-    def waiting_references(self, columns: Any) -> tuple[Reference, Reference, Array]:
+    def waiting_references(self, columns: Iterable[Array]) -> tuple[Reference, Reference, Array]:
         """Held reference, continuous reference and path time (s) of a task whose phases wait for conditions.
 
         Args:
-            columns: of what a sample has of it (``led``), (N,) each.
+            columns: logged values of the reference clock (``led`` of a sample), (N,) each.
         """
-        (held, its_offset), (own, offset) = self.waits.instants([np.asarray(column, dtype=float) for column in columns])
+        (sampled, its_offset), (own, offset) = self.waits.instants(
+            [np.asarray(column, dtype=float) for column in columns]
+        )
         times = np.asarray(own)
-        return self._at(np.asarray(held), its_offset), self._at(times, offset), times
+        return self._at(np.asarray(sampled), its_offset), self._at(times, offset), times
 
     def _at(self, times: Array, offset: Sequence[Scalar]) -> Reference:
         return _sample(self._shifted_motion if offset else self._program, times, *offset)
@@ -124,19 +127,19 @@ class EpisodeInputs:
     def held_now(self, clock: PathClock, ticks: Scalar) -> Reference:
         """Reference sample held in a control period by the reference clock of a task whose phases wait."""
         columns = [np.array([float(value)]) for value in self.waits.times(clock, ticks)]
-        held, _, _ = self.waiting_references(columns)
+        sample, _, _ = self.waiting_references(columns)
         (since, offset), _ = self.waits.instants(columns)
         leads, end = preview_leads(self.scenario.controller.par), float(self.waits.end(clock))
-        held = with_preview(held, leads, lambda lead: self._at(np.minimum(np.asarray(since) + lead, end), offset))
-        dense: Reference = held.dense()
+        sample = with_preview(sample, leads, lambda lead: self._at(np.minimum(np.asarray(since) + lead, end), offset))
+        dense = sample.dense()
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
 
-    def row_at(self, tick: int, now: LoopState) -> Row[Reference]:
+    def row_at(self, tick: int, now: LoopState) -> InputRow[Reference]:
         """Closed-loop inputs of the control period that begins with a given loop state."""
         numbers, clock = iter(self.rows[min(tick, self.scenario.steps - 1)].tolist()), now.agent.clock
         if clock:
             path_time = float(self.waits.path_time(clock))
-            return Row(time=next(numbers), reference=self.held_now(clock, now.ticks), path_time=path_time)
+            return InputRow(time=next(numbers), reference=self.held_now(clock, now.ticks), path_time=path_time)
         return rebuild(self._whole_row, numbers)
 
     @cached_property
@@ -154,16 +157,16 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     program = _motion(scenario)
     samples = evaluate(program, [times], scenario.steps)
     instants = publisher.held_tick(ticks)
-    held: Reference = program.record(list(samples[:, instants]))
+    published: Reference = program.record(list(samples[:, instants]))
 
     def at(lead: Scalar) -> Reference:
-        return _sample(program, times[instants] + lead)
+        return _sample(program, np.asarray(times[instants] + lead))
 
-    held = with_preview(held, preview_leads(scenario.controller.par), at)
-    if held.load:  # no sample of a motion: the hand's command goes out in each control period
+    published = with_preview(published, preview_leads(scenario.controller.par), at)
+    if published.load:  # no sample of a motion: the hand's command goes out in each control period
         now: Reference = program.record(list(samples))
-        held = dataclasses.replace(held, load=now.load)
-    return EpisodeInputs(scenario, times, held)
+        published = dataclasses.replace(published, load=now.load)
+    return EpisodeInputs(scenario, times, published)
 
 
 def _motion(scenario: Scenario) -> Program:
@@ -173,11 +176,11 @@ def _motion(scenario: Scenario) -> Program:
 
 def _sample(program: Program, times: Array, *others: Scalar) -> Reference:
     """Reference of arrays that a program computes from times (s) and other inputs."""
-    found: Reference = program.record(list(evaluate(program, [times, *others], len(times))))
-    return found
+    reference: Reference = program.record(list(evaluate(program, [times, *others], len(times))))
+    return reference
 
 
-def table_of(record: Any, count: int) -> Array:
+def table_of(record: Tree, count: int) -> Array:
     """Table of a dataclass of arrays: one row per control instant, one column per scalar field."""
     columns = [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]
     return np.stack(columns, axis=1) if columns else np.zeros((count, 0))

@@ -16,6 +16,7 @@ from skyarm.control.controller import preview_leads
 from skyarm.dynamics import State
 from skyarm.plant.largest_step import lanes_step
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.leaves import Tree
 from skyarm.reference import Reference
 from skyarm.reference.preview import with_preview
 from skyarm.scenario.numbers import with_numbers
@@ -24,11 +25,11 @@ from skyarm.simulate.check_endings import statuses
 from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import table_of
-from skyarm.simulate.loop_state import GivenRow, LoopState, Row, structure_of
+from skyarm.simulate.loop_state import GivenRow, InputRow, LoopState, structure_of
 from skyarm.simulate.plant_steps import Substeps, rigid_body_plant
 from skyarm.simulate.reference_clock import Waits
 
-Vary = Callable[[Sequence[Any]], Scenario]
+Vary = Callable[[Sequence[Scalar]], Scenario]
 """From the numbers of a lane to its scenario."""
 
 
@@ -36,7 +37,8 @@ class LaneLoop:
     """Closed loop of a scenario whose parameters differ between the SIMD lanes of a batch.
 
     Args:
-        scenario: with nominal parameters. vary: makes a lane's scenario from parameters. base: nominal values of these.
+        scenario: scenario with nominal parameters. vary: maker of a lane's scenario from parameters. base: nominal
+            values of these.
         stiffest: the scenario whose joint friction, air, forces and drives fix the integration steps.
 
     Attributes:
@@ -53,7 +55,7 @@ class LaneLoop:
         counts = [2 * count for _, count in draw_plan(scenario).components]
         self._start = trace(self._starting, self.base, *((0.5,) * count for count in counts))
 
-    def _starting(self, numbers: Sequence[Scalar], *draws: tuple[Any, ...]) -> LoopState:
+    def _starting(self, numbers: Sequence[Scalar], *draws: tuple[Scalar, ...]) -> LoopState:
         return first_loop_state(self.vary(numbers), draws)
 
     def start(self, numbers: Array, seed: int, episodes: Array) -> Array:
@@ -69,7 +71,7 @@ class LaneLoop:
             columns += [*draws.T]
         return evaluate(self._start, columns, len(episodes))
 
-    def program(self, step: Callable[..., Any], carry: Any, parameters: Any, fed: Any = ()) -> Loop:
+    def program(self, step: Callable[..., tuple[Tree, Tree]], carry: Tree, parameters: Tree, fed: Tree = ()) -> Loop:
         """Trace one control period of a batch into a program for machine code; all arguments are examples."""
         draws = draws_needed(self.scenario)
         return trace_loop(step, structure_of(carry), parameters, fed, draws, loops=True)
@@ -78,21 +80,20 @@ class LaneLoop:
 def own_row(scenario: Scenario, ticks: Scalar) -> GivenRow:
     """Closed-loop inputs of a flight that counts its own control periods: time, and reference where no phase waits."""
     if scenario.reference.guards:
-        return Row(time=ticks / float(scenario.rates.control), reference=())
+        return InputRow(time=ticks / float(scenario.rates.control), reference=())
     return held_row(scenario, ticks)
 
 
-def held_row(scenario: Scenario, ticks: Scalar) -> Row[Reference]:
+def held_row(scenario: Scenario, ticks: Scalar) -> InputRow[Reference]:
     """Time and held reference of a flight without phases that wait, which counts its own control periods."""
     time = ticks / float(scenario.rates.control)
-    return Row(time=time, reference=held_reference(scenario, ticks).dense())
+    return InputRow(time=time, reference=held_reference(scenario, ticks).dense())
 
 
 def held_reference(scenario: Scenario, ticks: Scalar) -> Reference:
     """Reference sample that a flight holds in control period number ``ticks``."""
     rate, ratio = float(scenario.rates.control), float(scenario.rates.control // scenario.rates.reference)
-    held = floor((ticks + 0.5) / ratio) * ratio
-    time = held / rate
+    time = floor((ticks + 0.5) / ratio) * ratio / rate
     leads = preview_leads(scenario.controller.par)
     reference = with_preview(scenario.reference.at(time), leads, lambda lead: scenario.reference.at(time + lead))
     if reference.load:  # the hand's command is that of each control period
@@ -106,10 +107,10 @@ def lane_statuses(
     """Termination status of each flight of a batch, from its final vehicle state and reference clock.
 
     Args:
-        scenario: of the lanes.
+        scenario: scenario of the lanes.
         values: path -> (lanes,) numbers that differ.
-        state: of the plant, its scalars (lanes,).
-        clock: of the reference, likewise.
+        state: state of the plant, its scalars (lanes,).
+        clock: state of the reference clock, likewise.
         ticks: control periods flown.
         ended: True where the lane stopped before its time.
     """
@@ -117,9 +118,9 @@ def lane_statuses(
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, motion)
         if varied.reference.guards:
-            held = Waits(varied).held_reference(clock, ticks)
+            reference = Waits(varied).held_reference(clock, ticks)
         else:
-            held = held_reference(varied, np.minimum(ticks, scenario.steps - 1))
-    goals = table_of(held.dense().position, len(ticks))
+            reference = held_reference(varied, np.minimum(ticks, scenario.steps - 1))
+    goals = table_of(reference.dense().position, len(ticks))
     failed = np.asarray(clock.failed) > 0.5 if scenario.reference.guards else None
     return statuses(scenario, values, state, goals, ended, failed)

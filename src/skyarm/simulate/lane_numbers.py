@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from skyarm.plant.largest_step import STATED, largest_stable_step
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
-from skyarm.records.leaves import Place, field_names, part, replace_at
+from skyarm.records.leaves import Dataclass, Place, field_names, part, replace_at
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
 from skyarm.scenario.paths import LATE, delay_words, places_of
@@ -19,16 +19,16 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
 from skyarm.simulate.draws import draws_needed
 
 
-def require_count(field: str, value: Any, least: int = 1) -> int:
+def require_count(field: str, value: object, least: int = 1) -> int:
     """Return ``value`` if it is a whole number of at least ``least``; else raise ScenarioError.
 
     Raises:
         ScenarioError: it is none, or less than ``least``.
     """
-    held = whole(value)
-    if held is None or held < least:
+    number = whole(value)
+    if number is None or number < least:
         raise ScenarioError(f"{field} = {shown(value)}: must be a whole number, at least {least}")
-    return held
+    return number
 
 
 def require_rigid_body(scenario: Scenario) -> None:
@@ -41,7 +41,7 @@ def require_rigid_body(scenario: Scenario) -> None:
         raise ScenarioError(f"plant.kind = {shown(scenario.kind)}: must be rigid_body for a batch")
 
 
-def require_kind(field: str, value: Any, kind: type) -> None:
+def require_kind(field: str, value: object, kind: type) -> None:
     """Raise ScenarioError unless an argument is None or an instance of the given class.
 
     Raises:
@@ -51,7 +51,7 @@ def require_kind(field: str, value: Any, kind: type) -> None:
         raise ScenarioError(f"{field} = {shown(value)}: must be {kind.__name__} or None")
 
 
-def require_paths(scenario: Scenario, paths: Any) -> tuple[str, ...]:
+def require_paths(scenario: Scenario, paths: object) -> tuple[str, ...]:
     """Check a list of distinct parameter paths, such as plant.gravity, and return it as a tuple.
 
     Raises:
@@ -68,7 +68,7 @@ def require_paths(scenario: Scenario, paths: Any) -> tuple[str, ...]:
     return tuple(paths)
 
 
-def require_values(values: Any) -> Mapping[str, Any]:
+def require_values(values: object) -> Mapping[str, ArrayLike]:
     """Return ``values`` if it maps parameter paths to values; else raise ScenarioError.
 
     Raises:
@@ -80,7 +80,7 @@ def require_values(values: Any) -> Mapping[str, Any]:
 
 
 def checked_array(
-    field: str, given: Any, shapes: Collection[tuple[int, ...]], allowed: str, kinds: str = "fiu"
+    field: str, given: object, shapes: Collection[tuple[int, ...]], allowed: str, kinds: str = "fiu"
 ) -> Array:
     """Convert an argument to an array; raise ScenarioError unless it has an allowed shape and NumPy kind.
 
@@ -88,17 +88,17 @@ def checked_array(
         ScenarioError: any other value; ``allowed`` describes the allowed ones.
     """
     try:
-        found = np.asarray(given)
+        array = np.asarray(given)
     except (TypeError, ValueError):
         raise ScenarioError(f"{field} = {shown(given)}: must be an array") from None
-    if found.dtype.kind in "OSU":
+    if array.dtype.kind in "OSU":
         raise ScenarioError(f"{field} = {shown(given)}: must be {allowed}")
-    if found.dtype.kind not in kinds or found.shape not in shapes:
-        raise ScenarioError(f"{field}: {found.dtype} of shape {found.shape}, must be {allowed}")
-    return found
+    if array.dtype.kind not in kinds or array.shape not in shapes:
+        raise ScenarioError(f"{field}: {array.dtype} of shape {array.shape}, must be {allowed}")
+    return array
 
 
-def lane_mask(mask: Any, lanes: int) -> Array:
+def lane_mask(mask: object, lanes: int) -> Array:
     """Boolean array (lanes,) that selects lanes of a batch; None selects all, integer indices are refused."""
     if mask is None:
         return np.ones(lanes, dtype=bool)
@@ -106,7 +106,7 @@ def lane_mask(mask: Any, lanes: int) -> Array:
 
 
 def lane_columns(
-    scenario: Scenario, paths: Sequence[str], values: Mapping[str, Any], episodes: Array | None
+    scenario: Scenario, paths: Sequence[str], values: Mapping[str, ArrayLike], episodes: Array | None
 ) -> tuple[list[Array], int]:
     """Check the parameter values of a batch; return one array per parameter path and the number of flights.
 
@@ -136,7 +136,7 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
     """Refuse varied command delays that exceed the longest delay the command queue was made for.
 
     Args:
-        scenario: with the longest delay of its queue.
+        scenario: scenario with the longest delay of its queue.
         columns: path -> numbers of the lanes; other paths than delays pass.
 
     Raises:
@@ -182,14 +182,14 @@ class LaneRules:
     What lies between numbers that passed once is not looked at again: a batch flies many times.
 
     Args:
-        scenario: of the batch. paths: its varied numbers.
+        scenario: scenario of the batch. paths: its varied numbers.
     """
 
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
         self._scenario, self._paths = scenario, tuple(paths)
         self._passed: dict[str, tuple[float, float]] = {}
 
-    def require(self, values: Mapping[str, Any]) -> None:
+    def require(self, values: Mapping[str, ArrayLike]) -> None:
         """Refuse parameter values that make the scenario of a lane invalid.
 
         Args:
@@ -263,15 +263,15 @@ def _refusals(scenario: Scenario, path: str) -> Iterator[str]:
             yield f"must not vary, since the law of {where} is made for one belief"
 
 
-def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: float | None) -> None:
+def require_short_steps(scenario: Scenario, values: Mapping[str, ArrayLike], largest: float | None) -> None:
     """Refuse parameter values for which the integration steps of the compiled code are too long.
 
     Every lane is looked at with all of its numbers: of stiffness and mass each may be within what others fly.
 
     Args:
-        scenario: of the batch.
+        scenario: scenario of the batch.
         values: path -> (lanes,) or one number for all; all that differ from the scenario's.
-        largest: step that the batch was compiled for, s; None for any.
+        largest: longest step that the batch was compiled for, s; None for any.
 
     Raises:
         ScenarioError: names the paths and the values.
@@ -281,11 +281,11 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: 
         columns = [np.ravel(each) for each in np.broadcast_arrays(*(np.asarray(values[path]) for path in fields))]
         shortest, stiffest = math.inf, dict[str, float]()
         for numbers in np.unique(np.array(columns, dtype=float), axis=1).T.tolist():
-            told = dict(zip(fields, numbers, strict=True))
-            inside = {inner: told[path] for path in fields for inner in fields[path]}
-            borne = _stable_step(record, inside, told, scenario.integrator == "euler")
+            named = dict(zip(fields, numbers, strict=True))
+            inside = {inner: named[path] for path in fields for inner in fields[path]}
+            borne = _stable_step(record, inside, named, scenario.integrator == "euler")
             if borne is not None and borne < shortest:
-                shortest, stiffest = borne, told
+                shortest, stiffest = borne, named
         if stiffest and (largest is None or shortest < largest * (1.0 - 1e-9)):
             compiled = "steps of any length" if largest is None else f"steps of up to {largest:g} s"
             these = "this number" if len(stiffest) == 1 else "these numbers"
@@ -295,16 +295,16 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: 
             )
 
 
-def _paths_by_record(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[str, list[Place]]]:
+def _paths_by_record(scenario: Scenario, values: Mapping[str, ArrayLike]) -> dict[Place, dict[str, list[Place]]]:
     """Group varied parameters by the air model, force or joint drive that they belong to, if it limits the step."""
-    found: dict[Place, dict[str, list[Place]]] = {}
+    groups: dict[Place, dict[str, list[Place]]] = {}
     for path in values:
         for place in places_of(scenario, path) if path.startswith(STATED) else ():
             heads = (place[:k] for k in range(len(place), 0, -1))
             head = next((each for each in heads if _limits_step(type(part(scenario, each)))), None)
             if head is not None:
-                found.setdefault(head, {}).setdefault(path, []).append(place[len(head) :])
-    return found
+                groups.setdefault(head, {}).setdefault(path, []).append(place[len(head) :])
+    return groups
 
 
 def _limits_step(kind: type) -> bool:
@@ -312,7 +312,9 @@ def _limits_step(kind: type) -> bool:
     return getattr(kind, "largest_step", None) is not None or "largest_step" in (field_names(kind) or ())
 
 
-def _stable_step(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float], euler: bool) -> float | None:
+def _stable_step(
+    record: Dataclass, numbers: Mapping[Place, float], named: Mapping[str, float], euler: bool
+) -> float | None:
     """Longest stable integration step (s) of an air model, force or drive with changed parameters, or None."""
     try:
         other = replace_at(record, numbers)
@@ -323,9 +325,9 @@ def _stable_step(record: Any, numbers: Mapping[Place, float], told: Mapping[str,
             raise ValueError(f"largest_step = {shown(stated)}: must be above 0")
         return float(stated)
     except (ValueError, TypeError, ArithmeticError) as error:
-        raise ScenarioError(f"{_list_values(told)}: {error}") from error
+        raise ScenarioError(f"{_list_values(named)}: {error}") from error
 
 
-def _list_values(told: Mapping[str, float]) -> str:
+def _list_values(named: Mapping[str, float]) -> str:
     """Text for error messages that lists parameter paths with their values."""
-    return ", ".join(f"values[{path!r}] = {value:g}" for path, value in told.items())
+    return ", ".join(f"values[{path!r}] = {value:g}" for path, value in named.items())

@@ -111,9 +111,9 @@ def replay(
     without what the scenario schedules of the log's own controller.
 
     Args:
-        log: of the flight, or the path of its file.
+        log: log of the flight, or the path of its file.
         controller: a preset, a law, LAW_tuned, or a controller; the log's own if left out.
-        progress: called with (periods flown, periods in all).
+        progress: function of (periods flown, periods in all).
 
     Raises:
         ScenarioError: one line: no log, one that keeps no scenario, or a law that does not fit its vehicle.

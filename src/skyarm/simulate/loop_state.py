@@ -22,7 +22,7 @@ class SensorState:
     """State of one sensor between two control periods: internal state, last reading, delay queue.
 
     Attributes:
-        memory: of the sensor.
+        memory: internal state of the sensor.
         held: its last reading, for a sensor slower than the loop; else ``()``.
         waiting: readings on their way, oldest first.
     """
@@ -38,9 +38,9 @@ class PathClock:
 
     Attributes:
         place: current path time. held: path time of the held sample.
-        guard: number of the next guard. waited: time spent waiting for it. reached: time for which it has been met.
+        guard: index of the next guard. waited: time spent waiting for it. reached: time for which it has been met.
         origin: tip position at the start of the phase, m, world axes. failed: 1 once a mandatory phase has failed.
-        offset: of the reference after a phase that ended early, m. since: path time at which the offset began.
+        offset: offset of the reference after a phase that ended early, m. since: path time at which the offset began.
         held_offset, held_since: offset and its beginning for the held sample.
     """
 
@@ -58,7 +58,7 @@ class PathClock:
 
 
 Clock = PathClock | tuple[()]
-"""Of the reference: () where no phase waits."""
+"""Clock of the reference: () where no phase waits."""
 
 
 @immutable
@@ -66,11 +66,11 @@ class AgentLoop:
     """State of one vehicle, its plant and its control, from one control period to the next.
 
     Attributes:
-        state: of the plant. memory: of the law.
+        state: state of the plant. memory: internal state of the law.
         queue: commands on their way, oldest first; the first acts now.
         sensors: the full state's first, then the named ones. estimate: memory of the estimator.
         drives: memories of the joint drives.
-        clock: of a reference whose phases wait (:mod:`skyarm.simulate.reference_clock`); () where none does.
+        clock: clock of a reference whose phases wait (:mod:`skyarm.simulate.reference_clock`); () where none does.
     """
 
     state: State
@@ -102,7 +102,7 @@ Wanted_co = TypeVar("Wanted_co", bound=Reference | tuple[()], covariant=True)
 
 
 @immutable
-class Row(Generic[Wanted_co]):
+class InputRow(Generic[Wanted_co]):
     """Inputs of the closed loop at a control instant: time and reference.
 
     Of a scenario whose phases wait it is the time alone, a ``GivenRow``; the loop puts the reference there, and
@@ -117,7 +117,7 @@ class Row(Generic[Wanted_co]):
     path_time: Scalar | tuple[()] = ()
 
 
-GivenRow = Row[Reference | tuple[()]]
+GivenRow = InputRow[Reference | tuple[()]]
 """Inputs as the loop gets them, with or without a reference."""
 
 
@@ -147,10 +147,10 @@ def carry_over(
     """Transfer the loop state to a changed scenario; states whose structure differs start anew, as in ``first``.
 
     Args:
-        first: its first state.
-        now: that of the loop before.
+        first: first state of the changed scenario.
+        now: state of the loop before.
         places: parameter paths of the environment components in the new and the old scenario.
-        clock: of a reference that is another one than before, as it begins in this period; () where it is the same.
+        clock: clock of another reference than before, as it begins in this period; () where it is the same one.
     """
     before = dict(zip(places[1], now.components, strict=True))
     new, old = first.agent, now.agent

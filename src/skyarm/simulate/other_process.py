@@ -16,7 +16,6 @@ import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from skyarm.records.files.messages import comma_list
 from skyarm.records.files.user_code import own_code
@@ -24,6 +23,7 @@ from skyarm.records.leaves import is_leaf, walk
 from skyarm.records.registry import RegistryError
 from skyarm.records.registry.plugins import is_of_plugin, loaded_plugins
 from skyarm.records.travel import luggage, pack, unload
+from skyarm.scenario.scenario_record import Scenario
 
 WHERE = "in a process with an empty environment, another folder and another hash seed"
 
@@ -41,9 +41,9 @@ out = os.dup(1)
 os.dup2(2, 1)
 from skyarm.simulate.other_process import answer
 from skyarm.simulate.user_code import fingerprints
-found = json.dumps(answer(fingerprints))
+text = json.dumps(answer(fingerprints))
 with open(out, "w") as file:
-    file.write(found)"""
+    file.write(text)"""
 """What plugins print goes to standard error: the answer has standard output for itself."""
 
 SECONDS = 120.0
@@ -62,16 +62,18 @@ ANSWERING: list[bool] = []
 """Not empty in the other process, which starts no further one."""
 
 
-def try_elsewhere(scenario: Any, models: Sequence[tuple[Any, Any]], compare: Callable[[Found], None]) -> None:
+def try_elsewhere(
+    scenario: Scenario, models: Sequence[tuple[object, object]], compare: Callable[[Found], None]
+) -> None:
     """Compare the fingerprints of a scenario's user-defined models from another process if one of them is of a plugin.
 
     Models that differ in the values of their numbers alone are tried once in a process and those that it starts. A
     warning is where no other process can be had, it gives no answer, or the scenario cannot travel there.
 
     Args:
-        scenario: with the models.
+        scenario: scenario with the models.
         models: the user's class or function of each model and its record.
-        compare: raises an error of a difference.
+        compare: check that raises an error of a difference.
 
     Raises:
         RegistryError: a plugin cannot be loaded there.
@@ -84,7 +86,7 @@ def try_elsewhere(scenario: Any, models: Sequence[tuple[Any, Any]], compare: Cal
     key = repr((loaded_plugins(), places, values))
     if key in TRIED:
         return
-    found, why = None, ""
+    answered, why = None, ""
     try:
         with tempfile.TemporaryDirectory() as folder:
             here = Path(folder).resolve() / DEEP
@@ -103,21 +105,21 @@ def try_elsewhere(scenario: Any, models: Sequence[tuple[Any, Any]], compare: Cal
             )
         last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
         why = f"it ended with code {done.returncode}: {last}".removesuffix(": ")
-        found = json.loads(done.stdout)
+        answered = json.loads(done.stdout)
     except subprocess.TimeoutExpired:
         why = f"no answer within {SECONDS:g} s"
     except (ValueError, OSError) as error:
         why = why or str(error)
-    if isinstance(found, str):
-        raise RegistryError(f"{found} {WHERE}")
-    if found is None:
+    if isinstance(answered, str):
+        raise RegistryError(f"{answered} {WHERE}")
+    if answered is None:
         warnings.warn(f"{comma_list(dict.fromkeys(places))}: could not be tried {WHERE}: {why}", stacklevel=2)
     else:
-        compare(found)
+        compare(answered)
     TRIED.add(key)
 
 
-def _lend_file(name: Any, folder: Path) -> None:
+def _lend_file(name: object, folder: Path) -> None:
     """Put a file that a text names, seen from the present folder, into another folder."""
     if not isinstance(name, str) or not name or os.path.isabs(name) or not os.path.exists(name):
         return

@@ -14,7 +14,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.plant.surroundings import Memories, Surroundings
 from skyarm.records.leaves import Tree, blend
 from skyarm.reference import Reference
-from skyarm.simulate.loop_state import AgentLoop, Clock, GivenRow, LoopState, Row, Sample
+from skyarm.simulate.loop_state import AgentLoop, Clock, GivenRow, InputRow, LoopState, Sample
 from skyarm.simulate.stages import Readings, Stages
 from skyarm.world import WindSample
 
@@ -34,7 +34,7 @@ class PlantSteps(Protocol[Body]):
         ...
 
 
-class Measured(NamedTuple):
+class FirstHalf(NamedTuple):
     """Results of the first half of a control period: wind and contacts, sensor readings, law's measurement.
 
     Attributes:
@@ -57,8 +57,8 @@ Period = Callable[[LoopState, GivenRow, Uniforms], tuple[LoopState, Sample]]
 
 
 def measure(
-    stages: Stages, plant: PlantSteps[State], now: LoopState, row: Row[Reference], uniforms: Uniforms
-) -> Measured:
+    stages: Stages, plant: PlantSteps[State], now: LoopState, row: InputRow[Reference], uniforms: Uniforms
+) -> FirstHalf:
     """Evaluate winds, contacts, sensors and estimator at the start of a control period."""
     own, time = now.agent, row.time
     components, around = stages.surround(now.components, own.drives, own.state, time, uniforms, row.path_time)
@@ -66,11 +66,11 @@ def measure(
     wind, pushes = stages.wind(around, own.state), stages.pushes(around, own.state)
     force = plant.specific_force(own.state, acting, around)
     read = stages.sense(own.sensors, own.estimate, now.ticks, own.state, force, acting, time, uniforms, pushes)
-    return Measured(components, around, acting, wind, stages.with_grasp(read, components))
+    return FirstHalf(components, around, acting, wind, stages.with_grasp(read, components))
 
 
 def act(
-    stages: Stages, plant: PlantSteps[State], now: LoopState, measured: Measured, memory: Tree, command: Command,
+    stages: Stages, plant: PlantSteps[State], now: LoopState, measured: FirstHalf, memory: Tree, command: Command,
     clock: Clock = (),
 ) -> LoopState:  # fmt: skip
     """Apply a command through delay, joint drives and plant; return the loop state after the control period."""
@@ -93,8 +93,8 @@ def make_period(stages: Stages, plant: PlantSteps[State]) -> Period:
     An episode that has ended keeps the state it ended in; only the law's memory, which nobody reads then, goes on.
 
     Args:
-        stages: of the scenario.
-        plant: over the same scalars.
+        stages: stages of the scenario.
+        plant: plant model over the same scalars.
     """
 
     def period(before: LoopState, given: GivenRow, uniforms: Uniforms) -> tuple[LoopState, Sample]:

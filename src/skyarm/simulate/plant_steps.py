@@ -20,7 +20,7 @@ from skyarm.records.leaves import Tree, blend, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.command_line import switches
+from skyarm.simulate.command_delay import switches
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
@@ -32,8 +32,8 @@ def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> Rigi
     """Rigid-body plant of a scenario, from which the number of integration steps follows.
 
     Args:
-        scenario: with concrete numbers.
-        first: its first loop state, where that is there already.
+        scenario: scenario with concrete numbers.
+        first: its first loop state; made anew if left out.
     """
     around = first_surroundings(scenario, first or first_loop_state(scenario))
     return RigidBodyPlant(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics)
@@ -59,7 +59,7 @@ class RigidBodySteps:
     """Traced rigid-body plant model within one control period.
 
     Args:
-        stages: of the episode. substeps: number of integration steps of an interval.
+        stages: stages of the episode. substeps: counts of integration steps in an interval (s).
     """
 
     def __init__(self, stages: Stages, substeps: Callable[[float], Steps]) -> None:
@@ -107,8 +107,8 @@ class StagesInPython(Stages):
     """Stages of a control period evaluated in Python: a termination raises, and any Python law may be called.
 
     Args:
-        scenario: of the episode. calls: of its law. example: a command, for its structure.
-        command, given: as of :class:`Stages`.
+        scenario: scenario of the episode. calls: internal state of its law. example: command with its structure.
+        command, given: arguments of :class:`Stages`.
     """
 
     def __init__(
@@ -162,7 +162,7 @@ class LawCalls:
     memory: Any
 
 
-def _graph_of(record: Any) -> Graph:
+def _graph_of(record: Tree) -> Graph:
     """Graph of the traced program that the scalars of a dataclass belong to."""
     return next(leaf.graph for leaf in leaves(record) if isinstance(leaf, Node))
 
@@ -177,7 +177,7 @@ class CalledPlant:
     """Plant model called from a traced program as a Python function, on flat tuples of floats.
 
     Args:
-        plant: of numbers. stages: of the episode. around: surroundings of one period, as an example.
+        plant: plant model of floats. stages: stages of the episode. around: surroundings of one period, as an example.
 
     Raises:
         ScenarioError: a user-defined plant that has no function for a part of the scenario, or a delay that is no
@@ -211,7 +211,7 @@ class CalledPlant:
         numbers = iter(_graph_of(state).external(self._advance, groups, self._end + len(self._coupled)))
         return rebuild(state, numbers), rebuild(around.coupled_memories(), numbers)
 
-    def _specific_force(self, state: Flat, command: Flat, around: Flat) -> Any:
+    def _specific_force(self, state: Flat, command: Flat, around: Flat) -> Flat:
         self._read = state, around
         return self._plant.specific_force(state, command, around)
 
@@ -228,20 +228,20 @@ class CalledPlant:
             n, end = self._rotors, self._rotors + self._joints
             old, new = (Command(rotor_speeds=u[:n], efforts=u[n:end], tilts=u[end:]) for u in (before, after))
             pairs = switches(old, new, *self._apart)
-            parts = [(seconds, tuple(leaves(command))) for seconds, command in pairs]
+            parts = [(float(seconds), tuple(leaves(command))) for seconds, command in pairs]
         for seconds, command in parts:
             if seconds > 0.0:
-                found = self._hold(state, command, around, seconds)
-                state, around = found[: self._end], self._with_memories(around, found[self._end :])
+                numbers = self._hold(state, command, around, seconds)
+                state, around = numbers[: self._end], self._with_memories(around, numbers[self._end :])
             left = left - seconds
         return self._hold(state, after, around, left)
 
     def _hold(self, state: Flat, command: Flat, around: Flat, seconds: float) -> Flat:
         """Vehicle and contact states as a flat tuple, after an interval with a constant command."""
-        found = self._plant.advance(state, command, around, seconds)
-        if self._coupled and len(found) != self._end + len(self._coupled):
+        numbers = self._plant.advance(state, command, around, seconds)
+        if self._coupled and len(numbers) != self._end + len(self._coupled):
             raise ScenarioError(f"plant.kind = {self._kind!r}: does not know [world]; it has no coupled memories")
-        return found
+        return numbers
 
     def _with_memories(self, around: Flat, memories: Flat) -> Flat:
         """Plant inputs as a flat tuple, with the states of the contacts replaced."""
@@ -253,7 +253,7 @@ class CalledPlant:
         return tuple(numbers)
 
 
-def _impact_of(plant: Any, scenario: Scenario) -> Callable[[Flat, Flat], Flat] | None:
+def _impact_of(plant: Plant, scenario: Scenario) -> Callable[[Flat, Flat], Flat] | None:
     """Function of a plant that applies impacts of grasps and locking joints; None for a scenario without them.
 
     Raises:
@@ -263,8 +263,8 @@ def _impact_of(plant: Any, scenario: Scenario) -> Callable[[Flat, Flat], Flat] |
     rigid = any(payload.rigid for payload in scenario.payloads)
     if not rigid and not stuck:
         return None
-    found: Callable[[Flat, Flat], Flat] | None = getattr(plant, "after_impact", None)
-    if found is None:
+    after_impact: Callable[[Flat, Flat], Flat] | None = getattr(plant, "after_impact", None)
+    if after_impact is None:
         what = "rigid payloads" if rigid else "environment.faults with stuck"
         raise ScenarioError(f"plant.kind = {scenario.kind!r}: does not know {what}; it has no after_impact")
-    return found
+    return after_impact

@@ -39,7 +39,7 @@ from skyarm.reference.trajectory import PASSED, Reference
 from skyarm.scenario.in_flight import Overrides
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.loop_state import Clock, GivenRow, LoopState, PathClock, Row
+from skyarm.simulate.loop_state import Clock, GivenRow, InputRow, LoopState, PathClock
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 
 Instant = tuple[Scalar, Sequence[Scalar]]
@@ -51,9 +51,10 @@ class Seen:
     """Measured quantities by which the conditions (guards) that end task phases are evaluated.
 
     Attributes:
-        tip: as measured, m, world axes. goal: its desired position by the held reference. push: of that reference.
-        force: on the tip as the law observes it, N, world axes; None of a law that observes none.
-        felt: the same as a force sensor measures it, for guards that require it. switches: 1 closed, in the order of
+        tip: measured position of the tip, m, world axes. goal: its desired position by the held reference.
+        push: contact request of that reference.
+        force: tip force as the law observes it, N, world axes; None of a law that observes none.
+        felt: tip force as a force sensor measures it, for guards that require it. switches: 1 closed, in the order of
             those that ``Waits`` looks at.
     """
 
@@ -66,11 +67,11 @@ class Seen:
 
 
 @immutable
-class Terms:
+class GuardTerms:
     """Times and flags of the condition (guard) that ends a task phase; times in control periods, flags 1 or 0.
 
     Attributes:
-        stop: m, position of the base's reference at its end; () where no phase ends early.
+        stop: position of the base's reference at its end, m; () where no phase ends early.
     """
 
     end: Scalar
@@ -96,7 +97,7 @@ class Waits:
     """Evaluator of the conditions (guards) that end task phases, and of the clock of the waiting reference.
 
     Args:
-        scenario: whose numbers may be traced.
+        scenario: scenario, whose numbers may be traced.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -116,9 +117,9 @@ class Waits:
         self._measures = any(guard.distance is not None for guard in self.guards)
         self._terms = tuple(self._terms_of(guard) for guard in self.guards)
 
-    def _terms_of(self, guard: Guard) -> Terms:
+    def _terms_of(self, guard: Guard) -> GuardTerms:
         rate = self._rate
-        return Terms(
+        return GuardTerms(
             end=guard.at * rate,
             begin=guard.begin * rate,
             hold=guard.hold * rate,
@@ -128,7 +129,7 @@ class Waits:
             stop=Vec3(*map(data, self._trajectory.at(guard.at).position)) if self._moves else (),
         )
 
-    def terms(self, n: Scalar) -> Terms:
+    def terms(self, n: Scalar) -> GuardTerms:
         """Times and flags of guard number ``n``; beyond the last guard, those of a guard that is never reached."""
         return _select(n, (*self._terms, dataclasses.replace(self._terms[-1], end=NEVER, early=0.0)))
 
@@ -163,14 +164,14 @@ class Waits:
             guard = guard + where(ticks > terms.end + WHOLE, 1.0, 0.0)
         return dataclasses.replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
 
-    def lead(self, clock: Clock, ticks: Scalar, row: GivenRow) -> Row[Reference]:
+    def lead(self, clock: Clock, ticks: Scalar, row: GivenRow) -> InputRow[Reference]:
         """Closed-loop inputs of a control period, with the reference evaluated at the reference clock's time."""
         if not clock or row.reference != ():
-            return cast("Row[Reference]", row)  # without a clock the reference is in the row
+            return cast("InputRow[Reference]", row)  # without a clock the reference is in the row
         path_time, reference = self.path_time(clock), self.previewed_reference(clock, ticks)
         if self._trajectory.load is not None:  # the hand's command is of this period, not of a sample
             reference = dataclasses.replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
-        return Row(time=row.time, reference=reference, told=row.told, path_time=path_time)
+        return InputRow(time=row.time, reference=reference, told=row.told, path_time=path_time)
 
     def is_sound(self, clock: Clock) -> Scalar:
         """True while no mandatory task phase has timed out."""
@@ -181,7 +182,7 @@ class Waits:
         return self.times(clock, ticks) if clock else ()
 
     def advance(
-        self, clock: Clock, ticks: Scalar, measurement: Measurement, row: Row[Reference], memory: Tree
+        self, clock: Clock, ticks: Scalar, measurement: Measurement, row: InputRow[Reference], memory: Tree
     ) -> Clock:
         """State of the reference clock after a control period, from the law's measurement and observed force."""
         if not clock:
@@ -191,11 +192,11 @@ class Waits:
     def _hold_sample(self, clock: PathClock, ticks: Scalar) -> PathClock:
         """Reference clock with its held sample renewed if the reference rate requires a new sample now."""
         fresh = due(ticks, self._ratio)
-        held = where(fresh, clock.place, clock.held)
+        sampled = where(fresh, clock.place, clock.held)
         if not self._moves:
-            return dataclasses.replace(clock, held=held)
+            return dataclasses.replace(clock, held=sampled)
         offset, since = blend(fresh, (clock.offset, clock.since), (clock.held_offset, clock.held_since))
-        return dataclasses.replace(clock, held=held, held_offset=offset, held_since=since)
+        return dataclasses.replace(clock, held=sampled, held_offset=offset, held_since=since)
 
     def times(self, clock: PathClock, ticks: Scalar) -> tuple[Scalar, ...]:
         """Path times (s) and position offsets (m) of the current reference and of its held sample, for the log.
@@ -208,8 +209,8 @@ class Waits:
 
     def instants(self, times: Sequence[Scalar]) -> tuple[Instant, Instant]:
         """Path time and position offset of the held reference, then of the current reference."""
-        path_time, held, *offsets = times
-        return (held, offsets[4:]), (path_time, offsets[:4])
+        path_time, sampled, *offsets = times
+        return (sampled, offsets[4:]), (path_time, offsets[:4])
 
     def held_reference(self, clock: PathClock, ticks: Scalar) -> Reference:
         """Reference sample that is held in a control period, at the reference clock's time."""
@@ -217,9 +218,9 @@ class Waits:
 
     def previewed_reference(self, clock: PathClock, ticks: Scalar) -> Reference:
         """Held reference sample with those to come, as far as the reference is certain to go on."""
-        held, end = self.held_reference(clock, ticks), self.end(clock)
+        sample, end = self.held_reference(clock, ticks), self.end(clock)
         time, offset = self.instants(self.times(clock, ticks))[0]
-        return with_preview(held, self._leads, lambda lead: self.reference(minimum(time + lead, end), offset))
+        return with_preview(sample, self._leads, lambda lead: self.reference(minimum(time + lead, end), offset))
 
     def end(self, clock: PathClock) -> Scalar:
         """Path time (s) at which the reference waits for the guard that it comes to next."""
@@ -231,25 +232,25 @@ class Waits:
 
     def phase(self, path_time: Scalar) -> Scalar:
         """Index of the task phase at a path time (s); 0 for a task without phases."""
-        found: Scalar = 0.0
+        index: Scalar = 0.0
         for each in self._trajectory.phases:
-            found = found + where(path_time > each.end + PASSED, 1.0, 0.0)
-        return found
+            index = index + where(path_time > each.end + PASSED, 1.0, 0.0)
+        return index
 
     def reference(self, time: Scalar, offset: Sequence[Scalar] = ()) -> Reference:
         """Reference at a path time (s), shifted by a position offset."""
-        found = self._trajectory.at(time)
+        planned = self._trajectory.at(time)
         if not offset:
-            return found
+            return planned
         *moved, since = offset
-        return offset_reference(found, Vec3(*moved), self._trajectory.returns, since / self._rate, time)
+        return offset_reference(planned, Vec3(*moved), self._trajectory.returns, since / self._rate, time)
 
-    def with_task_loads(self, par: Any, path_time: Any) -> Any:
+    def with_task_loads(self, par: Any, path_time: Scalar | tuple[()]) -> Any:
         """Parameters of the law with the payloads carried at a path time (s) added to its vehicle model."""
         vehicle = par.model.vehicle
         for payload in self._believed:
-            held = logical_and(path_time >= payload.pick, path_time < payload.drop)
-            vehicle = vehicle.with_payload(where(held, payload.mass, 0.0), payload.frame or None)
+            carried = logical_and(path_time >= payload.pick, path_time < payload.drop)
+            vehicle = vehicle.with_payload(where(carried, payload.mass, 0.0), payload.frame or None)
         if not self._believed:
             return par
         return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
@@ -298,7 +299,7 @@ class Waits:
 
     def _holds(self, guard: Guard, seen: Seen, origin: Vec3 | tuple[()]) -> Scalar:
         """1.0 if all conditions of a guard are met by the measured quantities, else 0.0."""
-        met: list[Any] = []
+        met: list[Scalar] = []
         direction, force = Vec3(*map(data, guard.direction)), seen.felt if guard.sensed else seen.force
         if guard.error is not None:
             away = counted_error(seen.tip - seen.goal, seen.push, seen.tip)
@@ -312,18 +313,18 @@ class Waits:
                 met.append(absolute(seen.switches[self.switches.index(name)] - state) < 0.5)
         if guard.distance is not None:
             met.append(direction.dot(Vec3(*origin) - seen.tip) >= guard.distance)
-        found: Scalar = 1.0
+        all_met: Scalar = 1.0
         for each in met:
-            found = where(each, found, 0.0)
-        return found
+            all_met = where(each, all_met, 0.0)
+        return all_met
 
 
 def _select(n: Scalar, values: Sequence[T]) -> T:
     """Element ``n`` of a sequence for a traced index ``n``; the last element beyond the end."""
-    found = values[-1]
+    element = values[-1]
     for i in reversed(range(len(values) - 1)):
-        found = blend(n < i + 0.5, values[i], found)
-    return found
+        element = blend(n < i + 0.5, values[i], element)
+    return element
 
 
 def due(ticks: Scalar, every: int) -> Scalar:
@@ -343,10 +344,10 @@ def clock_of_change(scenario: Scenario, first: LoopState, now: LoopState, *, ane
     """Reference clock restarted after a change of the scenario; () if the old clock continues.
 
     Args:
-        scenario: after the change.
+        scenario: scenario after the change.
         first: its first loop state.
-        now: the loop where the change came; it may be that of many lanes, of which some have ended.
-        anew: the reference is another one.
+        now: state of the loop where the change came; it may be that of many lanes, of which some have ended.
+        anew: True if the reference is another one.
     """
     other = mismatch(first.agent.clock, now.agent.clock, "clock")
     if first.agent.clock == () or not (anew or other):

@@ -8,7 +8,7 @@ unexplained.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -25,11 +25,11 @@ from skyarm.dynamics.state import State, example_state
 from skyarm.plant.compiled import RigidBodyPlant, Steps, example_command, hold
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import Moved
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.surroundings import Memories, Surroundings
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import field_names, leaves
-from skyarm.simulate.command_line import mean_efforts, switches
+from skyarm.records.leaves import Dataclass, Tree, field_names, leaves
+from skyarm.simulate.command_delay import mean_efforts, switches
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import Component, Effectiveness, Wrench
 
@@ -53,12 +53,12 @@ class Inputs:
     """Vehicle parameters, unexplained wrench and commands of one simulated lane over one step.
 
     Attributes:
-        numbers: in the order of the replay's names.
+        numbers: vehicle parameters in the order of the replay's names.
         thrust: factor of every rotor's thrust and drag torque, as by the battery.
-        force, torque: that nothing explains, N and N m, base axes.
+        force, torque: unexplained wrench, N and N m, base axes.
         before, after: commands between which the step switches: speeds of the rotors, rad/s, and setpoints of the
             joints' drives, N m or N without one.
-        late: s, within the step at which the rotors switch, and the joints.
+        late: instants within the step at which the rotors switch, and the joints, s.
     """
 
     numbers: tuple[Scalar, ...]
@@ -70,18 +70,18 @@ class Inputs:
     late: tuple[Scalar, Scalar]
 
 
-class Replay:
+class CommandReplay:
     """Plant in machine code that flies under logged commands.
 
     Args:
         vehicle_of: numbers by name -> vehicle, of any scalars. start: usual numbers, by which steps are chosen.
         drives_of: vehicle -> drive of each joint; none where all take torques.
-        step: s, over which inputs are constant. gravity: m/s^2.
+        step: time over which inputs are constant, s. gravity: m/s^2.
         sensed: numbers, states before and after a step -> what is logged of it beside the state.
         finer: least number of integration steps within one.
 
     Attributes:
-        names: of the numbers. step: s. substeps: integration steps within one.
+        names: names of the numbers. step: s. substeps: integration steps within one.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class Replay:
         drives = drives_of(usual)
         memories = tuple(each.begin(0.0, 0.0, step) for each in drives)
 
-        def around(vehicle: Vehicle, given: Inputs, memories: tuple[Any, ...]) -> Surroundings:
+        def around(vehicle: Vehicle, given: Inputs, memories: Memories) -> Surroundings:
             left = Effectiveness(rotors=(given.thrust,) * rotors, joints=(1,) * n)
             push = (given.force, given.torque)
             return Surroundings(
@@ -123,16 +123,18 @@ class Replay:
         self.substeps = max(finer, plant.substeps(step).near)
         count = Steps(self.substeps)
 
-        def fly(carry: Any, given: Inputs, _row: Any, _uniforms: Any) -> tuple[Any, Any]:
+        def fly(
+            carry: tuple[State, Memories], given: Inputs, _row: Tree, _uniforms: Tree
+        ) -> tuple[tuple[State, Memories], tuple[Scalar, ...]]:
             before, memories = carry
             numbers = dict(zip(self.names, given.numbers, strict=True))
             vehicle = vehicle_of(numbers)
             setpoints = mean_efforts(given.before, given.after, given.late[1], step)
             rows = zip(drives_of(vehicle), memories, setpoints, before.joints, before.joint_rates, strict=False)
-            memories = tuple(each.advance(held, mean, q, qd, step) for each, held, mean, q, qd in rows)
+            memories = tuple(drive.advance(memory, mean, q, qd, step) for drive, memory, mean, q, qd in rows)
             world, beside = Truth(vehicle=vehicle, gravity=gravity), around(vehicle, given, memories)
             now: Moved = before, ()
-            left = step
+            left: Scalar = step
             for seconds, command in switches(given.before, given.after, *given.late):
                 now = hold(world, "rk4", count, now, command, beside, seconds)
                 left = left - seconds
@@ -142,12 +144,12 @@ class Replay:
         loop = trace_loop(fly, (state, memories), self._inputs, (), loops=True)
         self._kernel = Kernel(loop, Lanes(host_width(), contract=True), logging=True, effort=1)
 
-    def flights(self, lanes: int, threads: int = 1) -> Flights:
+    def flights(self, lanes: int, threads: int = 1) -> ReplayedFlights:
         """Simulated flights in lanes, all at rest at the origin, with the usual vehicle parameters."""
-        return Flights(self._kernel, self._carry, self._inputs, lanes, threads)
+        return ReplayedFlights(self._kernel, self._carry, self._inputs, lanes, threads)
 
 
-class Flights:
+class ReplayedFlights:
     """Flights of a replay side by side, step by step.
 
     Attributes:
@@ -157,7 +159,7 @@ class Flights:
         logged: (numbers, lanes) of the last step.
     """
 
-    def __init__(self, kernel: Kernel, carry: tuple[State, Any], inputs: Inputs, lanes: int, threads: int) -> None:
+    def __init__(self, kernel: Kernel, carry: tuple[State, Memories], inputs: Inputs, lanes: int, threads: int) -> None:
         self._stepper = LaneStepper(kernel, lanes, threads=threads)
         stepper = self._stepper
         self.state, count = _views(carry[0], stepper.carry)
@@ -182,10 +184,10 @@ class Flights:
         self._stepper.close()
 
 
-def _views(record: Any, rows: Array) -> tuple[dict[str, Array], int]:
+def _views(record: Dataclass, rows: Array) -> tuple[dict[str, Array], int]:
     """Rows of an array that hold a record's numbers, by the names of its fields, and their count."""
-    found, first = dict[str, Array](), 0
+    views, first = dict[str, Array](), 0
     for name in field_names(type(record)) or ():
         last = first + len(leaves(getattr(record, name)))
-        found[name], first = rows[first:last], last
-    return found, first
+        views[name], first = rows[first:last], last
+    return views, first

@@ -7,6 +7,7 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics import State
@@ -26,8 +27,8 @@ from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, join_pieces, state_arrays
 from skyarm.simulate.check_endings import Ended, running_status
-from skyarm.simulate.command_line import numbers_of_command, rotor_numbers
-from skyarm.simulate.engine import Engine, EpisodeCode
+from skyarm.simulate.command_delay import numbers_of_command, rotor_numbers
+from skyarm.simulate.engine import Engine, EngineState, EpisodeCode, ProgramKey
 from skyarm.simulate.first_not_finite import first_line
 from skyarm.simulate.lane_numbers import require_paths
 from skyarm.simulate.loop_state import LoopState
@@ -41,11 +42,11 @@ class Course:
     """Scenario in force during a flight, with the changes already made and those still scheduled.
 
     Attributes:
-        begun: the scenario with which the flight began.
-        now: as it is, with the changes to come.
-        made: changes that have taken hold, in order. coming: those that have not.
-        overrides: what they made of ``begun``.
-        flown: what was flown before the last of them.
+        begun: scenario with which the flight began.
+        now: scenario in force, with the changes to come.
+        made: changes that have taken hold, in order. coming: changes that have not.
+        overrides: replacements by the changes made, in ``begun``.
+        flown: pieces flown before the last change made.
     """
 
     begun: Scenario
@@ -110,14 +111,14 @@ class Snapshot:
 
     Attributes:
         course: scenario and changes as they were then. tick: control periods flown.
-        engine: what flew then. held: its data of that instant.
-        session: number of the session that it is of.
+        engine: simulator that flew then. held: its state at that instant.
+        session: number of the snapshot's session.
     """
 
     course: Course
     tick: int
     engine: Engine
-    held: Any
+    held: EngineState
     session: int
 
 
@@ -134,10 +135,10 @@ class Session:
     are kept beside them: :attr:`plan` is the scenario that flies the session again.
 
     Args:
-        scenario: what is flown; its duration is the longest the session can get.
+        scenario: scenario that is flown; its duration is the longest the session can get.
         paths: numbers that :meth:`change` will give other values often: machine code reads them in every period from
             the start. Others become such numbers, by code that is made anew, when they are changed first.
-        machine_code: False flies stage by stage in Python whatever the law and the plant: slower, the same numbers.
+        machine_code: False to fly stage by stage in Python whatever the law and the plant: slower, the same numbers.
 
     Raises:
         ScenarioError: not a scenario, or one with changes that cannot be made.
@@ -237,7 +238,7 @@ class Session:
         """Simulate one control period.
 
         Args:
-            command: in place of the law's; the law is not evaluated then, and its memory stays.
+            command: command in place of the law's; the law is not evaluated then, and its memory stays.
             rotors: rotor speeds (rad/s) in place of the law's, which still moves the joints; not beside ``command``.
 
         Returns:
@@ -367,7 +368,7 @@ class Session:
             quick = course.overrides is not NONE or course.coming or self._paths
             effort = 0 if quick else 2 if self._commands else None
 
-            def vary(values: Sequence[Any]) -> Scenario:
+            def vary(values: Sequence[Scalar]) -> Scenario:
                 return with_numbers(shape, dict(zip(numbers, values, strict=True)))
 
             code = EpisodeCode(scenario, vary, numbers, commands=self._commands, effort=effort, key=key)
@@ -383,7 +384,7 @@ class Session:
         """Parameter values that are inputs of the machine code, so that they can change without recompilation."""
         return course.overrides.data(course.begun, self._paths)
 
-    def _key(self, course: Course) -> Any:
+    def _key(self, course: Course) -> ProgramKey:
         """Identifier of a compiled program; equal for scenarios that differ in parameter values only."""
         read = self._read(course)
         return read.parts, tuple(path for path, _ in read.numbers)
@@ -420,11 +421,11 @@ def open_session(
     """Session of a scenario: of its law, or of the autopilot that flies its base, once that has taken off.
 
     Args:
-        scenario: what is flown.
-        paths: as of :class:`Session`.
-        machine_code: as of :class:`Session`.
+        scenario: scenario that is flown.
+        paths: argument of :class:`Session`.
+        machine_code: argument of :class:`Session`.
         make: class of the session of a law.
-        preparing: called in an autopilot's take-off with its simulated seconds and the most that it may last.
+        preparing: function called in an autopilot's take-off with its simulated seconds and the most that it may last.
 
     Raises:
         ScenarioError: as :class:`Session`; an autopilot without a program, or a vehicle that it cannot fly.
@@ -433,5 +434,5 @@ def open_session(
     autopilot = autopilot_of(scenario.controller) if isinstance(scenario, Scenario) else None
     if autopilot is None:
         return make(scenario, paths, machine_code=machine_code)
-    found: Session = autopilot.session_type()(scenario, paths, machine_code=machine_code, progress=preparing)
-    return found
+    session: Session = autopilot.session_type()(scenario, paths, machine_code=machine_code, progress=preparing)
+    return session

@@ -32,7 +32,7 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import NO_PUSH, Push
 from skyarm.sensing.sensor_kinds import ForceReading, SwitchReading
 from skyarm.simulate.check_endings import healthy
-from skyarm.simulate.command_line import (
+from skyarm.simulate.command_delay import (
     command_delay,
     command_in_force,
     joined_parts,
@@ -40,7 +40,7 @@ from skyarm.simulate.command_line import (
     rotor_and_joint_delays,
 )
 from skyarm.simulate.draws import Draws, draw_plan
-from skyarm.simulate.loop_state import LoopState, Row, SensorState
+from skyarm.simulate.loop_state import InputRow, LoopState, SensorState
 from skyarm.simulate.reference_clock import Waits, due
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
@@ -61,8 +61,8 @@ class Stages:
     """Computation stages of one control period of a scenario, whose parameter values may be traced.
 
     Args:
-        scenario: structure must be concrete: rates, integrator, delays but for a varied one of the commands.
-        command: from outside, in place of the law's; None for the law's own.
+        scenario: scenario with concrete structure: rates, integrator, delays but for a varied one of the commands.
+        command: command from outside, in place of the law's; None for the law's own.
         given: 1 where that command takes the law's place, 0 where the law decides, 2 where the command's rotor speeds
             alone take the place of the law's; None for always 1.
     """
@@ -151,7 +151,7 @@ class Stages:
         (rotors, _), (joints, _) = self.apart
         return joined_parts(command_in_force(queue, rotors), command_in_force(queue, joints))
 
-    def law_reference(self, row: Row[Reference]) -> Reference:
+    def law_reference(self, row: InputRow[Reference]) -> Reference:
         """Reference that the law receives: time-scaled where planned; the initial pose until tracking starts."""
         return joined_reference(self.scenario, row.told or row.reference, row.time)
 
@@ -170,14 +170,14 @@ class Stages:
             every = self._every[i]
             push = felt.get(i, NO_PUSH)
             memory, reading = sensor.take(now.memory, time, state, force, push, draws[i], every * self.period)
-            held: Tree = ()
+            last: Tree = ()
             if every > 1:
                 now_due = due(ticks, every)
                 memory, reading = blend(now_due, memory, now.memory), blend(now_due, reading, now.held)
-                held = reading
+                last = reading
             # until the first reading has arrived the estimator sees that one
             seen = (*(blend(ticks < 0.5, reading, old) for old in now.waiting), reading)
-            going.append(SensorState(memory=memory, held=held, waiting=seen[1:]))
+            going.append(SensorState(memory=memory, held=last, waiting=seen[1:]))
             arrived[name] = seen[0]
         memory, measurement = self._estimator.step(estimate, arrived, acting, self.period)
         if self.tip_sensor is not None:
@@ -186,17 +186,17 @@ class Stages:
             measurement = dataclasses.replace(measurement, tip_force=tuple(turned.apply(pushed.force)))
         if self.waits.switches:
             # as says what these sensors sense
-            told = tuple(cast("SwitchReading", arrived[name]).closed for name in self.waits.switches)
-            measurement = dataclasses.replace(measurement, switches=told)
-        kept = tuple((name, reading) for name, reading in arrived.items() if name in self.logged)
-        return Readings(sensors=tuple(going), estimate=memory, readings=kept, measurement=measurement)
+            switches = tuple(cast("SwitchReading", arrived[name]).closed for name in self.waits.switches)
+            measurement = dataclasses.replace(measurement, switches=switches)
+        logged = tuple((name, reading) for name, reading in arrived.items() if name in self.logged)
+        return Readings(sensors=tuple(going), estimate=memory, readings=logged, measurement=measurement)
 
     def with_grasp(self, read: Readings, memories: Memories) -> Readings:
         """Sensor readings with the grasp signal of the grippers at the tip, for a law that estimates its load."""
         if not self._awaits_load:
             return read
         tip, each_memory = self.scenario.plant.vehicle.end_effector, zip(self.components, memories, strict=True)
-        reports = [held for each, memory in each_memory for held in each.holds(memory, tip)]
+        reports = [report for each, memory in each_memory for report in each.holds(memory, tip)]
         holds = (functools.reduce(maximum, reports),) if reports else ()
         return dataclasses.replace(read, measurement=dataclasses.replace(read.measurement, holds=holds))
 
@@ -291,10 +291,10 @@ def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, 
     nothing can push, because sensors keep them in their memories.
 
     Args:
-        frame: of the vehicle.
+        frame: frame of the vehicle.
         around: surroundings of the period.
-        vehicle: the true one.
-        state: the truth.
+        vehicle: vehicle of the plant.
+        state: state of the plant.
         gravity: m/s^2.
     """
     motion, carried = PointMotion(vehicle, state, around.air_velocity), beyond(vehicle, frame.link)
@@ -304,8 +304,8 @@ def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, 
         if wrench.body in carried:
             force = force + wrench.force_W
             torque = torque + wrench.torque_W + (motion.position(wrench.point, wrench.body) - at).cross(wrench.force_W)
-    for held, memory in rigid_loads(around):
-        link, load = held.body(vehicle, memory.held)
+    for payload, memory in rigid_loads(around):
+        link, load = payload.body(vehicle, memory.held)
         if link in carried:
             weight = Vec3(0, 0, mul(-gravity, load.mass))
             force = force + weight
@@ -319,10 +319,10 @@ def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, 
 
 def beyond(vehicle: Vehicle, link: int) -> set[int]:
     """Indices of a link and of all links that it carries; for the base, of all links."""
-    found = {link}
+    links = {link}
     if link == BASE:
         return {BASE, *range(len(vehicle.moving))}
     for i, each in enumerate(vehicle.moving):
-        if each.parent in found:
-            found.add(i)
-    return found
+        if each.parent in links:
+            links.add(i)
+    return links

@@ -43,7 +43,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
 from skyarm.records.files.messages import comma_list
 from skyarm.records.files.user_code import failure, own_code, place_of, place_of_error
-from skyarm.records.leaves import is_record, leaves, named_parts, parts
+from skyarm.records.leaves import Tree, is_record, leaves, named_parts, parts
 from skyarm.records.registry.class_signatures import class_mistake
 from skyarm.reference import Publisher
 from skyarm.reference.preview import with_preview
@@ -61,7 +61,10 @@ from skyarm.vehicle.linkage import BASE
 from skyarm.world import Wrench
 from skyarm.world.component import MOST_UNIFORMS
 
-Step = Callable[..., Any]
+Call = Callable[..., Any]
+"""(method, arguments) -> result of the user's method, whatever that is."""
+
+Step = Callable[[Call, Tree, Scalar, State, tuple[Scalar, ...]], Tree]
 """(call, memory, time, state, draws) -> following memory; raises ScenarioError of a result with the wrong shape."""
 
 
@@ -76,48 +79,50 @@ Fingerprint = dict[str, str]
 
 
 @dataclass(frozen=True)
-class Part:
+class UserPart:
     """User-defined model in a scenario, with its parameter path and the method that error messages refer to.
 
     Attributes:
         own: object within the record whose code is the user's, if not the record itself.
-        results: of each method in the last trace.
+        results: result of each method in the last trace.
     """
 
     place: str
     record: Any
     method: str
-    own: Any = None
+    own: object = None
     results: dict[str, Any] = field(default_factory=dict)
 
     def refusal(self, words: str, place: str = "", method: str = "") -> PartError:
         """Error about a user-defined model, with file and line of the user's code."""
         if isinstance(self.record, Controller):
             return PartError(str(wrong(self.record, words, place)))
-        held = getattr(self.record, method or self.method, None)
+        function = getattr(self.record, method or self.method, None)
         named = f".{method}" if method else ""
-        found = place or place_of(held if own_code(held) else self.own or type(self.record))
-        return PartError(f"{found}: {self.place} ({type(self.own or self.record).__name__}{named}) {words}")
+        line = place or place_of(function if own_code(function) else self.own or type(self.record))
+        return PartError(f"{line}: {self.place} ({type(self.own or self.record).__name__}{named}) {words}")
 
-    def require_numbers(self, method: str, label: str, result: Any, example: Any = None, also: type = int) -> None:
+    def require_numbers(
+        self, method: str, label: str, result: object, example: object = None, also: type = int
+    ) -> None:
         """Refuse a result of a method with a part that is no number, or with other parts than an example's."""
-        found = dict(named_parts(result, label))
-        wanted = found if example is None else dict(named_parts(example, label))
-        if list(found) != list(wanted):
-            raise self.refusal(f"gives {comma_list(found)}: must be {comma_list(wanted)}", method=method)
-        for at, each in found.items():
+        numbers = dict(named_parts(result, label))
+        expected = numbers if example is None else dict(named_parts(example, label))
+        if list(numbers) != list(expected):
+            raise self.refusal(f"gives {comma_list(numbers)}: must be {comma_list(expected)}", method=method)
+        for at, each in numbers.items():
             plain = coerce.plain_number(each)
             if kind_of(plain) != "a number" and type(plain) not in (int, also):
                 free = ", or a tuple or a frozen dataclass of numbers" if example is None else ""
                 raise self.refusal(f"gives {at} as {kind_of(plain)}: must be a number{free}", method=method)
 
-    def pair(self, result: Any, what: str, kind: type = object) -> tuple[Any, Any]:
+    def pair(self, result: object, what: str, kind: type = object) -> tuple[Tree, Any]:
         """Memory and result of a step; refuse anything but a pair of these."""
         if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], kind):
             raise self.refusal(f"returns {kind_of(result)}: must return (memory, {what})")
         return result
 
-    def call(self, method: str, *given: Any) -> Any:
+    def call(self, method: str, *given: object) -> Any:
         """Result of a method, which is kept; an argument that the method writes to raises an error."""
         law, own = method == "law", self.record
         function = partial(checked_law(own), par=own.par) if law else getattr(own, method)
@@ -129,13 +134,15 @@ class Part:
             raise self.refusal(f"writes to its argument {name!r}: must return new records", method=method)
         return result
 
-    def trace(self, step: Step, memory: Any, scenario: Scenario, draws: int = 0) -> Fingerprint:
+    def trace(self, step: Step, memory: Tree, scenario: Scenario, draws: int = 0) -> Fingerprint:
         """Trace one step of a user-defined model; raise a one-line error for a mistake in the user's code."""
         words = memory_mistake(memory, "memory")
         if words:
             raise self.refusal(words)
 
-        def check_step(moving: Any, time: tuple[Scalar, ...], state: State, given: Any) -> Mapping[str, Any]:
+        def check_step(
+            moving: Tree, time: tuple[Scalar, ...], state: State, given: tuple[Scalar, ...]
+        ) -> Mapping[str, Any]:
             self.results.clear()
             following = step(self.call, moving, time[0], state, given)
             different = difference(moving, following, "memory")
@@ -153,6 +160,10 @@ class Part:
             if words is None:
                 raise
             raise self.refusal(words, place_of_error(error)) from error
+
+
+Check = Callable[[Scenario, UserPart], Fingerprint]
+"""Trace of one step of a model, which raises a one-line error of a mistake in it."""
 
 
 def _as_constructed(record: Any) -> Any:
@@ -199,7 +210,7 @@ def require_shapes(scenario: Scenario) -> None:
     for first, other in ((anew, once), (once, twice)):
         compare(first, other, f"whenever it is traced: {OUTSIDE}; {PURE}")
     models = [(part.own or type(part.record), part.record) for part, _ in own]
-    try_elsewhere(scenario, models, lambda found: compare(anew, found, f"{WHERE}: {CAUSES}; {PURE}"))
+    try_elsewhere(scenario, models, lambda elsewhere: compare(anew, elsewhere, f"{WHERE}: {CAUSES}; {PURE}"))
 
 
 def has_own(scenario: Scenario) -> bool:
@@ -209,31 +220,31 @@ def has_own(scenario: Scenario) -> bool:
 
 def fingerprints(scenario: Scenario, *, anew: bool = False) -> list[Fingerprint]:
     """Trace the user-defined models of a scenario, each alone; ``anew``: as it was constructed, errors noted."""
-    found = []
+    texts = []
     for part, check in _parts(scenario):
         try:
             tried = replace(part, record=_as_constructed(part.record)) if anew and part.own is None else part
-            found.append(check(scenario, tried))
+            texts.append(check(scenario, tried))
         except Exception as error:
             # a flight gives a law more than it has here, and says what is wrong with it
             if not ANSWERING and (isinstance(error, PartError) or not (anew or part.method == "law")):
                 raise
-            found.append({FAILED: failure(error) or str(error)})
-    return found
+            texts.append({FAILED: failure(error) or str(error)})
+    return texts
 
 
-def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part], Fingerprint]]]:
+def _parts(scenario: Scenario) -> Iterator[tuple[UserPart, Check]]:
     """List the user-defined models of a scenario, each with the function that checks it."""
     if is_own(scenario.controller) and scenario.controller.compiled:
-        yield Part("controller", scenario.controller, "law", scenario.controller.law), _check_law
+        yield UserPart("controller", scenario.controller, "law", scenario.controller.law), _check_law
     faults = [(f"environment.faults[{i}]", each) for i, each in enumerate(scenario.faults)]
     moved = [("reference", scenario.reference), *faults, *scenario.placed_components]
     for at, record in moved:
         for place, signal in _own_signals(record, at):
-            yield Part(place, signal, "derivatives"), _check_signal
+            yield UserPart(place, signal, "derivatives"), _check_signal
     if (within := _first_own(scenario.reference)) is not None:
-        yield Part("reference", scenario.reference, "at", within), _check_motion
-    groups: list[tuple[str, Callable[[Scenario, Part], Fingerprint], Iterable[tuple[str, Any]]]] = [
+        yield UserPart("reference", scenario.reference, "at", within), _check_motion
+    groups: list[tuple[str, Check, Iterable[tuple[str, object]]]] = [
         ("advance", _check_component, scenario.placed_components),
         ("share", _check_fault, faults),
         ("effort", _check_drive, [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]),
@@ -244,17 +255,17 @@ def _parts(scenario: Scenario) -> Iterator[tuple[Part, Callable[[Scenario, Part]
     for method, check, records in groups:
         for place, record in records:
             if own_code(type(record)):
-                yield Part(place, record, method), check
+                yield UserPart(place, record, method), check
 
 
-def _first_own(record: Any) -> Any:
+def _first_own(record: object) -> object:
     """First object of a user's class within a record, or function of the user's; None without any."""
     if own_code(record if callable(record) else type(record)) is not None:
         return record
-    return next((found for each in parts(record).values() if (found := _first_own(each)) is not None), None)
+    return next((own for each in parts(record).values() if (own := _first_own(each)) is not None), None)
 
 
-def _own_signals(record: Any, place: str) -> Iterator[tuple[str, Signal]]:
+def _own_signals(record: object, place: str) -> Iterator[tuple[str, Signal]]:
     """Signals of time within a record whose class is user-defined, each with its parameter path."""
     if isinstance(record, Signal) and own_code(type(record)) is not None:
         yield place, record
@@ -263,7 +274,7 @@ def _own_signals(record: Any, place: str) -> Iterator[tuple[str, Signal]]:
             yield from _own_signals(each, f"{place}.{name}")
 
 
-def _require_class(scenario: Scenario, part: Part) -> None:
+def _require_class(scenario: Scenario, part: UserPart) -> None:
     """Refuse a user-defined class with wrong method parameters or an invalid count of random numbers."""
     if part.own is not None:
         return
@@ -274,17 +285,17 @@ def _require_class(scenario: Scenario, part: Part) -> None:
     given = getattr(part.record, "uniforms", 0)
     count = given(scenario.plant.vehicle) if callable(given) else given
     if type(count) is not int or not 0 <= count <= MOST_UNIFORMS:
-        found = place_of(given if callable(given) and own_code(given) is not None else kind)
+        line = place_of(given if callable(given) and own_code(given) is not None else kind)
         said = "gives uniforms" if callable(given) else "has uniforms"
-        raise part.refusal(f"{said} = {shown(count)}: must be a whole number from 0 to {MOST_UNIFORMS}", found)
+        raise part.refusal(f"{said} = {shown(count)}: must be a whole number from 0 to {MOST_UNIFORMS}", line)
 
 
-def _check_component(scenario: Scenario, part: Part) -> Fingerprint:
+def _check_component(scenario: Scenario, part: UserPart) -> Fingerprint:
     """Check one step of a user-defined wind, force, payload or contact model."""
     vehicle, component, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
-    def step(call: Any, memory: Any, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Any:
-        following = call("advance", memory, time, period, state, draws)
+    def step(call: Call, memory: Tree, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Tree:
+        following: Tree = call("advance", memory, time, period, state, draws)
         air = call("velocity", following, time, state.position)
         if not isinstance(air, Vec3):
             raise part.refusal(f"gives the velocity of the air as {kind_of(air)}: must be a Vec3", method="velocity")
@@ -324,24 +335,24 @@ def _check_component(scenario: Scenario, part: Part) -> Fingerprint:
 
 def _check_value(
     scenario: Scenario,
-    part: Part,
+    part: UserPart,
     label: str,
-    example: Any,
+    example: Tree,
     also: type = int,
-    given: Callable[[Scalar, State], tuple[Any, ...]] = lambda time, _: (time,),
+    given: Callable[[Scalar, State], tuple[Tree, ...]] = lambda time, _: (time,),
 ) -> Fingerprint:
     """Check a user-defined method without memory: one call, whose result must be numbers like an example's.
 
     Args:
-        scenario: it is part of.
-        part: the model.
-        label: of the result in messages; "" for one that is not looked at.
-        example: of a right result.
+        scenario: scenario with the model.
+        part: user-defined model.
+        label: name of the result in messages; "" for one that is not looked at.
+        example: example of a right result.
         also: class that its numbers may have, too.
         given: arguments of the call, from time and state; the time if left out.
     """
 
-    def step(call: Any, memory: Any, time: Scalar, state: State, _draws: Any) -> Any:
+    def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
         result = call(part.method, *given(time, state))
         if label:
             part.require_numbers(part.method, label, result, example, also)
@@ -350,7 +361,7 @@ def _check_value(
     return part.trace(step, (), scenario)
 
 
-def _check_ending(scenario: Scenario, part: Part) -> Fingerprint:
+def _check_ending(scenario: Scenario, part: UserPart) -> Fingerprint:
     status = getattr(part.record, "status", None)
     if not isinstance(status, str):
         raise part.refusal(f"has status = {shown(status)}: must be a text")
@@ -364,14 +375,14 @@ _check_fault = partial(_check_value, label="a share", example=0.0)
 _check_motion = partial(_check_value, label="", example=None)
 
 
-def _check_drive(scenario: Scenario, part: Part) -> Fingerprint:
+def _check_drive(scenario: Scenario, part: UserPart) -> Fingerprint:
     joints = [link.joint.name for link in scenario.plant.vehicle.links]
     joint, drive = joints.index(part.place.removeprefix("plant.drives.")), part.record
     period, place = 1.0 / scenario.rates.control, first_state(scenario).joints[joint]
 
-    def step(call: Any, memory: Any, _time: Scalar, state: State, _draws: Any) -> Any:
+    def step(call: Call, memory: Tree, _time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
         position, rate = state.joints[joint], state.joint_rates[joint]
-        following = call("advance", memory, 0.1 + position, position, rate, period)
+        following: Tree = call("advance", memory, 0.1 + position, position, rate, period)
         effort = data(call("effort", following, 0.1 + position, position, rate))
         if kind_of(effort) != "a number":
             raise part.refusal(f"gives an effort that is {kind_of(effort)}: must be a number", method="effort")
@@ -380,11 +391,11 @@ def _check_drive(scenario: Scenario, part: Part) -> Fingerprint:
     return part.trace(step, drive.begin(place, place, period), scenario)
 
 
-def _check_sensor(scenario: Scenario, part: Part) -> Fingerprint:
+def _check_sensor(scenario: Scenario, part: UserPart) -> Fingerprint:
     vehicle, sensor = scenario.plant.vehicle, part.record
     every = 1.0 / (sensor.frequency or scenario.rates.control)
 
-    def step(call: Any, memory: Any, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Any:
+    def step(call: Call, memory: Tree, time: Scalar, state: State, draws: tuple[Scalar, ...]) -> Tree:
         seen = (state, WEIGHT) if sensor.feels is None else (NO_PUSH,)
         result = call("measure" if sensor.feels is None else "feel", memory, time, *seen, draws, every)
         following, reading = part.pair(result, "reading")
@@ -394,10 +405,10 @@ def _check_sensor(scenario: Scenario, part: Part) -> Fingerprint:
     return part.trace(step, sensor.start(vehicle), scenario, sensor.uniforms(vehicle))
 
 
-def _check_estimator(scenario: Scenario, part: Part) -> Fingerprint:
+def _check_estimator(scenario: Scenario, part: UserPart) -> Fingerprint:
     vehicle, estimator, period = scenario.plant.vehicle, part.record, 1.0 / scenario.rates.control
 
-    def step(call: Any, memory: Any, time: Scalar, state: State, _draws: Any) -> Any:
+    def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
         readings = readings_at(scenario, state, time)
         command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
         result = call("step", memory, readings, command, period)
@@ -412,13 +423,14 @@ def _check_estimator(scenario: Scenario, part: Part) -> Fingerprint:
     return part.trace(step, estimator.start(scenario.controller.par.model.vehicle), scenario)
 
 
-def _check_law(scenario: Scenario, part: Part) -> Fingerprint:
+def _check_law(scenario: Scenario, part: UserPart) -> Fingerprint:
     """Check one step of a user-defined law at the start of the reference."""
     leads, period, reference = preview_leads(part.record.par), 1.0 / scenario.rates.control, scenario.reference
 
-    def step(call: Any, memory: Any, time: Scalar, state: State, _draws: Any) -> Any:
-        wanted = with_preview(reference.at(time), leads, lambda lead: reference.at(time + lead))
-        return call("law", memory, measurement_of(state, WEIGHT), wanted, period)[0]
+    def step(call: Call, memory: Tree, time: Scalar, state: State, _draws: tuple[Scalar, ...]) -> Tree:
+        sample = with_preview(reference.at(time), leads, lambda lead: reference.at(time + lead))
+        following: Tree = call("law", memory, measurement_of(state, WEIGHT), sample, period)[0]
+        return following
 
     return part.trace(step, part.record.memory, scenario)
 
@@ -447,8 +459,8 @@ def check_law(law: Scenario | Controller | Callable[[Model], Controller], scenar
     flown, rates = flown.with_controller(controller), flown.rates
     seen = measurement_of(first_state(flown), Vec3(0.0, 0.0, float(flown.plant.gravity)))
     times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(np.arange(PERIODS))
-    wanted = [flown.reference.at(float(time)) for time in times[: flown.steps]]
-    try_law(controller, 1.0 / rates.control, seen, wanted)
+    references = [flown.reference.at(float(time)) for time in times[: flown.steps]]
+    try_law(controller, 1.0 / rates.control, seen, references)
     require_shapes(flown)
 
 

@@ -23,7 +23,7 @@ from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run
-from skyarm.simulate.loop_state import Row, structure_of
+from skyarm.simulate.loop_state import InputRow, structure_of
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
@@ -76,7 +76,7 @@ class Flight:
             return following, sample.state
 
         carry = first_loop_state(scenario)
-        row = Row(time=0.0, reference=inputs.reference_example)
+        row = InputRow(time=0.0, reference=inputs.reference_example)
         loop = trace_loop(step, structure_of(carry), base, row, draws_needed(scenario), loops=loops)
         rows = np.column_stack([inputs.times, np.array(inputs.held_leaves, dtype=float).reshape(scenario.steps, -1)])
         return cls(loop, np.array(leaves(carry), dtype=float), np.array(base), rows, scenario.duration)

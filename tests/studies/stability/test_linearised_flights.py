@@ -22,7 +22,7 @@ from skyarm.reference import hover
 from skyarm.simulate import Delays, run
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.loop_state import Row
+from skyarm.simulate.loop_state import InputRow
 from skyarm.studies.stability import margins
 from skyarm.studies.stability.along import evidence, hovering
 from skyarm.studies.stability.closed_loop import closed_loop, radius
@@ -154,7 +154,7 @@ def test_the_jacobians_are_those_that_scipy_finds(arm_hover):
     found = Differentiator(arm_hover)
     carry, held = first_loop_state(arm_hover), episode_inputs(arm_hover)
     point = dataclasses.replace(open_point(carry))
-    row = Row(time=0.0, reference=held.reference_example)
+    row = InputRow(time=0.0, reference=held.reference_example)
     # a tilted, moving point: at exact hover a norm's root has no derivative
     state = point.state
     for direction in (0, 3, 4, 6, 9, 12, 15):

@@ -16,7 +16,7 @@ from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import Environment, Scenario
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.assemble_log import Piece, Samples, join_pieces
+from skyarm.simulate.assemble_log import LoggedSamples, Piece, join_pieces
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.world import WindSample
@@ -69,7 +69,7 @@ class FlightRecord:
         rows = np.maximum.accumulate(rows)
         none = np.zeros((count, 0))
         n, rotors, _ = scenario.plant.vehicle.sizes
-        flown = Samples(
+        flown = LoggedSamples(
             states=_table(self.states, 13 + 2 * n + rotors)[rows], commands=_table(self.commands, rotors + n)[rows],
             measurement=None, readings=(),
             wind=WindSample(), found=none, led=none,

@@ -20,7 +20,7 @@ from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.state import State
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
-from skyarm.simulate.replay import Flights, Numbers, Replay
+from skyarm.simulate.replay import CommandReplay, Numbers, ReplayedFlights
 from skyarm.studies.identify.identified_parts import vehicle_with, with_changes
 from skyarm.studies.identify.unknowns import THRUST, Unknown, servo_of
 from skyarm.studies.identify.windows import Held, Samples, Windows
@@ -210,7 +210,7 @@ class WindowErrors:
             [carried[i] for i in self.unlogged], self.hats
         )
 
-    def _make_replay(self, step: float, finer: int) -> Replay:
+    def _make_replay(self, step: float, finer: int) -> CommandReplay:
         """Simulated plant whose vehicle follows from the searched parameters."""
         start, servoed, gravity = self.start, self.servoed, self._gravity
         inside = {self.names[i]: self.unknowns[i].start for i in self._inside}
@@ -236,7 +236,7 @@ class WindowErrors:
             gained = (velocity(after) - velocity(before)) * (1.0 / step) + Vec3(0.0, 0.0, gravity)
             return tuple(middle.normalized().rotation().apply_T(gained))
 
-        return Replay(vehicle_of, inside, step, gravity, drives_of=drives_of, sensed=felt, finer=finer)
+        return CommandReplay(vehicle_of, inside, step, gravity, drives_of=drives_of, sensed=felt, finer=finer)
 
     def first_states(self) -> WindowStates:
         """First estimates of the window states, from the sensors' samples."""
@@ -492,7 +492,7 @@ class WindowLanes:
     def __init__(
         self,
         errors: WindowErrors,
-        replay: Replay,
+        replay: CommandReplay,
         searched: Array,
         states: WindowStates,
         directions: Sequence[Direction],
@@ -511,7 +511,7 @@ class WindowLanes:
             {name: np.tile(rows, (every, 1)) for name, rows in states.parts.items()}, np.tile(states.beside, (every, 1))
         ).moved_by(np.repeat(changes, count, axis=0))
         self._shape, self._numbers = (-1, every, count), errors.values(candidates)
-        self.flights: Flights = replay.flights(every * count, cores())
+        self.flights: ReplayedFlights = replay.flights(every * count, cores())
         inside = [errors.names.index(name) for name in replay.names]
         self.flights.inputs["numbers"][:] = np.repeat(self._numbers[:, inside], count, axis=0).T
         for name, rows in moved.parts.items():

@@ -301,10 +301,9 @@ class SettledHover:
         columns = [np.asarray(values[path], dtype=float) for path in self.paths]
         count = len(columns[0])
         parameters = self._leg.parameters(columns, count)
-        keys = {"seed": 0, "episodes": np.arange(count)}
         carry = self._leg.begin(parameters, 0, np.zeros(count, dtype=int), None)
         with np.errstate(all="ignore"):
-            carry, _ = self._leg.fly(carry, parameters, keys, threads)
+            carry, _ = self._leg.fly(carry, parameters, 0, np.arange(count), threads)
         settled = [rebuild(self._leg.first, iter(column.tolist()))[0] for column in carry.T]
         return [each if _is_hover(each) else None for each in settled]
 

@@ -37,10 +37,10 @@ from skyarm.reference import Reference
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement, measure, measurement_of, noise_count
-from skyarm.simulate.command_line import mean_efforts
+from skyarm.simulate.command_delay import mean_efforts
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.loop_state import InputRow, LoopState, structure_of
 from skyarm.simulate.plant_steps import rigid_body_plant
 from skyarm.simulate.stages import Stages
 from skyarm.studies.stability.closed_loop import OpenLoop
@@ -175,7 +175,7 @@ class Differentiator:
         row = inputs.row_at(0, first)
 
         def step(
-            point: OpenPoint, given: tuple[Any, ...], fed: Row[Reference], _uniforms: Any
+            point: OpenPoint, given: tuple[Any, ...], fed: InputRow[Reference], _uniforms: Any
         ) -> tuple[OpenPoint, Any]:
             return point, self._outputs(point, given, fed)
 
@@ -185,7 +185,7 @@ class Differentiator:
         self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=0)
         self._row = len(leaves(row))
 
-    def _outputs(self, point: OpenPoint, given: tuple[Any, ...], row: Row[Reference]) -> tuple[Any, ...]:
+    def _outputs(self, point: OpenPoint, given: tuple[Any, ...], row: InputRow[Reference]) -> tuple[Any, ...]:
         """Next state, measurement, controller state and command, for given arrival times, rotor lag and parameters."""
         (late, lag), numbers = given
         own = self.scenario

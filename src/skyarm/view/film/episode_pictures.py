@@ -15,7 +15,7 @@ from skyarm.records.arrays import Array, Pixels
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import Scenario, first_state
-from skyarm.simulate.assemble_log import Piece, Samples, join_pieces
+from skyarm.simulate.assemble_log import LoggedSamples, Piece, join_pieces
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
@@ -88,7 +88,9 @@ def instant_log(inputs: EpisodeInputs, row: int, states: Array, wind: WindSample
         wind: wind of all these instants.
     """
     empty, zeros = np.zeros((len(states), 0)), np.zeros_like(states)
-    samples = Samples(states=states, commands=zeros, measurement=None, readings=(), wind=wind, found=empty, led=empty)
+    samples = LoggedSamples(
+        states=states, commands=zeros, measurement=None, readings=(), wind=wind, found=empty, led=empty
+    )
     info = {"status": "completed", "rates_hz": {"control": inputs.scenario.rates.control}}
     log = join_pieces(inputs.scenario, [Piece(inputs.scenario, inputs, row, samples)], None, info=info)
     return InstantLog(**vars(log), flown=inputs.scenario)

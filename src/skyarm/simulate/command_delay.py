@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm.algebra.scalars import Scalar, add, floor, maximum, minimum
 from skyarm.dynamics.actuators import Command
@@ -25,16 +24,16 @@ def command_delay(scenario: Scenario) -> tuple[Scalar | None, Scalar]:
 
 def rotor_and_joint_delays(scenario: Scenario) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
     """Delays of rotor and joint commands, each as whole control periods and the remainder in s."""
-    rates, delays, found = scenario.rates, scenario.delays, list[tuple[Scalar, Scalar]]()
+    rates, delays, split = scenario.rates, scenario.delays, list[tuple[Scalar, Scalar]]()
     ratio = rates.physics // rates.control
     for more in (delays.rotors, delays.joints):
         delay = add(delays.command, more)
         if concrete(delay) and delays.longest_command is None:
             whole, rest = divmod(round(float(delay * rates.physics)), ratio)
-            found.append((float(whole), rest / rates.physics))
+            split.append((float(whole), rest / rates.physics))
         else:
-            found.append(_split(delay, rates.control))
-    return found[0], found[1]
+            split.append(_split(delay, rates.control))
+    return split[0], split[1]
 
 
 def _split(delay: Scalar, rate: int) -> tuple[Scalar, Scalar]:
@@ -44,7 +43,7 @@ def _split(delay: Scalar, rate: int) -> tuple[Scalar, Scalar]:
     return whole, maximum(delay - whole / float(rate), 0.0)
 
 
-def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[tuple[Any, Command]]:
+def switches(before: Command, after: Command, rotors: Scalar, joints: Scalar) -> list[tuple[Scalar, Command]]:
     """Split a control period where delayed rotor or joint commands arrive: list of (seconds, active command).
 
     Args:
@@ -68,10 +67,10 @@ def command_in_force(queue: Sequence[Command], whole: Scalar | None) -> Command:
         return queue[0]
     if type(whole) is float:
         return queue[len(queue) - 1 - round(whole)]
-    found = queue[-1]
+    in_force = queue[-1]
     for age, command in enumerate(queue[-2::-1], start=1):
-        found = blend(whole < age - 0.5, found, command)
-    return found
+        in_force = blend(whole < age - 0.5, in_force, command)
+    return in_force
 
 
 def mean_efforts(before: Command, after: Command, late: Scalar, period: float) -> tuple[Scalar, ...]:
@@ -107,10 +106,9 @@ def numbers_of_command(command: Command, joints: int, rotors: int, tilts: int) -
         raise ScenarioError(f"command: {len(command.tilts)} tilts: must be {tilts}, or none")
     if tilts and not command.tilts:
         command = dataclasses.replace(command, tilts=(0.0,) * tilts)
-    numbers: tuple[Any, ...] = (*command.rotor_speeds, *command.efforts, *command.tilts)
-    if not all(type(number) is float for number in numbers):
-        numbers = _plain_numbers(command)
-    return numbers
+    numbers = (*command.rotor_speeds, *command.efforts, *command.tilts)
+    floats = tuple(number for number in numbers if type(number) is float)
+    return floats if len(floats) == len(numbers) else _plain_numbers(command)
 
 
 def rotor_numbers(speeds: Sequence[float], command: object, joints: int, rotors: int, tilts: int) -> tuple[float, ...]:
@@ -123,11 +121,11 @@ def rotor_numbers(speeds: Sequence[float], command: object, joints: int, rotors:
         raise ScenarioError("rotors: must be left out beside a command, which has rotor speeds of its own")
     if not coerce.is_sequence(speeds):
         raise ScenarioError(f"rotors = {shown(speeds)}: must be {rotors} numbers")
-    found, others = tuple(speeds), (0.0,) * (joints + tilts)
-    plain = set(map(type, found)) == {float}  # as every period under an autopilot
-    if plain and len(found) == rotors:
-        return found + others
-    given = Command(rotor_speeds=found, efforts=others[:joints], tilts=others[joints:])
+    numbers, others = tuple(speeds), (0.0,) * (joints + tilts)
+    plain = set(map(type, numbers)) == {float}  # as every period under an autopilot
+    if plain and len(numbers) == rotors:
+        return numbers + others
+    given = Command(rotor_speeds=numbers, efforts=others[:joints], tilts=others[joints:])
     return numbers_of_command(given, joints, rotors, tilts)
 
 
@@ -137,12 +135,12 @@ def _plain_numbers(command: Command) -> tuple[float, ...]:
     Raises:
         ScenarioError: an entry is no number.
     """
-    found = []
+    numbers = []
     for field in ("rotor_speeds", "efforts", "tilts"):
         for i, value in enumerate(getattr(command, field)):
             with errors_as(ScenarioError, of=RecordError):
-                held = coerce.number(f"command.{field}[{i}]", value)
-            if type(held) is not float:
+                number = coerce.number(f"command.{field}[{i}]", value)
+            if type(number) is not float:
                 raise ScenarioError(f"command.{field}[{i}] = {shown(value)}: must be one number")
-            found.append(held)
-    return tuple(found)
+            numbers.append(number)
+    return tuple(numbers)
