@@ -228,3 +228,15 @@ def test_a_search_ends_where_the_tip_drops_in_and_the_reference_stays_there():
 def test_the_study_of_four_worlds_is_of_this_scenario():
     study = load_study(EXAMPLES / "press_in_four_worlds.toml")
     assert study.episodes == 4
+
+
+def test_a_lane_that_ends_before_its_phases_are_replaced_has_its_own_status(scenario):
+    """The clock of phases that wait is gone after the change, but not of the lane that fell before it."""
+    hover = skyarm.Change(at=1.5, path="reference", value={"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}})
+    changed = dataclasses.replace(scenario, duration=2.0, changes=(hover,))
+    gravity = np.array([9.81, 40.0])
+    flown = Batch(changed, ["plant.gravity"], metrics=METRICS[2:]).fly({"plant.gravity": gravity})
+    alone = [skyarm.run(with_numbers(changed, {"plant.gravity": value})) for value in gravity]
+    assert list(flown.status) == [log.status for log in alone]
+    assert flown.status[0] == "completed" != flown.status[1]
+    assert flown.end_time[1] < 1.5

@@ -150,11 +150,11 @@ class Batch:
         for leg in self._legs:
             leg.require(columns)
         keys = np.arange(count) if episodes is None else np.asarray(episodes)
-        carry, log = self._fly_legs(columns, seed, keys, threads)
-        ended = rebuild(self._legs[-1].first, iter(list(carry.astype(float))))
+        ends, log = self._fly_legs(columns, seed, keys, threads)
+        ended = ends[-1]
         ticks = np.asarray(ended[0].ticks).astype(int)
         completed = ticks >= self.scenario.steps
-        status = self._statuses(columns, ended[0], ticks, ~completed)
+        status = self._statuses(columns, [loop for loop, _ in ends], ticks, ~completed)
         return Outcome(
             metrics=self._metrics(ended[1], ticks),
             # an ending may come in the very last period
@@ -168,21 +168,22 @@ class Batch:
 
     def _fly_legs(
         self, columns: list[Array], seed: int, episodes: Array, threads: int
-    ) -> tuple[Array, list[tuple[Logged, Array]]]:
-        """Simulate all intervals between scheduled changes; return final loop states, metric sums and logs."""
+    ) -> tuple[list[tuple[LoopState, tuple[Array, ...]]], list[tuple[Logged, Array]]]:
+        """Simulate all intervals between scheduled changes; return loop state and metric sums at each end, and logs."""
         last: tuple[Leg, Array] | None = None
-        log: list[tuple[Logged, Array]] = []
+        ends, log = list[tuple[LoopState, tuple[Array, ...]]](), list[tuple[Logged, Array]]()
         for leg in self._legs:
             parameters = leg.parameters(columns, len(episodes))
             carry = leg.begin(parameters, seed, episodes, last)
             carry, logged = leg.fly(carry, parameters, seed, episodes, threads)
             last, log = (leg, carry), [*log, *logged]
-        return carry, log
+            ends.append(rebuild(leg.first, iter(list(carry.astype(float)))))
+        return ends, log
 
-    def _statuses(self, columns: list[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
-        """Termination status of each flight of the batch, by the scenario in force when the flight ended."""
+    def _statuses(self, columns: list[Array], ends: list[LoopState], ticks: Array, ended: Array) -> Array:
+        """Termination status of each flight of the batch, by scenario and clock in force when the flight ended."""
         statuses = np.full(len(ticks), "completed", dtype=object)
-        for leg in self._legs:
+        for leg, now in zip(self._legs, ends, strict=True):
             here = (ticks >= leg.periods.start) & ((ticks < leg.periods.stop) | (leg is self._legs[-1]))
             if here.any():
                 left = rebuild(now, iter([np.asarray(number)[here] for number in leaves(now)]))
