@@ -150,7 +150,7 @@ SOURCES: Mapping[str, Any] = read_toml(Path(__file__).with_name("usual_sources.t
 def usual_signals(tables: Mapping[str, Any]) -> dict[str, tuple[Signal, ...]]:
     """Sources of each quantity, the first ones first, of a part of :data:`SOURCES`."""
     every = {name: Fields(tables, "").tables(name) for name in tables}
-    return {name: tuple(_signal(QUANTITIES[name], each) for each in found) for name, found in every.items()}
+    return {name: tuple(_signal(QUANTITIES[name], each) for each in entries) for name, entries in every.items()}
 
 
 def _signal(quantity: Quantity, fields: Fields) -> Signal:
@@ -183,9 +183,9 @@ def _signal(quantity: Quantity, fields: Fields) -> Signal:
         if given["high"] == given["low"]:
             raise ValueError(f"{fields.at('high')} = {given['high']:g}: must differ from low")
     given |= {"topic": fields.text("topic", ""), "time": fields.text("time", "")}
-    found = Signal(columns=columns, stamp=fields.choice("stamp", STAMPS, "header"), **given)
+    signal = Signal(columns=columns, stamp=fields.choice("stamp", STAMPS, "header"), **given)
     fields.done()
-    return found
+    return signal
 
 
 def _names(fields: Fields) -> tuple[str, ...]:

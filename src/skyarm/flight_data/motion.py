@@ -89,13 +89,13 @@ JOINTS = ("joint_positions", "joint_rates", "joint_commands", "joint_efforts")
 
 def joints_in_order(flight: FlightData, vehicle: Vehicle) -> FlightData:
     """Flight whose joints stand in the order of the vehicle's, where its file names all of these."""
-    wanted = [link.joint.name for link in vehicle.links]
+    order = [link.joint.name for link in vehicle.links]
     changed = {}
     for name in JOINTS:
-        if name in flight and wanted and set(wanted) <= set(flight[name].names):
+        if name in flight and order and set(order) <= set(flight[name].names):
             channel = flight[name]
-            values = channel.values[:, [channel.names.index(each) for each in wanted]]
-            changed[name] = replace(channel, values=values, names=tuple(wanted))
+            values = channel.values[:, [channel.names.index(each) for each in order]]
+            changed[name] = replace(channel, values=values, names=tuple(order))
     return flight.with_channels(changed)
 
 

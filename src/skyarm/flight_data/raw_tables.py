@@ -84,23 +84,23 @@ def flight_of(
     columns = columns or Columns()
     chosen = {name: each for name, every in usual.items() if (each := _fastest(tables, every))}
     signals = {**chosen, **columns.signals}
-    found, said = dict[str, Channel](), list(notes)
+    channels, said = dict[str, Channel](), list(notes)
     for name in (each for each in QUANTITIES if each in signals):
         channel = _channel(name, signals[name], tables, columns, said)
         if channel.time.size:
-            found[name] = channel
+            channels[name] = channel
         else:
             said.append(f"{name}: no row of {channel.source} holds numbers, so that the channel is left out.")
-    if not found:
+    if not channels:
         there = tables if len(tables) > 1 else [name for each in tables.values() for name in each.columns]
         raise ValueError(f"channels = none: must hold a quantity or more; there is {comma_list(there) or 'no number'}")
-    if "velocity" in found and signals["velocity"].frame:
-        _turn_into_world(found, said)
-    begin = min(float(each.time[0]) for each in found.values())
+    if "velocity" in channels and signals["velocity"].frame:
+        _turn_into_world(channels, said)
+    begin = min(float(each.time[0]) for each in channels.values())
     return FlightData(
         name=path.stem,
         file=str(path),
-        channels={name: replace(each, time=each.time - begin) for name, each in found.items()},
+        channels={name: replace(each, time=each.time - begin) for name, each in channels.items()},
         notes=tuple(said),
         facts={**(facts or {}), "start": origin + begin},
         unused=_unused_names(tables, signals, columns.time),
@@ -135,18 +135,18 @@ def _table(at: str, signal: Signal, tables: Mapping[str, Table]) -> Table:
     Raises:
         ValueError: one line: no such topic or column.
     """
-    found = _holding(tables, signal)
+    table = _holding(tables, signal)
     if signal.topic and "" in tables:
         raise ValueError(f"{at}.topic = {shown(signal.topic)}: must be left out for a file of one table")
-    if signal.topic and found is None:
+    if signal.topic and table is None:
         raise ValueError(f"{at}.topic = {shown(signal.topic)}: {must_be_one_of(tables, signal.topic)}")
-    if found is None and len(tables) != 1:
+    if table is None and len(tables) != 1:
         raise ValueError(f"{at}.columns: no table has {', '.join(signal.columns)}; topic must name one")
-    found = found or next(iter(tables.values()))
+    table = table or next(iter(tables.values()))
     for column in signal.columns:
-        if not found.has(column):
-            raise ValueError(f"{at}.columns = {shown(column)}: {must_be_one_of(found.columns, column)}")
-    return found
+        if not table.has(column):
+            raise ValueError(f"{at}.columns = {shown(column)}: {must_be_one_of(table.columns, column)}")
+    return table
 
 
 def _channel(name: str, signal: Signal, tables: Mapping[str, Table], columns: Columns, notes: list[str]) -> Channel:
@@ -168,14 +168,14 @@ def _channel(name: str, signal: Signal, tables: Mapping[str, Table], columns: Co
     time, values = time[rising], values[rising]
     if name == "quaternion" and time.size:
         values = continuous(unit_rows(values)) * (-1.0 if values[0, 0] < 0.0 else 1.0)
-    found = Channel(time=time, values=values, source=signal.source, names=signal.names)
+    channel = Channel(time=time, values=values, source=signal.source, names=signal.names)
     if every > 1:
-        notes.append(f"{name}: has numbers in every {_ordinal(every)} row only, {found.rate:.4g} Hz.")
+        notes.append(f"{name}: has numbers in every {_ordinal(every)} row only, {channel.rate:.4g} Hz.")
     if due > rows:
         notes.append(f"{name}: {due - rows} of {due} rows are without numbers and are left out.")
     if lost:
         notes.append(f"{name}: {lost} of {rows} rows are left out, as their times do not rise.")
-    return found
+    return channel
 
 
 FEWEST = 10
@@ -231,19 +231,19 @@ def _in_si(name: str, signal: Signal, given: Array) -> Array:
     return np.stack([*to_our_axes(*values.T)], axis=1) if turned else values
 
 
-def _turn_into_world(found: dict[str, Channel], notes: list[str]) -> None:
+def _turn_into_world(channels: dict[str, Channel], notes: list[str]) -> None:
     """Turn a velocity in base axes into world axes by the attitude; without one it is left out."""
-    velocity = found.pop("velocity")
-    if "quaternion" not in found:
+    velocity = channels.pop("velocity")
+    if "quaternion" not in channels:
         notes.append("velocity: is in base axes, and the flight has no attitude to turn it by; it is left out.")
         return
-    attitude = found["quaternion"]
+    attitude = channels["quaternion"]
     inside = velocity.section(float(attitude.time[0]), float(attitude.time[-1]))
     if lost := velocity.time.size - inside.time.size:
         notes.append(f"velocity: {lost} of {velocity.time.size} rows lie outside the attitude and are left out.")
     if inside.time.size:
         values = turn_vectors(attitude_at(attitude, inside.time), inside.values)
-        found["velocity"] = replace(inside, values=values, source=f"{velocity.source}, turned by the attitude")
+        channels["velocity"] = replace(inside, values=values, source=f"{velocity.source}, turned by the attitude")
 
 
 def rising_rows(time: Array) -> npt.NDArray[np.intp]:

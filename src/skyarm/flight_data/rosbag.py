@@ -131,10 +131,10 @@ def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Ro
         for connection, received, data in reader.messages(connections=chosen):
             try:
                 message = reader.deserialize(data, connection.msgtype)
-                found = {name: float(value) for name, value in _numbers_of(message, "")}
+                numbers = {name: float(value) for name, value in _numbers_of(message, "")}
                 of_topic = rows.setdefault(connection.topic, _Rows())
-                alike = of_topic.numbers.setdefault(tuple(found), [])
-                alike.append((len(of_topic.received), np.array([*found.values()])))
+                alike = of_topic.numbers.setdefault(tuple(numbers), [])
+                alike.append((len(of_topic.received), np.array([*numbers.values()])))
                 of_topic.received.append(received)
             except Exception:  # of a damaged message, in whichever of its fields
                 wrong += 1
@@ -184,19 +184,19 @@ def _table(rows: _Rows, origin: int) -> Table:
 
 def _usual(tables: Mapping[str, Table], kinds: Mapping[str, str]) -> dict[str, list[Signal]]:
     """Sources of each quantity by the types of the messages."""
-    found: dict[str, list[Signal]] = {}
+    sources: dict[str, list[Signal]] = {}
     ranks = [*TYPES, *LISTS]
     for topic in sorted((each for each in tables if kinds[each] in ranks), key=lambda each: ranks.index(kinds[each])):
         table, kind, measured = tables[topic], kinds[topic], NOT_MEASURED.search(topic) is None
         for name, signals in TYPES.get(kind, {}).items() if measured else ():
             if name != "quaternion" or not _is_unknown(table):
-                found.setdefault(name, []).extend(replace(each, topic=topic) for each in signals)
+                sources.setdefault(name, []).extend(replace(each, topic=topic) for each in signals)
         for listed, place in LISTS.get(kind, {}).items():
             name = listed if measured else COMMANDS.get(listed, "")
             if name and (entries := _usual_entries(table, f"{place}[")):
                 names = tuple(match[1] for match in map(ENTRY.fullmatch, entries) if match)
-                found.setdefault(name, []).append(Signal(columns=entries, topic=topic, names=names))
-    return found
+                sources.setdefault(name, []).append(Signal(columns=entries, topic=topic, names=names))
+    return sources
 
 
 def _usual_entries(table: Table, begin: str) -> tuple[str, ...]:

@@ -39,15 +39,15 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
         raise ValueError(f"columns: are missing; a columns.toml must map these: {comma_list(names)}")
     signals = columns.signals.values()
     mapped = {columns.time, *(each for signal in signals for each in (*signal.columns, signal.time))}
-    wanted = [name for name in dict.fromkeys(names) if name and mapped & {name, f"-{name}"}]
-    if twice := sorted(name for name in wanted if names.count(name) > 1):
+    used = [name for name in dict.fromkeys(names) if name and mapped & {name, f"-{name}"}]
+    if twice := sorted(name for name in used if names.count(name) > 1):
         raise ValueError(f"head = {shown(twice[0])}: names {names.count(twice[0])} columns: must name one")
     notes: list[str] = []
-    rows = _rows(body, [names.index(name) for name in wanted], separator, len(names), notes)
+    rows = _rows(body, [names.index(name) for name in used], separator, len(names), notes)
     if not len(rows):
         raise ValueError("rows = 0: must be one or more")
     others = dict.fromkeys(filter(None, names), np.zeros(0))  # not read: a mapping names none of them
-    table = Table(columns={**others, **dict(zip(wanted, rows.T, strict=True))}, time=np.zeros(0))
+    table = Table(columns={**others, **dict(zip(used, rows.T, strict=True))}, time=np.zeros(0))
     return flight_of(path, {"": table}, {}, columns, notes=notes)
 
 

@@ -76,8 +76,8 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
         speeds = tuple(f"esc[{k}].esc_rpm" for k in range(count))
         usual["rotor_speeds"] = (Signal(columns=speeds, topic="esc_status", unit="rpm"),)
     facts: dict[str, str | float] = {"vehicle": "PX4"}
-    told = {"sys_name": "firmware", "ver_hw": "hardware", "ver_sw": "version", "ver_sw_branch": "branch"}
-    facts |= {word: log.msg_info_dict[key] for key, word in told.items() if key in log.msg_info_dict}
+    names = {"sys_name": "firmware", "ver_hw": "hardware", "ver_sw": "version", "ver_sw_branch": "branch"}
+    facts |= {word: log.msg_info_dict[key] for key, word in names.items() if key in log.msg_info_dict}
     facts |= {f"parameter {name}": value for name, value in parameters.items() if KEPT.fullmatch(name)}
     return flight_of(path, tables, usual, columns, origin=start * SECOND, facts=facts, notes=notes)
 
@@ -131,16 +131,16 @@ def _rotor_commands(
             "rotor_commands: are left out, as no parameter says how many rotors there are; a columns.toml may do so."
         )
         return ()
-    found: list[Signal] = []
+    signals: list[Signal] = []
     if shares := _shares(tables, parameters, count, notes):
         tables[SHARES] = shares
-        found.append(Signal(columns=tuple(shares.columns), topic=SHARES))
+        signals.append(Signal(columns=tuple(shares.columns), topic=SHARES))
     of_thrust = parameters.get("THR_MDL_FAC", 0.0) != 0.0
-    if not found and of_thrust and "actuator_motors" in tables:
+    if not signals and of_thrust and "actuator_motors" in tables:
         notes.append("rotor_commands: are shares of the thrust, not of the signal, as THR_MDL_FAC is not 0.")
-    if not found or not of_thrust:
-        found.append(Signal(columns=tuple(f"control[{k}]" for k in range(count)), topic="actuator_motors"))
-    return tuple(found)
+    if not signals or not of_thrust:
+        signals.append(Signal(columns=tuple(f"control[{k}]" for k in range(count)), topic="actuator_motors"))
+    return tuple(signals)
 
 
 def _shares(tables: Mapping[str, Table], parameters: Parameters, count: int, notes: list[str]) -> Table | None:

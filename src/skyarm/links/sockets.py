@@ -19,15 +19,15 @@ def drain(port: socket.socket, most: int = 256) -> list[tuple[bytes, Any]]:
     Raises:
         OSError: of the port, but that nothing is there or that nobody listens at the other side of a datagram port.
     """
-    found: list[tuple[bytes, Any]] = []
+    pieces: list[tuple[bytes, Any]] = []
     port.setblocking(False)
     for _ in range(most):
         try:
-            found.append(port.recvfrom(65536))
+            pieces.append(port.recvfrom(65536))
         except BlockingIOError:
             break
         except ConnectionRefusedError:
             continue  # an earlier datagram of ours found nobody
-        if not found[-1][0] and port.type == socket.SOCK_STREAM:
+        if not pieces[-1][0] and port.type == socket.SOCK_STREAM:
             break
-    return found
+    return pieces

@@ -65,13 +65,13 @@ def field_paths(record: object) -> dict[str, Denoted]:
     """Names of a dataclass' fields and their words in a file, or of a tuple's items by number and name."""
     if isinstance(record, tuple):
         named = [_name(item) for item in record]
-        found: dict[str, Denoted] = {number: ((number,),) for number in parts(record)}
-        return found | {name: ((str(i),),) for i, name in enumerate(named) if name and named.count(name) == 1}
+        places: dict[str, Denoted] = {number: ((number,),) for number in parts(record)}
+        return places | {name: ((str(i),),) for i, name in enumerate(named) if name and named.count(name) == 1}
     fields = field_names(type(record)) or ()
-    found = {field: ((field,),) for field in fields}
+    places = {field: ((field,),) for field in fields}
     if isinstance(record, (Vec3, Quaternion)):
-        found |= {str(i): ((field,),) for i, field in enumerate(fields)}
-    return found | {word: ((field,),) for field, word in words_of_fields(type(record)).items() if word not in found}
+        places |= {str(i): ((field,),) for i, field in enumerate(fields)}
+    return places | {word: ((field,),) for field, word in words_of_fields(type(record)).items() if word not in places}
 
 
 def _name(item: object) -> str | None:
@@ -83,7 +83,7 @@ def _name(item: object) -> str | None:
     return name_of(kind, type(item)) if isinstance(kind, str) else None
 
 
-def below(head: Place, found: Names) -> dict[str, Denoted]:
+def below(head: Place, names: Names) -> dict[str, Denoted]:
     """Names of a part, with places as seen from the record that holds the part at a place."""
 
     def from_head(inner: Denoted) -> Denoted:
@@ -91,4 +91,4 @@ def below(head: Place, found: Names) -> dict[str, Denoted]:
             return dataclasses.replace(inner, inside=(*head, *inner.inside))
         return tuple((*head, *place) for place in inner) if isinstance(inner, tuple) else below(head, inner)
 
-    return {name: from_head(inner) for name, inner in found.items()}
+    return {name: from_head(inner) for name, inner in names.items()}

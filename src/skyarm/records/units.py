@@ -84,7 +84,7 @@ def units(kind: type) -> Mapping[str, Unit]:
 @memoize
 def scalars(kind: type) -> Mapping[str, Unit]:
     """Unit of each field of a dataclass that holds one scalar."""
-    return {name: unit for name, (wanted, unit) in declared_fields(kind).items() if wanted is Scalar}
+    return {name: unit for name, (annotation, unit) in declared_fields(kind).items() if annotation is Scalar}
 
 
 def declared_fields(kind: type) -> dict[str, tuple[object, Unit]]:

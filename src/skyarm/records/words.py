@@ -100,14 +100,14 @@ def groups(kind: type) -> dict[str, type]:
 
 
 def _slots(kind: type, table: str, place: Place) -> Iterator[Slot]:
-    known, usual = declared_fields(kind), defaults(kind)
+    declared, usual = declared_fields(kind), defaults(kind)
     for name, word in _words_in(kind):
         path = name if word.at is None else word.at
         path = path[1:] if path.startswith("/") else ".".join(filter(None, (table, path)))
         if word.group:
             yield from _slots(groups(kind)[name], path, (*place, name))
         else:
-            yield Slot(path, (*place, name, *word.inside), word, *known[name], usual[name])
+            yield Slot(path, (*place, name, *word.inside), word, *declared[name], usual[name])
 
 
 @cache

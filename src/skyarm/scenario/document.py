@@ -138,8 +138,8 @@ class Document:
 
     def fields(self, within: str = "") -> dict[Place, Any]:
         """Fields of a scenario that the words below a path fill; those of :data:`OF_SCENARIO` have their defaults."""
-        found = (slot for slot in slots(Scenario) if not within or is_below(slot.path, within))
-        return {slot.field: slot.default if slot.path in OF_SCENARIO else self.word(slot.path) for slot in found}
+        slots_below = (slot for slot in slots(Scenario) if not within or is_below(slot.path, within))
+        return {slot.field: slot.default if slot.path in OF_SCENARIO else self.word(slot.path) for slot in slots_below}
 
     def plan_time(self, scenario: Scenario) -> Scenario:
         """Scenario whose reference is slowed in time as [reference.governor] requests."""
@@ -173,9 +173,9 @@ class Part(Document):
 
     def planned_fields(self) -> dict[Place, object]:
         """Fields of the scenario that the part fills; a new reference is slowed as its governor requests."""
-        found = self.fields(self._path)
-        planned = self.plan_time(replace_at(self._scenario, found))
-        return {field: part(planned, field) for field in found}
+        fields = self.fields(self._path)
+        planned = self.plan_time(replace_at(self._scenario, fields))
+        return {field: part(planned, field) for field in fields}
 
 
 PATHS = frozenset(slot.path for slot in slots(Scenario))

@@ -128,9 +128,9 @@ def _rows(slot: Slot) -> Iterator[Row]:
         when = f"{WHOLE}; {when}" if slot.word.varies == "always" else WHOLE
     yield Row(at, "", entry, unit.unit, _bounds(unit), when, slot.word.whole, unit.meaning)
     if slot.word.kind:
-        known = [named for each in slot.word.kind.split() for named in names(each)]
+        kinds = [named for each in slot.word.kind.split() for named in names(each)]
         usual = f" ({slot.word.usual} if left out)" if slot.word.usual else ""
-        yield Row(f"{at}.{'mode' if slot.path == 'environment.wind' else 'kind'}", "", f"{_one_of(known)}{usual}")
+        yield Row(f"{at}.{'mode' if slot.path == 'environment.wind' else 'kind'}", "", f"{_one_of(kinds)}{usual}")
         for each in slot.word.kind.split():
             for named in names(each):
                 kind = find(each, named)
@@ -167,22 +167,22 @@ def _of_record(kind: type, at: str, varies: str, named: str, called: Mapping[str
         called: fields that the record around it calls otherwise.
     """
     words = {**words_of_fields(kind), **(called or {})}
-    lifted, known = lifted_fields(kind), declared_fields(kind)
+    lifted, declared = lifted_fields(kind), declared_fields(kind)
     bases = [each.__name__ for each in kind.__mro__]
     inside: set[tuple[str, type]] = set()
-    for name, (wanted, unit) in known.items():
+    for name, (annotation, unit) in declared.items():
         if any((base, name) in NO_WORDS for base in bases):
             continue
         word = words.get(name, name)
-        lists = "[]" if typing.get_origin(wanted) is tuple and _records_in(wanted) and word == name else ""
-        if words.get(name) not in known:  # else it is another spelling of that field's word
+        lists = "[]" if typing.get_origin(annotation) is tuple and _records_in(annotation) and word == name else ""
+        if words.get(name) not in declared:  # else it is another spelling of that field's word
             when = f"where {lifted[name]} is stated" if name in lifted else "never" if unit.fixed else varies
-            when = when if wanted not in SHAPING and "'" not in _entry(wanted) else "never"
+            when = when if annotation not in SHAPING and "'" not in _entry(annotation) else "never"
             more = (CHOICES[base, name] for base in bases if (base, name) in CHOICES)
-            entry = next((_one_of(each) for each in more), _entry(wanted))
+            entry = next((_one_of(each) for each in more), _entry(annotation))
             entry = next((OTHERWISE[base, name] for base in bases if (base, name) in OTHERWISE), entry)
             yield Row(f"{at}.{word}{lists}", named, entry, unit.unit, _bounds(unit), when, False, unit.meaning)
-        for each in _records_in(wanted):
+        for each in _records_in(annotation):
             if (word, each) not in inside and each is not kind:
                 inside.add((word, each))
                 peak = {"peak": kind.blows} if each is Gust and hasattr(kind, "blows") else None
@@ -208,9 +208,9 @@ def _of_truth(path: str, truth: object) -> Iterator[Row]:
     yield Row(f"{path}.vehicle", "", "text", meaning="name of a shipped vehicle, or a path")
     yield Row(f"{path}.gravity", "", "number", gravity.unit, _bounds(gravity), always, False, gravity.meaning)
     yield from _of_record(Payload, f"{path}.payload", always, "")
-    known = declared_fields(Joint)
+    declared = declared_fields(Joint)
     for name in JOINT_NUMBERS:
-        unit = known[name][1]
+        unit = declared[name][1]
         words = "number, or one for each joint"
         yield Row(f"{path}.joints.{name}", "", words, unit.unit, _bounds(unit), always, False, unit.meaning)
 
@@ -228,10 +228,10 @@ def _of_controller() -> Iterator[Row]:
     for law in (*LAWS, *AUTOPILOTS):
         kinds = declared_units(Options) | declared_units(entry_of(law).function())
         for word, option in option_words(law).items():
-            wanted, unit = kinds.get(option, (None, NUMBER))
-            entry = "as the law takes it" if wanted is None else _entry(wanted)
+            annotation, unit = kinds.get(option, (None, NUMBER))
+            entry = "as the law takes it" if annotation is None else _entry(annotation)
             yield Row(f"controller.{word}", law, entry, unit.unit, _bounds(unit), WHOLE, False, unit.meaning)
-            for each in _records_in(wanted):
+            for each in _records_in(annotation):
                 yield from _of_record(each, f"controller.{word}", WHEN["always"], law)
 
 
@@ -243,9 +243,11 @@ def _of_reference() -> Iterator[Row]:
     for named in names("motion"):
         make = find("motion", named)
         if not takes_table(make) and "setting" not in declared_units(make):
-            for name, (wanted, unit) in declared_units(make).items():
+            for name, (annotation, unit) in declared_units(make).items():
                 if name != "return":
-                    yield Row(f"reference.base.{name}", named, _entry(wanted), unit.unit, _bounds(unit), WHEN["always"])
+                    yield Row(
+                        f"reference.base.{name}", named, _entry(annotation), unit.unit, _bounds(unit), WHEN["always"]
+                    )
     yield Row("reference.yaw", "", SIGNAL, "rad", varies=always, whole=True)
     yield Row("reference.joints[]", "", SIGNAL, "rad or m", varies=always, whole=True, meaning="one for each joint")
     yield Row("reference.tip", "", "table", meaning="motion of the tip, from which base and joints follow")
@@ -272,34 +274,39 @@ def _is_list(slot: Slot) -> bool:
     return slot.path == slot.table and typing.get_origin(slot.type) is tuple
 
 
-def _records_in(wanted: object) -> tuple[type, ...]:
+def _records_in(annotation: object) -> tuple[type, ...]:
     """Classes of the records, tables in a file, that a field of a type holds; a vehicle is a file of its own."""
-    options = typing.get_args(wanted)
+    options = typing.get_args(annotation)
     if options:
-        return tuple(found for each in options for found in _records_in(each))
-    if not isinstance(wanted, type) or field_names(wanted) is None or _in_words(wanted) or wanted is Vehicle:
+        return tuple(record for each in options for record in _records_in(each))
+    if (
+        not isinstance(annotation, type)
+        or field_names(annotation) is None
+        or _in_words(annotation)
+        or annotation is Vehicle
+    ):
         return ()
-    return () if issubclass(wanted, Signal) else (wanted,)
+    return () if issubclass(annotation, Signal) else (annotation,)
 
 
-def _in_words(wanted: object) -> str:
+def _in_words(annotation: object) -> str:
     """Words for the file entry of a type that is no table of its fields; empty for a table."""
-    return ENTRIES.get(wanted) or ENTRIES.get(getattr(wanted, "__name__", ""), "")
+    return ENTRIES.get(annotation) or ENTRIES.get(getattr(annotation, "__name__", ""), "")
 
 
-def _entry(wanted: object) -> str:
+def _entry(annotation: object) -> str:
     """Type of an entry in words."""
-    options = [each for each in typing.get_args(wanted) if each is not type(None)]
-    if found := _in_words(wanted):
-        return found
-    if typing.get_origin(wanted) is typing.Literal:
+    options = [each for each in typing.get_args(annotation) if each is not type(None)]
+    if words := _in_words(annotation):
+        return words
+    if typing.get_origin(annotation) is typing.Literal:
         return _one_of(options)
-    if typing.get_origin(wanted) is tuple:
+    if typing.get_origin(annotation) is tuple:
         inner = _entry(options[0])
         return {"number": "list of numbers", "table": "list of tables"}.get(inner, f"list of {inner}")
-    if options and len(options) < len(typing.get_args(wanted)):
+    if options and len(options) < len(typing.get_args(annotation)):
         return _entry(options[0])
-    return SIGNAL if isinstance(wanted, type) and issubclass(wanted, Signal) else "table"
+    return SIGNAL if isinstance(annotation, type) and issubclass(annotation, Signal) else "table"
 
 
 def _one_of(texts: typing.Iterable[object]) -> str:

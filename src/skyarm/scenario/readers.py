@@ -102,21 +102,21 @@ def vehicle(named: object, at: str, folder: Path) -> Vehicle:
 
 def _vehicle_and_gravity(fields: Fields, reading: Reading, beside: Sequence[str] = ()) -> tuple[Vehicle, float]:
     """Vehicle of [plant] or [model] with the payload, drives and joint values that the table states, and gravity."""
-    found = reading.vehicle(fields.where)
+    vehicle = reading.vehicle(fields.where)
     fields.take("vehicle")
     if "payload" in fields.table:
         try:
-            found = record_from(Payload, fields.inner("payload")).held_by(found)
+            vehicle = record_from(Payload, fields.inner("payload")).held_by(vehicle)
         except ValueError as error:
             words, at = str(error), fields.at("payload")
             raise ValueError(words if words.startswith(at) else f"{at}: {words}") from None
     if fields.where == "model" and "drives" in fields.table:
         drives = fields.inner("drives").table
-        found = dataclasses.replace(found, drives=mounted_drives(drives, fields.at("drives")))
-    found = _with_joint_numbers(found, fields.inner("joints"))
+        vehicle = dataclasses.replace(vehicle, drives=mounted_drives(drives, fields.at("drives")))
+    vehicle = _with_joint_numbers(vehicle, fields.inner("joints"))
     gravity = fields.number("gravity", 9.81, low=0.0)
     fields.done(beside)
-    return found, gravity
+    return vehicle, gravity
 
 
 def controller(entry: object, path: str, reading: Reading) -> Controller:
@@ -138,31 +138,33 @@ def law(scenario: Scenario, name: object) -> Controller:
         raise ValueError(str(error).replace("controller = ", f"{LAW} = ", 1)) from None
 
 
-def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
+def _with_joint_numbers(vehicle: Vehicle, table: Fields) -> Vehicle:
     """Vehicle with joint values replaced, such as damping: one value for all joints, or a list with one for each."""
     numbers: dict[Place, float] = {}
     for name in JOINT_NUMBERS:
         value, at = table.take(name, None), table.at(name)
-        if isinstance(value, list) and len(value) != found.n:
-            raise ValueError(f"{at} = {shown(value)}: must be a number, or {found.n} numbers, one for each joint")
-        for i in range(found.n if value is not None else 0):
+        if isinstance(value, list) and len(value) != vehicle.n:
+            raise ValueError(f"{at} = {shown(value)}: must be a number, or {vehicle.n} numbers, one for each joint")
+        for i in range(vehicle.n if value is not None else 0):
             given, where = (value[i], f"{at}[{i}]") if isinstance(value, list) else (value, at)
-            held = number(given, where, low=0.0, strict=name == "coulomb_rate")
-            accept_scalar(where, held, units(Joint)[name])
+            joint_number = number(given, where, low=0.0, strict=name == "coulomb_rate")
+            accept_scalar(where, joint_number, units(Joint)[name])
             # a stop of exactly no stiffness is none
-            numbers["links", str(i), "joint", name] = 0 if name == "stop_stiffness" and held == 0.0 else held
+            numbers["links", str(i), "joint", name] = (
+                0 if name == "stop_stiffness" and joint_number == 0.0 else joint_number
+            )
     table.done()
-    changed: Vehicle = replace_at(found, numbers) if numbers else found
+    changed: Vehicle = replace_at(vehicle, numbers) if numbers else vehicle
     return changed
 
 
 def world(entry: object, path: str, reading: Reading) -> Component[Tree] | None:
     """Read [world]: surfaces, objects, grippers and contact points, with the commands of a task's phases."""
-    found: Component[Tree] | None = None
+    component: Component[Tree] | None = None
     if entry is not None:
-        found = registered_from("world", Component, with_files(entry, path, reading.folder), path, "contact")
+        component = registered_from("world", Component, with_files(entry, path, reading.folder), path, "contact")
     events = [event for event in _events(reading) if event.gripper]
-    return with_commands(found, events, reading.word("rates").control) if events else found
+    return with_commands(component, events, reading.word("rates").control) if events else component
 
 
 def payloads(entry: object, path: str, reading: Reading) -> tuple[TimedPayload, ...]:
@@ -209,10 +211,10 @@ def _with_paths(table: object, where: str, other: Callable[[str, str, str], str]
         return [_with_paths(each, f"{where}[{i}]", other) for i, each in enumerate(table)]
     if not isinstance(table, Mapping):
         return table
-    found = {name: _with_paths(each, f"{where}.{name}", other) for name, each in table.items()}
+    entries = {name: _with_paths(each, f"{where}.{name}", other) for name, each in table.items()}
     words = ("file", "mesh") if table.get("kind") == "samples" else ("mesh",)
     paths = {word: path for word in words if isinstance(path := table.get(word), str) and path}
-    return found | {word: other(word, path, where) for word, path in paths.items()}
+    return entries | {word: other(word, path, where) for word, path in paths.items()}
 
 
 NAMED_FILES = ("plant", "vehicle"), ("model", "vehicle"), ("controller", "tuned")
@@ -226,13 +228,13 @@ def with_other_paths(tables: Mapping[str, Any], other: Callable[[str], str]) -> 
         tables: plain, of a file.
         other: from a path of a vehicle, of gains, samples or a mesh to what stands in its place.
     """
-    found = dict(tables)
+    replaced = dict(tables)
     for name, word in NAMED_FILES:
         table = tables.get(name)
         if isinstance(table, Mapping) and isinstance(entry := table.get(word), str) and entry not in list_vehicles():
-            found[name] = {**table, word: other(entry)}
-    files = (name for name in ("reference", "world") if name in found)
-    return found | {name: _with_paths(found[name], name, lambda _, path, __: other(path)) for name in files}
+            replaced[name] = {**table, word: other(entry)}
+    files = (name for name in ("reference", "world") if name in replaced)
+    return replaced | {name: _with_paths(replaced[name], name, lambda _, path, __: other(path)) for name in files}
 
 
 def changes(entry: object, path: str, reading: Reading) -> tuple[Change, ...]:

@@ -81,8 +81,8 @@ def save_scenario(
         with errors_as(ScenarioError):
             output_file(str(path), "path", SUFFIX)
         with errors_as(ScenarioError, f"{file}: ", (ValueError, TypeError)):
-            found = tables_of(scenario, _from_folder(tables, folder, file.parent), file.parent, law)
-            return write_atomically(file, scenario_text(found).encode())
+            document = tables_of(scenario, _from_folder(tables, folder, file.parent), file.parent, law)
+            return write_atomically(file, scenario_text(document).encode())
 
 
 def tables_of(
@@ -99,53 +99,53 @@ def tables_of(
     Raises:
         ScenarioError: as :func:`save_scenario`.
     """
-    wanted = _until_end(scenario)
+    target = _until_end(scenario)
     stated = {name: each for name, each in tables.items() if name != "numbers"}
-    law = wanted.controller.name
+    law = target.controller.name
     if controller is not None:
-        return _tables_from(wanted, _under_law(stated, controller, folder), folder)
+        return _tables_from(target, _under_law(stated, controller, folder), folder)
     if law != scenario_from(stated, folder).controller.name:
-        return _tables_from(wanted, _under_law(stated, law, folder), folder)
+        return _tables_from(target, _under_law(stated, law, folder), folder)
     try:
-        return _tables_from(wanted, stated, folder)
+        return _tables_from(target, stated, folder)
     except ScenarioError as error:
         with suppress(ValueError):  # the law of this name may have other options than the base's
-            return _tables_from(wanted, _under_law(stated, law, folder), folder)
+            return _tables_from(target, _under_law(stated, law, folder), folder)
         raise error from None
 
 
-def _tables_from(wanted: Scenario, stated: Tables, folder: PathLike) -> Tables:
+def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
     """Tables that a scenario is read from, under the law of those that are given.
 
     Raises:
         ScenarioError: one line: they are read as another one.
     """
     begun = scenario_from(stated, folder)
-    found = _with_changes(_with_entries(begun, wanted, stated), folder, wanted)
-    read, rate = scenario_from(found, folder), wanted.rates.control
-    if in_order(read.changes, rate) == in_order(wanted.changes, rate):
-        wanted = dataclasses.replace(wanted, changes=read.changes)
-    numbers = _numbers(read, wanted)
-    written = found | ({"numbers": numbers} if numbers else {})
+    tables = _with_changes(_with_entries(begun, target, stated), folder, target)
+    read, rate = scenario_from(tables, folder), target.rates.control
+    if in_order(read.changes, rate) == in_order(target.changes, rate):
+        target = dataclasses.replace(target, changes=read.changes)
+    numbers = _numbers(read, target)
+    written = tables | ({"numbers": numbers} if numbers else {})
     made = scenario_from(written, folder)
-    if identity(made) != identity(wanted):
-        raise ScenarioError(f"base: {_difference(made, wanted)}")
+    if identity(made) != identity(target):
+        raise ScenarioError(f"base: {_difference(made, target)}")
     return written
 
 
-def _difference(made: Scenario, wanted: Scenario) -> str:
+def _difference(made: Scenario, target: Scenario) -> str:
     """Message on what a file does not say of a scenario: the first value that is read otherwise."""
-    found = scenario_differences(plain(wanted), plain(made))
-    if any(path.startswith(GOVERNOR) for path in found):
+    differences = scenario_differences(plain(target), plain(made))
+    if any(path.startswith(GOVERNOR) for path in differences):
         return f"must have the [{GOVERNOR}] that planned the scenario's time: no file states a plan by its numbers"
-    flown = {path: pair for path, pair in found.items() if not {*path.split(".")} & {*DRAWN}}
+    flown = {path: pair for path, pair in differences.items() if not {*path.split(".")} & {*DRAWN}}
     if not flown:
-        return f"must be of the same classes as the scenario in {', '.join(sorted(_different_words(made, wanted)))}"
+        return f"must be of the same classes as the scenario in {', '.join(sorted(_different_words(made, target)))}"
     # numbers differ, too, where others of another structure keep them from being written
     path = min(flown, key=lambda each: all(isinstance(value, float) for value in flown[each]))
-    held, other = (value if value == ABSENT else shown(value) for value in flown[path])
+    own, other = (value if value == ABSENT else shown(value) for value in flown[path])
     but = "which words and numbers do not change; choose the base it was made from, and its law by controller"
-    return f"must have {path.removeprefix('agent.')} = {held} like the scenario, not {other}, {but}"
+    return f"must have {path.removeprefix('agent.')} = {own} like the scenario, not {other}, {but}"
 
 
 def law_entry(name: str) -> Tables:
@@ -203,12 +203,12 @@ def _different_words(one: Scenario, other: Scenario) -> dict[str, Slot]:
 
 def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables:
     """Tables with the entries of parts that differ in more than numbers, or whose words are numbers themselves."""
-    found = tables
+    document = tables
     for slot in _different_words(begun, scenario).values():
         before, after = part(begun, slot.record), part(scenario, slot.record)
         numbers_alone = slot.word.varies == "always" and _alike(before, after)
         if after is None:
-            found = _without_entry(found, slot.table.split("."))
+            document = _without_entry(document, slot.table.split("."))
             continue
         if slot.word.reader in WITHOUT_ENTRY or slot.path == "changes" or numbers_alone:
             continue
@@ -217,20 +217,20 @@ def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables
         if slot.path == "payloads":
             entry = _without_instants(entry, tables.get("payloads", []))
         if slot.table == "sensors":  # of the full state its numbers stand there, of others tables by their names
-            beside = found.get("sensors", {}).items()
+            beside = document.get("sensors", {}).items()
             entry = {name: each for name, each in beside if isinstance(each, dict) is (slot.path == slot.table)} | entry
-        found = _with_entry(found, slot.table.split("."), entry)
-    return found
+        document = _with_entry(document, slot.table.split("."), entry)
+    return document
 
 
 def _without_instants(entry: list[Tables], stated: list[Tables]) -> list[Tables]:
     """Entry of payloads without instants that the base's table of a payload leaves to the phases of a task."""
-    known = {each.get("name", str(i)): each for i, each in enumerate(stated)}
+    by_name = {each.get("name", str(i)): each for i, each in enumerate(stated)}
     return [
         {
             word: value
             for word, value in each.items()
-            if word not in INSTANTS or word in known.get(each.get("name", str(i)), INSTANTS)
+            if word not in INSTANTS or word in by_name.get(each.get("name", str(i)), INSTANTS)
         }
         for i, each in enumerate(entry)
     ]
@@ -264,12 +264,12 @@ def _entry(slot: Slot, value: Any) -> Any:
     if slot.path != slot.table:  # named items, each a table: NAME = { kind = ..., ... }
         inner = slot.place[slot.place.index(EACH) + 1]
         return {each.name: entry_of(getattr(each, inner)) for each in value}
-    found = entry_of(value)
-    if slot.path == "sensors" and isinstance(found, dict):
-        found.pop("kind")
-    if slot.path == "environment.wind" and isinstance(found, dict):
-        return {"mode": found.pop("kind"), **found}
-    return found
+    entry = entry_of(value)
+    if slot.path == "sensors" and isinstance(entry, dict):
+        entry.pop("kind")
+    if slot.path == "environment.wind" and isinstance(entry, dict):
+        return {"mode": entry.pop("kind"), **entry}
+    return entry
 
 
 def _with_entry(tables: Tables, path: list[str], entry: Any) -> Tables:

@@ -28,12 +28,12 @@ def scenario_differences(a: object, b: object) -> dict[str, tuple[Any, Any]]:
         b: plain data of the other scenario.
     """
     ours, theirs = (dict(_leaves(each, ())) if isinstance(each, Mapping) else {} for each in (a, b))
-    found = {}
+    differences = {}
     for words in {**ours, **theirs}:
         pair = ours.get(words, ABSENT), theirs.get(words, ABSENT)
         if type(pair[0]) is not type(pair[1]) or pair[0] != pair[1]:
-            found[_path(words)] = pair
-    return found
+            differences[_path(words)] = pair
+    return differences
 
 
 def _leaves(data: object, words: Words) -> Iterator[tuple[Words, Any]]:
@@ -74,11 +74,13 @@ MOST_FIELDS = 20
 """Fields that a terminal shows; ``--json`` has all."""
 
 
-def changed_field_lines(found: dict[str, tuple[object, object]], laws: list[str]) -> list[str]:
+def changed_field_lines(differences: dict[str, tuple[object, object]], laws: list[str]) -> list[str]:
     """Text of the scenario fields in which two logs differ."""
-    lines = ["the scenarios differ in"] if found else []
-    if any(path.startswith("controller.law.") for path in found):
+    lines = ["the scenarios differ in"] if differences else []
+    if any(path.startswith("controller.law.") for path in differences):
         lines.append("  controller: " + " and ".join(map(shown, laws)))
-        found = {path: pair for path, pair in found.items() if not path.startswith("controller.")}
-    lines += [f"  {path}: {shown(ours)} and {shown(theirs)}" for path, (ours, theirs) in found.items()][:MOST_FIELDS]
-    return lines + more_lines(len(found) - MOST_FIELDS, "fields")
+        differences = {path: pair for path, pair in differences.items() if not path.startswith("controller.")}
+    lines += [f"  {path}: {shown(ours)} and {shown(theirs)}" for path, (ours, theirs) in differences.items()][
+        :MOST_FIELDS
+    ]
+    return lines + more_lines(len(differences) - MOST_FIELDS, "fields")

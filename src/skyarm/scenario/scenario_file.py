@@ -265,7 +265,7 @@ def _by_its_path(scenario: Scenario, numbers: Mapping[str, Scalar], words: str) 
         try:
             with_numbers(scenario, {path: value})
         except ValueError as error:
-            found, texts = str(error), (shown(value), f"{value}.0")  # as it is and as a record holds a whole number
-            why = next((tail for each in texts if (tail := found.partition(f" = {each}: ")[2])), found)
+            message, texts = str(error), (shown(value), f"{value}.0")  # as it is and as a record holds a whole number
+            why = next((tail for each in texts if (tail := message.partition(f" = {each}: ")[2])), message)
             return ScenarioError(f"{path} = {shown(value)}: {why}")
     return ScenarioError(words.replace(OF_STUDIES, "must be written in its table"))

@@ -370,20 +370,20 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
     Raises:
         TypeError: a field is missing, or there is no such field or word.
     """
-    found: dict[str, Any] = {name: words.pop(name) for name in defaults(kind) if name in words}
-    for group, held in groups(kind).items() if words else ():
-        if inner := {word: words.pop(word) for word in field_names(held) or () if word in words}:
-            if group not in found:
-                found[group] = held(**inner)
-            elif isinstance(found[group], held):  # what is not is refused as the group
-                found[group] = dataclasses.replace(found[group], **inner)
+    fields: dict[str, Any] = {name: words.pop(name) for name in defaults(kind) if name in words}
+    for group, group_kind in groups(kind).items() if words else ():
+        if inner := {word: words.pop(word) for word in field_names(group_kind) or () if word in words}:
+            if group not in fields:
+                fields[group] = group_kind(**inner)
+            elif isinstance(fields[group], group_kind):  # what is not is refused as the group
+                fields[group] = dataclasses.replace(fields[group], **inner)
     for name, usual in defaults(kind).items():
-        if usual is dataclasses.MISSING and name not in found:
+        if usual is dataclasses.MISSING and name not in fields:
             raise TypeError(f"{kind.__name__}: {name} is missing")
     if words:
         meant = did_you_mean(next(iter(words)), field_names(Agent) or ())
         raise TypeError(f"{kind.__name__}: {meant}has no field {', '.join(words)}")
-    return found
+    return fields
 
 
 @words_as_keywords
@@ -440,8 +440,8 @@ class Scenario:
 
     def under(self, controller: Controller) -> Scenario:
         """Scenario with another law, and without scheduled changes of the present law."""
-        kept = tuple(each for each in self.changes if not each.of_law)
-        return dataclasses.replace(self, changes=kept, agent=dataclasses.replace(self.agent, controller=controller))
+        changes = tuple(each for each in self.changes if not each.of_law)
+        return dataclasses.replace(self, changes=changes, agent=dataclasses.replace(self.agent, controller=controller))
 
     def with_controller(self, controller: Controller) -> Scenario:
         """Scenario with another law; scheduled changes of it stay (:meth:`under` leaves them out)."""
@@ -654,10 +654,10 @@ def check_name(name: str) -> None:
 
 def noise_key(field: str, value: object) -> int:
     """Check a key of the noise generator (seed or episode): a whole number from 0 to 2**32 - 1."""
-    held = whole(value)
-    if held is None or not 0 <= held < 2**32:
+    key = whole(value)
+    if key is None or not 0 <= key < 2**32:
         raise ScenarioError(f"{field} = {shown(value)}: must be a whole number from 0 to 2**32 - 1")
-    return held
+    return key
 
 
 def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: tuple[Scalar, ...]) -> State:
@@ -695,5 +695,5 @@ def _as_data(state: State) -> State:
         numbers = (data(each) for each in value)
         return tuple(numbers) if isinstance(value, tuple) else type(value)(*numbers)
 
-    held = {name: as_data(value) for name, value in leaves.parts(state).items()}
-    return State(**held | {"quaternion": coerce.near_unit_quaternion(held["quaternion"])})
+    fields = {name: as_data(value) for name, value in leaves.parts(state).items()}
+    return State(**fields | {"quaternion": coerce.near_unit_quaternion(fields["quaternion"])})

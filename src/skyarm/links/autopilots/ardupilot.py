@@ -350,18 +350,18 @@ class ArduPilotLink(ProgramLink):
         """Bytes of the MAVLink stream that have arrived; empty if none."""
         assert self._tcp is not None
         try:
-            found = [data for data, _ in drain(self._tcp)]
+            pieces = [data for data, _ in drain(self._tcp)]
         except OSError as error:
             raise self._port_error(error) from None
-        if found and not found[-1]:
+        if pieces and not pieces[-1]:
             raise self._closing_error()
-        return b"".join(found)
+        return b"".join(pieces)
 
     def _find_origin(self) -> None:
         """Find where ArduPilot's local origin lies: the mean difference of its position and the stand's."""
-        found = self._vehicle.compare_place(self._planned, self._ready and not self._vehicle.armed)
-        if found * self._goal_every * self._period >= SETTLED:
-            self._vehicle.find_origin(found - found // 2)
+        count = self._vehicle.compare_place(self._planned, self._ready and not self._vehicle.armed)
+        if count * self._goal_every * self._period >= SETTLED:
+            self._vehicle.find_origin(count - count // 2)
             self._next = 0.0
 
     def _carry(self, frame: bytes) -> None:

@@ -271,10 +271,10 @@ class BetaflightLink(ProgramLink):
         """Radio channels at a time: at rest, asking to arm, taking off, or following the set point."""
         rise = self._filter.position[2] - self._stand
         if not self._armed:
-            wanted = t >= self._asked
+            arming = t >= self._asked
             if t > self._asked + 0.5:  # refused: the switch must go back before it is asked again
                 self._asked = t + 0.5
-            return (*LEVEL, ON if wanted else OFF, ON, *(OFF,) * 10)
+            return (*LEVEL, ON if arming else OFF, ON, *(OFF,) * 10)
         if not self.following:
             height = min(self._stand + RISE * (t - self._armed_at), goal.position[2])
             climbing = RISE if height < goal.position[2] else 0.0
@@ -330,39 +330,39 @@ class BetaflightLink(ProgramLink):
 
     def _read(self) -> bytes:
         """Newest motor message, empty if none comes in time."""
-        found, now = self._await_motors(self._sent + ANSWER), time.monotonic()
+        message, now = self._await_motors(self._sent + ANSWER), time.monotonic()
         self._heard = now
         if self._guard is not None:
             self._guard.wake()
-        if found:
+        if message:
             self._waits.append(now - self._sent)
             self._silent_since = now
         else:
             self._check_alive(now)
-        return found
+        return message
 
     def _await_motors(self, until: float) -> bytes:
         """Newest motor message; empty if none comes by a time of the monotonic clock."""
         assert self._motors is not None
-        found, left = b"", 1.0
-        while not found and left > 0.0:
+        message, left = b"", 1.0
+        while not message and left > 0.0:
             left = until - time.monotonic()
             with contextlib.suppress(TimeoutError, BlockingIOError, ConnectionError):
                 self._motors.settimeout(max(left, 1e-4))
                 first = self._motors.recvfrom(2048)
-                found = (self._motors_of([first, *drain(self._motors)]) or [b""])[-1]
-        return found
+                message = (self._motors_of([first, *drain(self._motors)]) or [b""])[-1]
+        return message
 
     def _motors_of(self, datagrams: Sequence[tuple[bytes, Any]]) -> list[bytes]:
         """Motor messages among datagrams; the first one's sender is Betaflight, and others are not listened to."""
-        found = []
+        messages = []
         for data, sender in datagrams:
             if len(data) != MOTORS.size or self._peer not in (None, sender):
                 self._bad += 1
                 continue
             self._peer = sender
-            found.append(data)
-        return found
+            messages.append(data)
+        return messages
 
     def _check_alive(self, now: float) -> None:
         """Raise an error if the program has ended, or has been silent for too long."""

@@ -77,8 +77,8 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     added = tuple(NamedSensor(name=name, sensor=each) for name, each in needed.items() if name not in there)
     for each in scenario.sensors:
         if each.name in needed and type(each.sensor) is not type(needed[each.name]):
-            wanted = type(needed[each.name]).__name__
-            raise ScenarioError(f"sensors.{each.name}: must be a {wanted} for {autopilot.title}")
+            kind = type(needed[each.name]).__name__
+            raise ScenarioError(f"sensors.{each.name}: must be a {kind} for {autopilot.title}")
     rates, sensors = scenario.rates, (*scenario.sensors, *added)
     slow = [rates.reference, *(round(each.sensor.frequency) for each in sensors if each.sensor.frequency)]
     common = math.lcm(*slow)
@@ -191,8 +191,8 @@ def goal_columns(inputs: EpisodeInputs) -> Array | None:
     """
     if inputs.waits.guards:
         return None
-    held, steps = inputs.held_reference, inputs.scenario.steps
-    columns = (*held.position, *held.velocity, *held.acceleration, held.yaw)
+    reference, steps = inputs.held_reference, inputs.scenario.steps
+    columns = (*reference.position, *reference.velocity, *reference.acceleration, reference.yaw)
     return np.stack([np.broadcast_to(np.asarray(column, dtype=float), (steps,)) for column in columns], axis=1)
 
 
@@ -409,12 +409,12 @@ class PilotedSession(Session):
     @property
     def log(self) -> Log:
         """Log of the flight so far, with name and counts of the autopilot's link."""
-        found = super().log
+        log = super().log
         facts = {} if self._link is None else self._link.facts
         said = {"name": self._autopilot.name, "prepared_s": self._prepared, **facts}
         if self._joint_server is not None:
             said |= {"joints": self._joint_server.facts, "set_back": self._late}
-        return dataclasses.replace(found, info={**found.info, "autopilot": said})
+        return dataclasses.replace(log, info={**log.info, "autopilot": said})
 
     def snapshot(self) -> Snapshot:
         """Refuse to copy the state: the autopilot's cannot be."""

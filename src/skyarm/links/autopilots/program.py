@@ -35,13 +35,13 @@ def find_program(autopilot: Autopilot, usual: str = "") -> Path:
     stated = autopilot.program or os.environ.get(autopilot.variable, "")
     where = "controller.program" if autopilot.program else autopilot.variable
     if not stated:
-        found = shutil.which(usual) if usual else None
-        if found is None:
+        installed = shutil.which(usual) if usual else None
+        if installed is None:
             raise ScenarioError(
                 f"controller.program: is missing; must be the path of {autopilot.title}'s program, here or in the "
                 f"environment variable {autopilot.variable}"
             )
-        return Path(found).absolute()
+        return Path(installed).absolute()
     path = Path(stated).expanduser().absolute()
     if not path.is_file() or not os.access(path, os.X_OK):
         raise ScenarioError(f"{where} = {shown(stated)}: must be an executable file, {autopilot.title}'s program")
@@ -76,12 +76,12 @@ class Child:
     ) -> None:
         inherited = {name: each for name, each in os.environ.items() if not (without and name.startswith(without))}
         self.folder, self._output = folder, folder / "output.txt"
-        held, self._pipe = os.pipe()
+        read_end, self._pipe = os.pipe()
         try:
             with self._output.open("wb") as output:
                 self._process = subprocess.Popen(
                     ["/bin/sh", "-c", GUARD, "skyarm", str(folder), *command],
-                    cwd=folder, env={**inherited, **(environment or {})}, stdin=held, stdout=output,
+                    cwd=folder, env={**inherited, **(environment or {})}, stdin=read_end, stdout=output,
                     stderr=subprocess.STDOUT, start_new_session=True,
                 )  # fmt: skip
         except OSError as error:
@@ -89,7 +89,7 @@ class Child:
             shutil.rmtree(folder, ignore_errors=True)
             raise LinkError(f"{command[0]} does not start: {error.strerror}") from None
         finally:
-            os.close(held)
+            os.close(read_end)
 
     @property
     def running(self) -> bool:
@@ -208,9 +208,9 @@ class ProgramLink(Link):
         until = time.monotonic() + self._record.patience
         while True:
             with contextlib.suppress(TimeoutError):
-                found = self._held.enter_context(listener.accept()[0])
-                found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                return found
+                connection = self._held.enter_context(listener.accept()[0])
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                return connection
             if self._child is None or not self._child.running:
                 ending = "" if self._child is None else self._child.ending(self._title)
                 raise LinkError(f"{self._title} ended while it started{ending}")

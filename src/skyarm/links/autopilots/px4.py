@@ -343,8 +343,8 @@ class PX4Link(ProgramLink):
 
         It is found at a whole second, so that flights begin alike.
         """
-        found = self._vehicle.compare_place(self._sensors.fix, self._ready and not self._armed)
-        if found >= SETTLED * self._rate and self._steps % self._rate == 0:
+        count = self._vehicle.compare_place(self._sensors.fix, self._ready and not self._armed)
+        if count >= SETTLED * self._rate and self._steps % self._rate == 0:
             self._vehicle.find_origin(2 * self._rate)
 
     def _datagrams(self) -> bytes:

@@ -93,8 +93,8 @@ class DynamixelJoints(JointLink):
     def read(self) -> JointReading | None:
         """Newest reading since the last call; None where the bus is silent."""
         with self._lock:
-            found, self._newest = self._newest, None
-        return found
+            newest, self._newest = self._newest, None
+        return newest
 
     def send(self, setpoints: Sequence[float], at: float) -> None:
         """Hand setpoints to the bus: torques in N m, or positions in rad."""

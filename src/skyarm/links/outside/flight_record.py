@@ -27,8 +27,8 @@ def percentiles(seconds: Sequence[float]) -> dict[str, float | int]:
     if not len(seconds):
         return {"count": 0}
     ms = 1e3 * np.asarray(seconds, dtype=float)
-    found = {"p50_ms": np.percentile(ms, 50), "p99_ms": np.percentile(ms, 99), "max_ms": ms.max()}
-    return {"count": len(ms), **{name: round(float(value), 3) for name, value in found.items()}}
+    statistics = {"p50_ms": np.percentile(ms, 50), "p99_ms": np.percentile(ms, 99), "max_ms": ms.max()}
+    return {"count": len(ms), **{name: round(float(value), 3) for name, value in statistics.items()}}
 
 
 @dataclass(slots=True)

@@ -59,10 +59,10 @@ def _open_own(file: str, maker: str, vehicle: Vehicle) -> JointLink:
     make = getattr(load_plugin(file), maker, None)
     if not callable(make):
         raise JointPortError(f"--joints = {shown(f'{file}:{maker}')}: {file} must have a function {maker!r}")
-    found = make(vehicle)
-    if not isinstance(found, JointLink):
+    link = make(vehicle)
+    if not isinstance(link, JointLink):
         raise JointPortError(f"--joints = {shown(f'{file}:{maker}')}: {maker} must return a JointLink")
-    return found
+    return link
 
 
 def _servo_bus(url: str, vehicle: Vehicle) -> ServoBus:

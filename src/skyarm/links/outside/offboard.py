@@ -364,15 +364,15 @@ class OffboardFlight:
         law, link, arm = self._law, self._link, self._joints
         assert arm is not None
         measured = self._frame.measurement(state, arm, tick / self._rate, self._gravity, self._rotors)
-        found = law.step(measured, reference)
-        if not all(map(math.isfinite, leaves(found))):
+        command = law.step(measured, reference)
+        if not all(map(math.isfinite, leaves(command))):
             raise HandBackError(DIVERGED, "the law's command is not finite")
-        link.send(found.base)
+        link.send(command.base)
         if record is None:
             return
-        self._arm.send([float(each) for each in found.law.efforts], state.time)
+        self._arm.send([float(each) for each in command.law.efforts], state.time)
         record.computing.append(time.monotonic() - link.heard)
-        record.add(tick, measured, found)
+        record.add(tick, measured, command)
 
     def _require_alive(self) -> None:
         """Hand back if estimates, heartbeats or joints are silent, or this process stood still meanwhile."""

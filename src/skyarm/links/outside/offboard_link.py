@@ -151,13 +151,13 @@ class OffboardLink(Estimates, MavlinkVehicle):
         select.select([self._socket], [], [], max(seconds, 0.0))
         with contextlib.suppress(ConnectionError):
             for data, sender in drain(self._socket):
-                known = self.modes is not None
-                if known and sender != self._partner:
+                connected = self.modes is not None
+                if connected and sender != self._partner:
                     continue
                 for message in self.parser.feed(data):
                     if self.hear(message) and (reader := _READERS.get(message.name)) is not None:
                         reader(self, message)
-                if not known and self.modes is not None:
+                if not connected and self.modes is not None:
                     self._partner = sender
 
     def beat(self) -> None:

@@ -131,8 +131,8 @@ class OutsideLaw:
             self._memory = copy.deepcopy(self._first)
 
         def step(measurement: Measurement, reference: Reference) -> OutsideCommand:
-            self._memory, found = self._period(self._memory, measurement, reference)
-            return found
+            self._memory, command = self._period(self._memory, measurement, reference)
+            return command
 
         self._begin = begin
         return step

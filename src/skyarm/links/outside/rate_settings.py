@@ -45,20 +45,20 @@ def px4_rate_loop(vehicle: Vehicle, parameters: Mapping[str, float]) -> PidRateL
     Raises:
         RecordError: a parameter that is no finite number, is negative, or is zero where the loop is divided by it.
     """
-    known = {**DEFAULTS, **rate_gains(vehicle), **parameters}
+    values = {**DEFAULTS, **rate_gains(vehicle), **parameters}
     for name in NAMES:
-        if not math.isfinite(known[name]) or known[name] < 0.0 or (known[name] == 0.0 and name[-1] in "KP"):
-            refuse(f"--link: PX4's {name}", known[name], "must be a finite gain, above 0")
+        if not math.isfinite(values[name]) or values[name] < 0.0 or (values[name] == 0.0 and name[-1] in "KP"):
+            refuse(f"--link: PX4's {name}", values[name], "must be a finite gain, above 0")
     torques = torque_of_signal(vehicle)
 
     def row(gain: str) -> Three:
         x, y, z = (
-            known[f"MC_{axis}RATE_K"] * known[f"MC_{axis}RATE_{gain}"] * torque
+            values[f"MC_{axis}RATE_K"] * values[f"MC_{axis}RATE_{gain}"] * torque
             for axis, torque in zip(AXES, torques, strict=True)
         )
         return x, y, z
 
-    x, y, z = (known[LIMITS[axis]] * torque for axis, torque in zip(AXES, torques, strict=True))
+    x, y, z = (values[LIMITS[axis]] * torque for axis, torque in zip(AXES, torques, strict=True))
     return PidRateLoop(proportional=row("P"), integral=row("I"), derivative=row("D"), limit=(x, y, z))
 
 

@@ -83,16 +83,16 @@ def joint_goal(message: Mapping[str, Any], vehicle: Vehicle) -> dict[str, float]
     joints = [link.joint for link in vehicle.links]
     if len(names) != len(positions) or not names:
         raise MessageError(f"{len(names)} names and {len(positions)} positions: must be as many, and one at least")
-    known, found = [each.name for each in joints], dict[str, float]()
+    joint_names, goals = [each.name for each in joints], dict[str, float]()
     for name, value in zip(names, positions, strict=True):
-        if name not in known:
-            raise MessageError(f"name = {shown(name)}: {must_be_one_of(known, name)}")
-        joint = joints[known.index(name)]
+        if name not in joint_names:
+            raise MessageError(f"name = {shown(name)}: {must_be_one_of(joint_names, name)}")
+        joint = joints[joint_names.index(name)]
         if not (math.isfinite(value) and float(joint.lower) <= value <= float(joint.upper)):
             limits = f"from {float(joint.lower):g} to {float(joint.upper):g}"
             raise MessageError(f"{name} = {value:g}: must be a finite number {limits}")
-        found[f"joints.{known.index(name)}"] = value
-    return found
+        goals[f"joints.{joint_names.index(name)}"] = value
+    return goals
 
 
 def check_reach(reference: Trajectory, time: float, goals: Mapping[str, float]) -> None:

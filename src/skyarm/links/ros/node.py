@@ -68,7 +68,7 @@ class Inbox:
 
     def take(self) -> list[bytes]:
         """Remove and return all messages, oldest first."""
-        found = []
+        messages = []
         while self._waiting:
-            found.append(self._waiting.popleft())
-        return found
+            messages.append(self._waiting.popleft())
+        return messages

@@ -157,9 +157,9 @@ class Ros1Node:
 
     def update(self, topic: str, publishers: list[str]) -> None:
         """Connect to the publishers of a topic that the master lists."""
-        found = self._subscriptions.get(topic)
-        if found is not None and not self._closing.is_set():
-            found.update(publishers)
+        subscription = self._subscriptions.get(topic)
+        if subscription is not None and not self._closing.is_set():
+            subscription.update(publishers)
 
     def connection_of(self, topic: str) -> list[Any]:
         """Protocol, host and port at which a published topic is given out; empty for one that is not."""
@@ -230,7 +230,7 @@ class _Api:
         self._node = node
 
     def _dispatch(self, method: str, words: tuple[Any, ...]) -> list[Any]:
-        known: Mapping[str, Callable[..., Any]] = {
+        methods: Mapping[str, Callable[..., Any]] = {
             "requestTopic": self._request_topic,
             "publisherUpdate": self._publisher_update,
             "shutdown": self._end,
@@ -243,17 +243,17 @@ class _Api:
             "paramUpdate": lambda *_: 0,
         }
         try:
-            return [SUCCESS, "", known[method](*words)]
+            return [SUCCESS, "", methods[method](*words)]
         except KeyError:
             return [-1, f"no method {method}", 0]
         except (TypeError, ValueError) as error:
             return [-1, str(error), 0]
 
     def _request_topic(self, _caller: str, topic: str, protocols: list[list[str]]) -> list[Any]:
-        found = self._node.connection_of(topic)
-        if not found or not any(each and each[0] == PROTOCOL for each in protocols):
+        connection = self._node.connection_of(topic)
+        if not connection or not any(each and each[0] == PROTOCOL for each in protocols):
             raise ValueError(f"{topic}: is not published here by {PROTOCOL}")
-        return found
+        return connection
 
     def _publisher_update(self, _caller: str, topic: str, publishers: list[str]) -> int:
         self._node.update(topic, [str(each) for each in publishers])
@@ -342,9 +342,9 @@ class _Transport(xmlrpc.client.Transport):
 
     def make_connection(self, host: Any) -> http.client.HTTPConnection:
         """Open a connection with a time limit."""
-        found: Any = super().make_connection(host)
-        found.timeout, found.response_class = PATIENCE, self._begin_answer
-        return found  # type: ignore[no-any-return]
+        connection: Any = super().make_connection(host)
+        connection.timeout, connection.response_class = PATIENCE, self._begin_answer
+        return connection  # type: ignore[no-any-return]
 
     def _begin_answer(self, *arguments: Any, **options: Any) -> http.client.HTTPResponse:
         self._answer = http.client.HTTPResponse(*arguments, **options)
@@ -366,14 +366,14 @@ def call(address: str, method: str, *words: Any) -> Any:
     try:
         with xmlrpc.client.ServerProxy(address, transport=_Transport()) as proxy:
             answer = getattr(proxy, method)(*words)
-        status, told, value = answer
+        status, message, value = answer
     except OSError as error:
         reason = " ".join((error.strerror or str(error) or type(error).__name__).split())
         raise RosError(f"ROS 1 at {address}: does not answer ({reason}); is roscore running?") from None
     except Exception as error:  # whatever a port of another program answers
         raise RosError(f"ROS 1 at {address}: answers as no master or node does ({type(error).__name__})") from None
     if status != SUCCESS:
-        raise RosError(f"ROS 1 at {address}: refuses {method} ({told})")
+        raise RosError(f"ROS 1 at {address}: refuses {method} ({message})")
     return value
 
 

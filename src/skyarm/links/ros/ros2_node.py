@@ -126,8 +126,8 @@ class Ros2Node:
 
     def take(self, topic: str) -> list[bytes]:
         """Messages that have arrived on a topic since the last call, oldest first."""
-        found = self._readers[topic].take(MOST_WAITING)
-        return [each.content for each in found if hasattr(each, "content")]
+        samples = self._readers[topic].take(MOST_WAITING)
+        return [each.content for each in samples if hasattr(each, "content")]
 
     def wait(self, seconds: float) -> None:
         """Wait for a message of the topics that were subscribed to before the first call, at most so long."""
@@ -211,13 +211,13 @@ def _domain_of_environment() -> int:
 
 def _open_sockets() -> set[int]:
     """File descriptors of this process's sockets, on Linux; elsewhere none."""
-    found = set[int]()
+    descriptors = set[int]()
     if sys.platform == "linux":
         for name in os.listdir("/proc/self/fd"):
             with contextlib.suppress(OSError):
                 if os.readlink(f"/proc/self/fd/{name}").startswith("socket:"):
-                    found.add(int(name))
-    return found
+                    descriptors.add(int(name))
+    return descriptors
 
 
 def _bind_to_loopback(descriptors: Iterable[int]) -> None:

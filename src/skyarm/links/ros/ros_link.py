@@ -199,13 +199,13 @@ class RosLink:
 
     def _take_messages(self, topic: str, kind: str) -> list[dict[str, Any]]:
         """Decode the messages that have arrived on a topic; what is none is refused."""
-        found = []
+        messages = []
         for data in self.node.take(topic):
             try:
-                found.append(decode(kind, self._definitions, data, packed=self.node.packed))
+                messages.append(decode(kind, self._definitions, data, packed=self.node.packed))
             except MessageError as error:
                 self._refuse(topic, error)
-        return found
+        return messages
 
     def _refuse(self, topic: str, error: MessageError) -> None:
         if topic not in self._refused:

@@ -110,9 +110,9 @@ def _text(content: bytes) -> Array:
     if count > 3 * MOST:
         raise ValueError(f"has {count // 3} triangles, must have from 1 to {MOST}")
     try:
-        found = np.array([[float(each) for each in match.groups()] for match in CORNER.finditer(content)])
-        if len(found) != count:
+        corners = np.array([[float(each) for each in match.groups()] for match in CORNER.finditer(content)])
+        if len(corners) != count:
             raise ValueError
-        return found.reshape(-1, 3, 3)
+        return corners.reshape(-1, 3, 3)
     except ValueError:
         raise ValueError(allowed) from None

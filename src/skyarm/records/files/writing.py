@@ -239,7 +239,7 @@ def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]
     Returns:
         Label -> name; names differ also where a file system takes capitals and small letters for the same.
     """
-    found: dict[str, str] = {}
+    names: dict[str, str] = {}
     taken: set[str] = set()
     for label in labels:
         plain = re.sub(r"[^A-Za-z0-9._-]+", "_", label)[:LONGEST_NAME]
@@ -248,8 +248,8 @@ def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]
             count += 1
             name = f"{before}{plain}_{count}{after}"
         taken.add(name.lower())
-        found[label] = name
-    return found
+        names[label] = name
+    return names
 
 
 def require_no_link(path: Path) -> Path:

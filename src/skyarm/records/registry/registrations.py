@@ -156,11 +156,11 @@ def find(kind: str, name: object, field: str = "") -> Any:
     Raises:
         RegistryError: no such name, with what there is and what was perhaps meant.
     """
-    known = {name: row for each in kind.split() for name, row in registrations(each).items()}
-    if not isinstance(name, str) or name not in known:
+    rows = {name: row for each in kind.split() for name, row in registrations(each).items()}
+    if not isinstance(name, str) or name not in rows:
         more = f"; names of one's own come by {LOADED_BY.format('FILE.py')}" if field else ""
-        raise RegistryError(f"{field or kind} = {shown(name)}: {must_be_one_of(known, name)}{more}")
-    return known[name].load()
+        raise RegistryError(f"{field or kind} = {shown(name)}: {must_be_one_of(rows, name)}{more}")
+    return rows[name].load()
 
 
 def name_of(kind: str, thing: object) -> str | None:
