@@ -36,6 +36,7 @@ from typing import Any
 from skyarm.algebra.frames import FRAMES, ORDERS, WORLDS
 from skyarm.flight_data.quantities import ATTITUDE, BODY, QUANTITIES, WORLD, Quantity
 from skyarm.records.files import Fields, PathLike, must_be_one_of, read_toml, shown, unreadable
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -147,7 +148,7 @@ SOURCES: Mapping[str, Any] = read_toml(Path(__file__).with_name("usual_sources.t
 """Sources of quantities that formats define: quantity -> tables, by format, and by type of a message of ROS."""
 
 
-def usual_signals(tables: Mapping[str, Any]) -> dict[str, tuple[Signal, ...]]:
+def usual_signals(tables: Mapping[str, Entry]) -> dict[str, tuple[Signal, ...]]:
     """Sources of each quantity, the first ones first, of a part of :data:`SOURCES`."""
     every = {name: Fields(tables, "").tables(name) for name in tables}
     return {name: tuple(_signal(QUANTITIES[name], each) for each in entries) for name, entries in every.items()}

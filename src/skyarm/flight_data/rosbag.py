@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, SupportsFloat
 
 import numpy as np
 
@@ -146,7 +146,7 @@ def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Ro
         notes.append(f"bag: {wrong} messages cannot be decoded and are left out.")
 
 
-def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, Any]]:
+def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, SupportsFloat]]:
     """Yield the numbers of a message with their places; entries of lists by the names that the message gives them."""
     names = getattr(message, "name", ())
     named = isinstance(names, (list, tuple)) and all(isinstance(each, str) and each for each in names)

@@ -11,7 +11,7 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from skyarm.flight_data.columns_file import SOURCES, Columns, Signal, usual_sign
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
 from skyarm.flight_data.raw_tables import Table, flight_of
 from skyarm.flight_data.ulog_recovery import MAGIC, WholeMessages
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.files import needs_extra
 
 Parameters: TypeAlias = Mapping[str, float]
@@ -82,7 +82,7 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
     return flight_of(path, tables, usual, columns, origin=start * SECOND, facts=facts, notes=notes)
 
 
-def _table(name: str, rows: Mapping[str, np.ndarray[Any, Any]], start: int) -> Table:
+def _table(name: str, rows: Mapping[str, AnyArray], start: int) -> Table:
     """Table of a topic, on the clock of its samples where the messages state it."""
     with np.errstate(invalid="ignore"):  # NaNs of a damaged file that signal
         columns = {field: numbers.astype(float) for field, numbers in rows.items()}

@@ -16,9 +16,10 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.links.sockets import drain
+from skyarm.links.sockets import Address, drain
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.records.units import Unit
 
 MAGIC = b"SKJ1"
@@ -199,10 +200,10 @@ class JointServer:
         return int(self._socket.getsockname()[1])
 
     @property
-    def facts(self) -> dict[str, float | int]:
+    def facts(self) -> dict[str, Plain]:
         """Counts of commands, and their ages: s between the state that a law answers and its setpoints' effect."""
         ages = sorted(self._ages)
-        facts: dict[str, float | int] = {"commands": self._commands, "refused": self._refused}
+        facts: dict[str, Plain] = {"commands": self._commands, "refused": self._refused}
         if ages:
             facts |= {"age_p50_s": ages[len(ages) // 2], "age_p99_s": ages[int(0.99 * (len(ages) - 1))]}
         return facts
@@ -221,7 +222,7 @@ class JointServer:
             self._socket.sendto(pack(STATE, self._count, at, (*joints, *joint_rates)), self._partner)
         return self._setpoints
 
-    def _take(self, data: bytes, sender: tuple[str, int], now: float) -> None:
+    def _take(self, data: bytes, sender: Address | None, now: float) -> None:
         message = unpack(data, self._count)
         stranger = self._partner not in (None, sender) and time.monotonic() - self._heard <= FRESH
         if message is None or message[0] == STATE or stranger:

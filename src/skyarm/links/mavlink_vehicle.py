@@ -10,11 +10,10 @@ import math
 import struct
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from skyarm.algebra.frames import to_our_axes
 from skyarm.links import mavlink
-from skyarm.links.mavlink_messages import DEFINITIONS
+from skyarm.links.mavlink_messages import DEFINITIONS, FieldValue
 from skyarm.records.immutable import immutable
 
 TAKE_OFF, SET_MODE, ARM, SET_INTERVAL = 22, 176, 400, 511
@@ -132,7 +131,7 @@ class MavlinkVehicle:
         self.parameters: dict[str, float] = {}
         self._requested: set[str] = set()
 
-    def tell(self, name: str, **fields: Any) -> None:
+    def tell(self, name: str, **fields: FieldValue) -> None:
         """Send a message.
 
         Raises:
@@ -145,7 +144,7 @@ class MavlinkVehicle:
         self._sequence += 1
         self._carry(frame)
 
-    def tell_autopilot(self, name: str, **fields: Any) -> None:
+    def tell_autopilot(self, name: str, **fields: FieldValue) -> None:
         """Send a message that is addressed to the autopilot."""
         self.tell(name, target_system=self.system, target_component=1, **fields)
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import socket
-from typing import Any
+
+Address = tuple[str, int]
+"""Host and port of the sender of a datagram."""
 
 
-def drain(port: socket.socket, most: int = 256) -> list[tuple[bytes, Any]]:
+def drain(port: socket.socket, most: int = 256) -> list[tuple[bytes, Address | None]]:
     """Read what has arrived at a port, at most ``most`` pieces, each with its sender; it blocks no more.
 
     A sender that is faster than its reader cannot hold the reader up. A stream's pieces have no sender; the last one is
@@ -19,7 +21,7 @@ def drain(port: socket.socket, most: int = 256) -> list[tuple[bytes, Any]]:
     Raises:
         OSError: of the port, but that nothing is there or that nobody listens at the other side of a datagram port.
     """
-    pieces: list[tuple[bytes, Any]] = []
+    pieces: list[tuple[bytes, Address | None]] = []
     port.setblocking(False)
     for _ in range(most):
         try:

@@ -16,7 +16,6 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 from skyarm.records.files import shown
 
@@ -75,7 +74,7 @@ class Tape:
                 raise TranscriptError("controller.transcript: must be left out beside controller.replayed")
             _require_writable(self._path)
 
-    def send(self, channel: str, data: bytes, send: Callable[[bytes], Any]) -> None:
+    def send(self, channel: str, data: bytes, send: Callable[[bytes], object]) -> None:
         """Send bytes over a channel, or compare them with those of the transcript that is played.
 
         Raises:

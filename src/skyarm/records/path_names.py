@@ -7,7 +7,7 @@ its radius the amplitude of two.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol, Self, TypeAlias
 
 from skyarm.algebra import Quaternion, Vec3
@@ -56,9 +56,8 @@ class Viewed(Protocol):
 
 def path_names(record: object) -> Names:
     """Names that may continue a parameter path inside a given dataclass or tuple, as :data:`Names`."""
-    own = getattr(record, "path_names", None)
-    found: Names = field_paths(record) if own is None else own()
-    return found
+    own: Callable[[], Names] | None = getattr(record, "path_names", None)
+    return field_paths(record) if own is None else own()
 
 
 def field_paths(record: object) -> dict[str, Denoted]:

@@ -285,20 +285,11 @@ def registered_from(
     return record
 
 
-def registered_value(kind: str, wanted: Any, entry: object, where: str, usual: str = "") -> Any:
-    """Read one registered record, whose name may stand for its table, or a tuple of several from a list of tables.
+def registered_value(kind: str, base: type[Record], entry: object, where: str, usual: str = "") -> Record:
+    """Read one registered record (:func:`registered_from`), whose name may stand for its table."""
+    return registered_from(kind, base, {"kind": entry} if isinstance(entry, str) else entry, where, usual)
 
-    Args:
-        kind: of the registry, or several with a space between them.
-        wanted: class of the record, or ``tuple[CLASS, ...]``.
-        entry: as read.
-        where: of it, for messages.
-        usual: name of a record whose table states none.
 
-    Raises:
-        ValueError: one line with field, value and what is allowed.
-    """
-    if typing.get_origin(wanted) is tuple:
-        base, tables = typing.get_args(wanted)[0], list_of_tables(entry, where)
-        return tuple(registered_from(kind, base, each.table, each.where, usual) for each in tables)
-    return registered_from(kind, wanted, {"kind": entry} if isinstance(entry, str) else entry, where, usual)
+def registered_values(kind: str, base: type[Record], entry: object, where: str, usual: str = "") -> tuple[Record, ...]:
+    """Read several registered records (:func:`registered_from`) from a list of tables."""
+    return tuple(registered_from(kind, base, each.table, each.where, usual) for each in list_of_tables(entry, where))

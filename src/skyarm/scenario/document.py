@@ -11,11 +11,11 @@ import dataclasses
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from skyarm.records.files import Fields, number
 from skyarm.records.leaves import Place, field_names, part, replace_at
-from skyarm.records.read_table import registered_from, registered_value, value_from
+from skyarm.records.read_table import registered_from, registered_value, registered_values, value_from
 from skyarm.records.words import EACH, Slot, slots
 from skyarm.reference.task_records import Setting
 from skyarm.scenario import readers
@@ -57,6 +57,8 @@ def read_part(slot: Slot, entry: object, reading: readers.Reading) -> Any:
     if EACH in slot.path:
         return _read_by_name(slot, Fields(entry, path))
     if word.kind:
+        if get_origin(slot.type) is tuple:
+            return registered_values(word.kind, get_args(slot.type)[0], entry, path, word.usual)
         return registered_value(word.kind, slot.type, entry, path, word.usual)
     if slot.type in (str, int):
         return entry  # the record says what it must be

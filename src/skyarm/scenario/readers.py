@@ -19,11 +19,13 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import accept_scalar, rules
 from skyarm.records.files import Fields, errors_as, number, shown
+from skyarm.records.files.fields import list_of_tables
+from skyarm.records.files.toml import Entry
 from skyarm.records.leaves import Place, Tree, replace_at
-from skyarm.records.read_table import record_from, registered_from, registered_value, value_from
+from skyarm.records.read_table import record_from, registered_from, registered_values
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
-from skyarm.records.units import NUMBER, units
+from skyarm.records.units import units
 from skyarm.reference import Trajectory
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting, TaskEvent
@@ -154,11 +156,10 @@ def _with_joint_numbers(vehicle: Vehicle, table: Fields) -> Vehicle:
                 0 if name == "stop_stiffness" and joint_number == 0.0 else joint_number
             )
     table.done()
-    changed: Vehicle = replace_at(vehicle, numbers) if numbers else vehicle
-    return changed
+    return replace_at(vehicle, numbers) if numbers else vehicle
 
 
-def world(entry: object, path: str, reading: Reading) -> Component[Tree] | None:
+def world(entry: Entry | None, path: str, reading: Reading) -> Component[Tree] | None:
     """Read [world]: surfaces, objects, grippers and contact points, with the commands of a task's phases."""
     component: Component[Tree] | None = None
     if entry is not None:
@@ -171,8 +172,7 @@ def payloads(entry: object, path: str, reading: Reading) -> tuple[TimedPayload, 
     """Read [[payloads]], with the instants at which the phases of a task take and leave them."""
     events = [event for event in _events(reading) if not event.gripper]
     tables = with_instants(entry, events, reading.word("rates").control) if events else entry
-    found: tuple[TimedPayload, ...] = registered_value("payload", tuple[TimedPayload, ...], tables, path, "rigid")
-    return found
+    return registered_values("payload", TimedPayload, tables, path, "rigid")
 
 
 def _events(reading: Reading) -> Sequence[TaskEvent]:
@@ -181,7 +181,7 @@ def _events(reading: Reading) -> Sequence[TaskEvent]:
     return reading.setting.events
 
 
-def with_files(table: object, where: str, folder: Path) -> object:
+def with_files(table: Entry, where: str, folder: Path) -> Entry:
     """Tables of [reference] or [world] with paths of sample and mesh files made absolute.
 
     Args:
@@ -205,7 +205,7 @@ def with_files(table: object, where: str, folder: Path) -> object:
     return _with_paths(table, where, absolute)
 
 
-def _with_paths(table: object, where: str, other: Callable[[str, str, str], str]) -> object:
+def _with_paths(table: Entry, where: str, other: Callable[[str, str, str], str]) -> Entry:
     """Tables of [reference] or [world] with paths of files replaced by a function of word, path and place."""
     if isinstance(table, list):
         return [_with_paths(each, f"{where}[{i}]", other) for i, each in enumerate(table)]
@@ -221,7 +221,7 @@ NAMED_FILES = ("plant", "vehicle"), ("model", "vehicle"), ("controller", "tuned"
 """Tables and their words that are the path of a file, or a name of the library."""
 
 
-def with_other_paths(tables: Mapping[str, Any], other: Callable[[str], str]) -> dict[str, Any]:
+def with_other_paths(tables: Mapping[str, Entry], other: Callable[[str], str]) -> dict[str, Entry]:
     """Tables of a scenario with all paths of files that begin in its folder replaced.
 
     Args:
@@ -239,15 +239,14 @@ def with_other_paths(tables: Mapping[str, Any], other: Callable[[str], str]) -> 
 
 def changes(entry: object, path: str, reading: Reading) -> tuple[Change, ...]:
     """Read [[changes]], whose values hold what their files do: a change is read again in flight, without a folder."""
-    read: Any = value_from(tuple[Change, ...], NUMBER, Fields({path: entry}, ""), path)
-    found: tuple[Change, ...] = read
+    read = [record_from(Change, table) for table in list_of_tables(entry, path)]
     return tuple(
         dataclasses.replace(each, value=_without_files(each.table, f"{path}[{i}].value", reading.folder))
-        for i, each in enumerate(found)
+        for i, each in enumerate(read)
     )
 
 
-def _without_files(table: Any, where: str, folder: Path) -> Any:
+def _without_files(table: Entry, where: str, folder: Path) -> Entry:
     """Value of a change with samples in the place of their file, and the whole path of a file of gains.
 
     Args:
@@ -261,8 +260,8 @@ def _without_files(table: Any, where: str, folder: Path) -> Any:
         return str((folder / table).absolute())
     if not isinstance(table, dict):
         return table
-    if table.get("kind") == "samples" and isinstance(table.get("file"), str):
-        return samples_as_spline(Fields(table | {"file": str(folder / table["file"])}, where))
+    if table.get("kind") == "samples" and isinstance(file := table.get("file"), str):
+        return samples_as_spline(Fields(table | {"file": str(folder / file)}, where))
     return {name: _without_files(each, f"{where}.{name}", folder) for name, each in table.items()}
 
 
@@ -280,7 +279,7 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
     return feasibility(scenario.reference, setting_of(scenario.plant, scenario.duration))
 
 
-def reference(entry: object, path: str, reading: Reading) -> Trajectory:
+def reference(entry: Entry, path: str, reading: Reading) -> Trajectory:
     """Read [reference], whose task leaves its events in the setting."""
     joints = reading.word("plant").vehicle.n
     return reference_from(with_files(entry, path, reading.folder), joints, path, reading.setting)

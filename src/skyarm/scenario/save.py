@@ -17,7 +17,7 @@ from typing import Any
 from skyarm.control.catalogue import AUTOPILOTS, PRESETS, TUNED
 from skyarm.records.files import PathLike, errors_as, file_name, output_file, shown, taken_back
 from skyarm.records.files.names import read_named
-from skyarm.records.files.toml import toml_key, toml_value
+from skyarm.records.files.toml import Entry, toml_key, toml_value
 from skyarm.records.files.writing import write_atomically
 from skyarm.records.identity import DRAWN, identity
 from skyarm.records.leaves import Place, is_leaf, mismatch, part, walk
@@ -46,7 +46,7 @@ Tables = dict[str, Any]
 
 
 def save_scenario(
-    path: PathLike, scenario: Scenario, base: PathLike | Mapping[str, Any], controller: PathLike | None = None
+    path: PathLike, scenario: Scenario, base: PathLike | Mapping[str, Entry], controller: PathLike | None = None
 ) -> Path:
     """Write a scenario as a file that :func:`skyarm.load_scenario` reads as the same flight.
 
@@ -86,7 +86,7 @@ def save_scenario(
 
 
 def tables_of(
-    scenario: Scenario, tables: Mapping[str, Any], folder: PathLike = "", controller: str | None = None
+    scenario: Scenario, tables: Mapping[str, Entry], folder: PathLike = "", controller: str | None = None
 ) -> Tables:
     """Tables that a scenario is read from, made of those of another one.
 
@@ -173,7 +173,7 @@ def _until_end(scenario: Scenario) -> Scenario:
     return dataclasses.replace(scenario, windows=scenario.windows.within(scenario.duration), changes=coming)
 
 
-def _tables_of(base: PathLike | Mapping[str, Any]) -> tuple[Tables, Path]:
+def _tables_of(base: PathLike | Mapping[str, Entry]) -> tuple[Tables, Path]:
     """Tables of the scenario that another one was made from, and the folder where their paths begin."""
     if isinstance(base, Mapping):
         return dict(base), Path()
@@ -272,7 +272,7 @@ def _entry(slot: Slot, value: Any) -> Any:
     return entry
 
 
-def _with_entry(tables: Tables, path: list[str], entry: Any) -> Tables:
+def _with_entry(tables: Tables, path: list[str], entry: Entry) -> Tables:
     """Tables with the entry at a path replaced."""
     first, *rest = path
     inner = tables.get(first, {})
@@ -306,7 +306,7 @@ def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
     return numbers
 
 
-def scenario_text(document: Mapping[str, Any]) -> str:
+def scenario_text(document: Mapping[str, Entry]) -> str:
     """Text of a scenario file: a list's entries on lines of their own."""
     lines = list[str]()
     for name, entry in sorted(document.items(), key=lambda each: isinstance(each[1], Mapping)):
@@ -315,7 +315,7 @@ def scenario_text(document: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _table_lines(name: str, table: Mapping[str, Any]) -> list[str]:
+def _table_lines(name: str, table: Mapping[str, Entry]) -> list[str]:
     """Lines of a table: plain values, then the tables in it that have no kind."""
     inner = {k: v for k, v in table.items() if isinstance(v, Mapping) and any(isinstance(x, list) for x in v.values())}
     lines = ["", f"[{name}]"]
@@ -327,7 +327,7 @@ def _table_lines(name: str, table: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _value_lines(begin: str, value: Any, indent: str) -> list[str]:
+def _value_lines(begin: str, value: Entry, indent: str) -> list[str]:
     """Lines of a value; the entries of a list that holds tables or lists stand below each other."""
     if not isinstance(value, list) or not any(isinstance(each, (Mapping, list)) for each in value):
         return [f"{indent}{begin}{toml_value(value)}"]

@@ -117,7 +117,7 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
     return set()
 
 
-def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -> Any:
+def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -> Tree:
     """First memory of a component; of one that draws random numbers, with each number of its memory at ``noise``."""
     draws = [0.5] * 2 * min(component.uniforms, MOST_UNIFORMS)  # more are refused before the flight
     memory = component.start(1.0 / scenario.rates.control, draws)

@@ -15,7 +15,7 @@ import struct
 import time
 from collections.abc import Mapping
 from itertools import chain
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.control.blocks.geometric import yaw_of
@@ -36,9 +36,10 @@ from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
 from skyarm.links.autopilots.program import ProgramLink, find_program
 from skyarm.links.autopilots.px4_ports import JOINT_PORT, ONBOARD_PORT
 from skyarm.links.mavlink_vehicle import ARDUPILOT_NUMBER, ARM, TAKE_OFF
-from skyarm.links.sockets import drain
+from skyarm.links.sockets import Address, drain
 from skyarm.links.transcript import Tape
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -172,7 +173,7 @@ class ArduPilotLink(ProgramLink):
         parameters |= {"SIM_RATE_HZ": rate, "LOG_BACKEND_TYPE": 0}
         parameters |= (OUTSIDE_PARAMETERS if record.outside else {}) | dict(record.parameters)
         self._udp: socket.socket | None = None
-        self._peer: Any = None
+        self._peer: Address | None = None
         with self._starting():
             if not tape.plays:
                 self._start(parameters, heading % 360.0, rate)
@@ -206,7 +207,7 @@ class ArduPilotLink(ProgramLink):
         self._leaves = True
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Plain]:
         """Frames that were answered, those that were repeated, and the last warning."""
         return {
             "steps": self._steps,

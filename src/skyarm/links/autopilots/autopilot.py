@@ -13,12 +13,13 @@ from skyarm.algebra import ZERO3, Motion
 from skyarm.algebra.scalars import Scalar, add
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd
-from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.controller import Controller, ControllerError, Memory
 from skyarm.control.law_maker import default_joint_gains, fitting_mixer
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics.actuators import Command, Mixer
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import ScenarioError
@@ -107,7 +108,7 @@ class Link(ABC):
         """End the program and free its ports; a second call does nothing."""
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Plain]:
         """Counts and version of the exchange so far, for the log."""
         return {}
 
@@ -193,8 +194,8 @@ class AutopilotParameters:
 
 
 def move_arm(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: AutopilotParameters
-) -> tuple[Any, Command]:
+    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: AutopilotParameters
+) -> tuple[Memory, Command]:
     """Computed torque of the joints on a base that another controller flies; the rotors' speeds are zero.
 
     tau = inverse dynamics of the arm for the joint accelerations of PD and feed-forward, on a base with the measured
@@ -264,8 +265,8 @@ class AutopilotMaker:
 
 def model_of(scenario: Scenario) -> Model:
     """Model of the vehicle from which an autopilot's parameters follow; the plant may differ from it."""
-    found: Model = scenario.controller.par.model
-    return found
+    model: Model = scenario.controller.par.model
+    return model
 
 
 def require_rotors(vehicle: Vehicle, model: Vehicle, title: str) -> None:

@@ -21,7 +21,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -60,9 +60,10 @@ from skyarm.links.autopilots.betaflight_settings import (
     vehicle_loops,
 )
 from skyarm.links.autopilots.program import Child, ProgramLink
-from skyarm.links.sockets import drain
+from skyarm.links.sockets import Address, drain
 from skyarm.links.transcript import Tape
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.channel import Channel
 from skyarm.sensing.sensor import Sensor
@@ -160,7 +161,7 @@ class BetaflightLink(ProgramLink):
         self._waits: list[float] = []
         self._guard: Guard | None = None
         self._motors: socket.socket | None = None
-        self._peer: Any = None
+        self._peer: Address | None = None
         self._out: socket.socket | None = None
         if not tape.plays:
             self._start(console_lines(vehicle, gravity, dict(record.parameters)))
@@ -232,7 +233,7 @@ class BetaflightLink(ProgramLink):
         return answered > 0.25 * count
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Plain]:
         """States sent and answered, and how late they went out and were answered by the wall clock."""
         late, waits = (np.percentile(np.array(each or [0.0]) * 1e3, (50, 99)) for each in (self._late, self._waits))
         return {
@@ -353,7 +354,7 @@ class BetaflightLink(ProgramLink):
                 message = (self._motors_of([first, *drain(self._motors)]) or [b""])[-1]
         return message
 
-    def _motors_of(self, datagrams: Sequence[tuple[bytes, Any]]) -> list[bytes]:
+    def _motors_of(self, datagrams: Sequence[tuple[bytes, Address | None]]) -> list[bytes]:
         """Motor messages among datagrams; the first one's sender is Betaflight, and others are not listened to."""
         messages = []
         for data, sender in datagrams:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from typing import Any
 
 from skyarm.algebra.frames import to_our_axes
 from skyarm.links import mavlink
 from skyarm.links.autopilots.autopilot import Goal, LinkError, Numbers
+from skyarm.links.mavlink_messages import FieldValue
 from skyarm.links.mavlink_vehicle import MODES, MavlinkVehicle
 
 POSITION_MASK = 0b100_000_000_000
@@ -60,7 +60,7 @@ class GuidedVehicle(MavlinkVehicle):
         self._unread, self._begun, self._requested_at = dict(stated), math.inf, -math.inf
         self._requested: set[str] = set()
 
-    def tell(self, name: str, **fields: Any) -> None:
+    def tell(self, name: str, **fields: FieldValue) -> None:
         """Send a message.
 
         Raises:

@@ -15,7 +15,7 @@ import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from skyarm.links import mavlink
 from skyarm.links.autopilots.autopilot import (
@@ -37,6 +37,7 @@ from skyarm.links.mavlink_vehicle import ARM, ARMED, CRITICAL, PX4_NUMBER
 from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.navigation_sensors import Barometer, Gnss, Magnetometer
 from skyarm.sensing.sensor import Sensor
@@ -192,7 +193,7 @@ class PX4Link(ProgramLink):
         self._leaves = True
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Plain]:
         """Sensor messages and those that were answered, departures from offboard mode, failsafes, PX4's last words."""
         return {
             "steps": self._steps,

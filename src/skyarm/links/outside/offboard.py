@@ -14,7 +14,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.control.controller import autopilot_of
 from skyarm.links.joint_port import JointLink, JointPortError, JointReading
@@ -32,6 +32,7 @@ from skyarm.records.field_rules import checked
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.plain import Plain
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -200,7 +201,7 @@ class OffboardFlight:
         return Ended(status, cause, self._record.ticks[-1] / self._rate if self._record.ticks else 0.0)
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Plain]:
         """Times and counts of the flight, and how the world lies in the autopilot's local frame."""
         record, frame = self._record, self._frame
         return {

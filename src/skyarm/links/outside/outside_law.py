@@ -23,6 +23,7 @@ from skyarm.dynamics.actuators import Command, speeds_after
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.links.outside.motor_commands import MotorSettings, SetPoint
 from skyarm.links.outside.rate_commands import RateCommand, RateLoop, rate_command, rotor_wrench
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
@@ -143,7 +144,9 @@ class OutsideLaw:
         row = blank_measurement(vehicle.n, len(vehicle.rotors)), example
         first = np.array(leaves(self._first), dtype=float)
 
-        def period(memory: OutsideMemory, _: Any, given: Any, __: Any) -> tuple[OutsideMemory, OutsideCommand]:
+        def period(
+            memory: OutsideMemory, _: tuple[()], given: tuple[Measurement, Reference], __: tuple[()]
+        ) -> tuple[OutsideMemory, OutsideCommand]:
             return self._period(memory, *given)
 
         loop = trace_loop(period, self._first, (), row, loops=True)
@@ -164,7 +167,7 @@ class OutsideLaw:
         self._begin = begin
         return step
 
-    def _operation_by_operation(self, loop: Loop, first: Any, shape: OutsideCommand) -> Callable[..., OutsideCommand]:
+    def _operation_by_operation(self, loop: Loop, first: Array, shape: OutsideCommand) -> Callable[..., OutsideCommand]:
         program = loop.stepper()
 
         def begin() -> None:

@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
+from skyarm.links.ros.node import Content
 from skyarm.log.ros.message_bytes import MessageError
 from skyarm.log.ros.scene import WORLD
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.reference.redirection import DURATIONS, FIELDS, Redirected, redirectable, shortest_duration
+from skyarm.reference.signals import Signal
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -53,7 +54,7 @@ def takes_goals(reference: Trajectory) -> bool:
     return type(reference.x) is Redirected
 
 
-def base_goal(message: Mapping[str, Any]) -> dict[str, float]:
+def base_goal(message: Content) -> dict[str, float]:
     """Goals of x, y, z (m) and of the heading (rad) from a PoseStamped message; no heading without a rotation.
 
     Raises:
@@ -73,7 +74,7 @@ def base_goal(message: Mapping[str, Any]) -> dict[str, float]:
     return goals
 
 
-def joint_goal(message: Mapping[str, Any], vehicle: Vehicle) -> dict[str, float]:
+def joint_goal(message: Content, vehicle: Vehicle) -> dict[str, float]:
     """Goals of joints (rad or m), by the words of the reference, from a JointState message with names and positions.
 
     Raises:
@@ -134,9 +135,9 @@ def changes_to(reference: Trajectory, time: float, goals: Mapping[str, float]) -
 
 
 def _signals(reference: Trajectory) -> dict[str, Redirected]:
-    words = {word: getattr(reference, word) for word in (*BASE, HEADING)}
-    every: Mapping[str, Any] = words | {f"joints.{i}": each for i, each in enumerate(reference.joints)}
-    return {word: each for word, each in every.items() if type(each) is Redirected}
+    signals: dict[str, Signal] = {word: getattr(reference, word) for word in (*BASE, HEADING)}
+    signals |= {f"joints.{i}": each for i, each in enumerate(reference.joints)}
+    return {word: each for word, each in signals.items() if type(each) is Redirected}
 
 
 def _move_together(signals: Mapping[str, Redirected], time: float, goals: Mapping[str, float]) -> dict[str, Redirected]:

@@ -14,7 +14,7 @@ import socket
 import sys
 import time
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 from skyarm.links.ros.node import LOOPBACK, MOST_WAITING, RosError
 from skyarm.log.ros.messages import DEFINITIONS, Field, fields
@@ -162,13 +162,18 @@ class Ros2Node:
         return self._dds.topic.Topic(self._participant, f"rt{name}", self._types.of(kind))
 
 
-def _content(message: Any, *_: Any, **__: Any) -> bytes:
+class _Encoded(Protocol):
+    """Protocol of a message of a DDS type that holds its bytes alone."""
+
+    content: bytes
+
+
+def _content(message: _Encoded, *_: object, **__: object) -> bytes:
     """Bytes of a message, in the place of cyclonedds's own encoder in Python."""
-    found: bytes = message.content
-    return found
+    return message.content
 
 
-def _message(kind: Any, data: bytes, *_: Any, **__: Any) -> Any:
+def _message(kind: type[_Encoded], /, data: bytes, *_: object, **__: object) -> _Encoded:
     """Message of a DDS type from its bytes, in the place of cyclonedds's own decoder."""
     message = kind.__new__(kind)
     message.content = bytes(data)
