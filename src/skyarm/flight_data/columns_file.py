@@ -50,7 +50,7 @@ STAMPS = "header", "receive"
 
 
 @immutable
-class Signal:
+class QuantitySource:
     """Source of a quantity in a file: its columns, their unit and axes.
 
     Attributes:
@@ -98,7 +98,7 @@ class Columns:
         file: that it was read from, for messages.
     """
 
-    signals: Mapping[str, Signal] = field(default_factory=dict)
+    signals: Mapping[str, QuantitySource] = field(default_factory=dict)
     time: str = ""
     time_unit: str = "s"
     file: str = "columns"
@@ -148,13 +148,13 @@ SOURCES: Mapping[str, Any] = read_toml(Path(__file__).with_name("usual_sources.t
 """Sources of quantities that formats define: quantity -> tables, by format, and by type of a message of ROS."""
 
 
-def usual_signals(tables: Mapping[str, Entry]) -> dict[str, tuple[Signal, ...]]:
+def usual_signals(tables: Mapping[str, Entry]) -> dict[str, tuple[QuantitySource, ...]]:
     """Sources of each quantity, the first ones first, of a part of :data:`SOURCES`."""
     every = {name: Fields(tables, "").tables(name) for name in tables}
     return {name: tuple(_signal(QUANTITIES[name], each) for each in entries) for name, entries in every.items()}
 
 
-def _signal(quantity: Quantity, fields: Fields) -> Signal:
+def _signal(quantity: Quantity, fields: Fields) -> QuantitySource:
     """Read the table of a quantity."""
     columns = _names(fields)
     euler = quantity.axes == ATTITUDE and len(columns) == 3
@@ -184,7 +184,7 @@ def _signal(quantity: Quantity, fields: Fields) -> Signal:
         if given["high"] == given["low"]:
             raise ValueError(f"{fields.at('high')} = {given['high']:g}: must differ from low")
     given |= {"topic": fields.text("topic", ""), "time": fields.text("time", "")}
-    signal = Signal(columns=columns, stamp=fields.choice("stamp", STAMPS, "header"), **given)
+    signal = QuantitySource(columns=columns, stamp=fields.choice("stamp", STAMPS, "header"), **given)
     fields.done()
     return signal
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from skyarm.flight_data.columns_file import SOURCES, Columns, usual_signals
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
-from skyarm.flight_data.raw_tables import Table, flight_of
+from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.records.files import shown
 
 MAGIC, VERSIONS = 0xBC, (1, 2)
@@ -67,12 +67,12 @@ def read_crazyflie(path: Path, columns: Columns | None) -> FlightData:
         notes.append("file: its check sum does not fit, so that some of its numbers are damaged.")
     unit = 1e-3 if version == 1 else 1e-6
     origin = min((int(records["time"][0]) for records in rows.values()), default=0)
-    tables: dict[str, Table] = {}
+    tables: dict[str, RawTable] = {}
     with np.errstate(invalid="ignore"):  # NaNs of a damaged file that signal
         for number, records in rows.items():
             name, row = events[number]
             read = {each: records[each].astype(float) for each in row.names or ()}
-            tables[name] = Table(columns=dict(list(read.items())[2:]), time=(read["time"] - origin) * unit)
+            tables[name] = RawTable(columns=dict(list(read.items())[2:]), time=(read["time"] - origin) * unit)
     facts: dict[str, str | float] = {"vehicle": "Crazyflie", "version of the file": float(version)}
     return flight_of(
         path, tables, usual_signals(SOURCES["crazyflie"]), columns, origin=origin * unit, facts=facts, notes=notes

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra.frames import of_euler_angles, to_our_attitude, to_our_axes, turn_vectors, unit_rows
-from skyarm.flight_data.columns_file import ANGLES, TIMES, Columns, Signal
+from skyarm.flight_data.columns_file import ANGLES, TIMES, Columns, QuantitySource
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import ATTITUDE, QUANTITIES
 from skyarm.flight_data.series import attitude_at, continuous
@@ -34,7 +34,7 @@ FASTER = 1.2
 
 
 @immutable
-class Table:
+class RawTable:
     """Rows of a file that have a time in common: a topic, an event, or a whole CSV file.
 
     Attributes:
@@ -58,8 +58,8 @@ class Table:
 
 def flight_of(
     path: Path,
-    tables: Mapping[str, Table],
-    usual: Mapping[str, Sequence[Signal]],
+    tables: Mapping[str, RawTable],
+    usual: Mapping[str, Sequence[QuantitySource]],
     columns: Columns | None,
     *,
     origin: float = 0.0,
@@ -107,7 +107,7 @@ def flight_of(
     )
 
 
-def _fastest(tables: Mapping[str, Table], signals: Sequence[Signal]) -> Signal | None:
+def _fastest(tables: Mapping[str, RawTable], signals: Sequence[QuantitySource]) -> QuantitySource | None:
     """Signal of the highest rate among those that a file holds; None if it holds none."""
     best, rate = None, 0.0
     for signal in signals:
@@ -122,14 +122,14 @@ def _fastest(tables: Mapping[str, Table], signals: Sequence[Signal]) -> Signal |
     return best
 
 
-def _holding(tables: Mapping[str, Table], signal: Signal) -> Table | None:
+def _holding(tables: Mapping[str, RawTable], signal: QuantitySource) -> RawTable | None:
     """Table of a signal's topic, or the first that has its columns; None if there is none."""
     if signal.topic:
         return tables.get(signal.topic)
     return next((each for each in tables.values() if each.has(*signal.columns)), None)
 
 
-def _table(at: str, signal: Signal, tables: Mapping[str, Table]) -> Table:
+def _table(at: str, signal: QuantitySource, tables: Mapping[str, RawTable]) -> RawTable:
     """Table that holds a signal: of its topic, the first that has its columns, or the only one.
 
     Raises:
@@ -149,7 +149,9 @@ def _table(at: str, signal: Signal, tables: Mapping[str, Table]) -> Table:
     return table
 
 
-def _channel(name: str, signal: Signal, tables: Mapping[str, Table], columns: Columns, notes: list[str]) -> Channel:
+def _channel(
+    name: str, signal: QuantitySource, tables: Mapping[str, RawTable], columns: Columns, notes: list[str]
+) -> Channel:
     """Channel of a quantity in SI units and our axes; what was lost is appended to the notes."""
     table = _table(f"{columns.file}: {name}", signal, tables)
     time = _time(name, signal, table, columns if name in columns.signals else Columns())
@@ -199,7 +201,7 @@ def _ordinal(count: int) -> str:
     return f"{count}{'th' if count % 100 in (11, 12, 13) else endings.get(count % 10, 'th')}"
 
 
-def _time(name: str, signal: Signal, table: Table, columns: Columns) -> Array:
+def _time(name: str, signal: QuantitySource, table: RawTable, columns: Columns) -> Array:
     """Times of the rows of a signal, s."""
     column = signal.time or columns.time
     if column and not table.has(column):
@@ -212,7 +214,7 @@ def _time(name: str, signal: Signal, table: Table, columns: Columns) -> Array:
     return table.received if signal.stamp == "receive" and table.received is not None else table.time
 
 
-def _in_si(name: str, signal: Signal, given: Array) -> Array:
+def _in_si(name: str, signal: QuantitySource, given: Array) -> Array:
     """Numbers of a quantity in SI units and our axes."""
     quantity = QUANTITIES[name]
     if quantity.axes == ATTITUDE:
@@ -264,7 +266,7 @@ def rising_rows(time: Array) -> npt.NDArray[np.intp]:
     return np.array(rows[::-1], dtype=np.intp)
 
 
-def _unused_names(tables: Mapping[str, Table], signals: Mapping[str, Signal], time: str) -> tuple[str, ...]:
+def _unused_names(tables: Mapping[str, RawTable], signals: Mapping[str, QuantitySource], time: str) -> tuple[str, ...]:
     """Names of the topics that no quantity was made of; of the columns, where topics have no names of their own."""
     if any(signal.topic for signal in signals.values()):
         read = {id(_holding(tables, signal)) for signal in signals.values()}

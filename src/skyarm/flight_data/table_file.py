@@ -13,7 +13,7 @@ import numpy as np
 
 from skyarm.flight_data.columns_file import Columns
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
-from skyarm.flight_data.raw_tables import Table, flight_of
+from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.files.messages import comma_list
@@ -47,7 +47,7 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
     if not len(rows):
         raise ValueError("rows = 0: must be one or more")
     others = dict.fromkeys(filter(None, names), np.zeros(0))  # not read: a mapping names none of them
-    table = Table(columns={**others, **dict(zip(used, rows.T, strict=True))}, time=np.zeros(0))
+    table = RawTable(columns={**others, **dict(zip(used, rows.T, strict=True))}, time=np.zeros(0))
     return flight_of(path, {"": table}, {}, columns, notes=notes)
 
 

@@ -20,7 +20,7 @@ from skyarm.records.words import words_of_fields
 
 
 @immutable(kw_only=False)
-class View:
+class NumberView:
     """Number that is no field of a record but follows from several, such as an angle of an attitude.
 
     Attributes:
@@ -35,7 +35,7 @@ class View:
     adds: bool = False
 
 
-Denoted: TypeAlias = "tuple[Place, ...] | View | Names"
+Denoted: TypeAlias = "tuple[Place, ...] | NumberView | Names"
 """Places that a name denotes, several if one number is stored more than once, or a view, or more names."""
 
 Names: TypeAlias = Mapping[str, Denoted]
@@ -86,7 +86,7 @@ def below(head: Place, names: Names) -> dict[str, Denoted]:
     """Names of a part, with places as seen from the record that holds the part at a place."""
 
     def from_head(inner: Denoted) -> Denoted:
-        if isinstance(inner, View):
+        if isinstance(inner, NumberView):
             return dataclasses.replace(inner, inside=(*head, *inner.inside))
         return tuple((*head, *place) for place in inner) if isinstance(inner, tuple) else below(head, inner)
 

@@ -1,8 +1,8 @@
 """Tables of a scenario file, read word by word at the first use of each.
 
 A reader of one word may ask for others: the reference for the plant that flies it, payloads for the events of the
-reference's task. :class:`Part` answers the same questions for one part of a scenario that exists, so that a scheduled
-change of a part is read by the reader of that part in a file.
+reference's task. :class:`PartDocument` answers the same questions for one part of a scenario that exists, so that a
+scheduled change of a part is read by the reader of that part in a file.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def slot_of(path: str) -> Slot:
     return next(slot for slot in slots(Scenario) if slot.path == path)
 
 
-def read_part(slot: Slot, entry: object, reading: readers.Reading) -> Any:
+def read_part(slot: Slot, entry: object, reading: readers.ScenarioWords) -> Any:
     """Value of a word's field, from what a file has in its place.
 
     Raises:
@@ -153,7 +153,7 @@ class Document:
         return governed_by_table(scenario, entry, self.setting.events)
 
 
-class Part(Document):
+class PartDocument(Document):
     """One part of a scenario's file, such as its reference, beside a scenario that has all others.
 
     Args:

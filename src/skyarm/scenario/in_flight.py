@@ -24,7 +24,7 @@ from skyarm.records.words import Slot, slots
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import readers
-from skyarm.scenario.document import Part
+from skyarm.scenario.document import PartDocument
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
 from skyarm.scenario.paths import delay_words, is_below, place_of_delay, roots, variable_words
 from skyarm.scenario.readers import LAW
@@ -64,7 +64,7 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
 def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place, object]:
     """Scenario fields by place that result from a table of a scenario file in place of a section, such as the wind."""
     slot = whole_parts()[path]
-    document = Part(slot.path, value, scenario)
+    document = PartDocument(slot.path, value, scenario)
     if path == LAW:
         return {slot.field: readers.law(scenario, value)}
     if path != slot.path:

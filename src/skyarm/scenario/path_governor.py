@@ -33,7 +33,7 @@ from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.signals import Derivatives
 from skyarm.reference.task_records import TaskEvent
 from skyarm.reference.trajectory import Reference, Trajectory
-from skyarm.scenario.path_plan import Ceilings, Judge, Plan, plan
+from skyarm.scenario.path_plan import Ceilings, Judge, PathPlan, plan
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 JUMP = 1e-9
@@ -103,7 +103,7 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
         raise ValueError(f"reference.governor: must be left out {reason}")
     plan = plan_of(bare, options)
     if plan.beyond > MISSED:
-        name = Limits(bare.controller.par.model, options).names()[plan.limit]
+        name = PathLimits(bare.controller.par.model, options).names()[plan.limit]
         line = f"asks for {plan.beyond:.3g} times its limit of {name} at {plan.at:.3g} s of the path, however slow"
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
     if plan.path_time is None:
@@ -131,9 +131,9 @@ def _switches(scenario: Scenario) -> list[float]:
     return [t for t in scenario.reference.switch_times() if 0.0 < t < scenario.duration]
 
 
-def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
+def plan_of(scenario: Scenario, options: GovernorOptions) -> PathPlan:
     """Plan the time law along a scenario's reference with the nominal model of its control law."""
-    trajectory, limits = scenario.reference, Limits(scenario.controller.par.model, options)
+    trajectory, limits = scenario.reference, PathLimits(scenario.controller.par.model, options)
     ceilings = Ceilings(duration=float(scenario.duration), stops=_corners(trajectory, scenario))
 
     def motion(s: Derivatives, time: Array) -> MotionSamples:
@@ -188,7 +188,7 @@ class GovernorOptions:
             raise ValueError(f"reference.governor.tilt = {self.tilt!r}: must be at most 1.5")
 
 
-class Limits:
+class PathLimits:
     """Vehicle limits for the path governor, and the demands of a motion as fractions of these limits.
 
     Args:

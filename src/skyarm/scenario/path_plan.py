@@ -134,7 +134,7 @@ def _first_rate(square: Array) -> float:
 
 
 @immutable
-class Plan:
+class PathPlan:
     """Result of planning: time law of the reference, and the largest remaining demand on the vehicle.
 
     Attributes:
@@ -195,13 +195,13 @@ def even_rates(judge: Judge, ceilings: Ceilings) -> None:
             ceilings.lower(ceilings.rate, path[open_], np.full(int(open_.sum()), rate * RATES[1]), SLOWEST, rate)
 
 
-def plan(judge: Judge, ceilings: Ceilings) -> Plan:
+def plan(judge: Judge, ceilings: Ceilings) -> PathPlan:
     """Plan the time law: lower the bounds until the motion, with its speed changes, satisfies all limits."""
     duration = ceilings.duration
     time = np.arange(0.0, duration + BEYOND + 0.5 * LOOK, LOOK)
     inside = time < duration + 0.5 * LOOK
     even_rates(judge, ceilings)
-    best = Plan(path_time=None, beyond=math.inf, limit=0, at=0.0)
+    best = PathPlan(path_time=None, beyond=math.inf, limit=0, at=0.0)
     for _ in range(ROUNDS):
         path_time = follow(ceilings, duration)
         s = path_time.derivatives(time)
@@ -211,7 +211,9 @@ def plan(judge: Judge, ceilings: Ceilings) -> Plan:
         if worst < best.beyond:
             i, k = np.unravel_index(int(np.argmax(over)), over.shape)
             as_commanded = float(np.abs(s[0] - time[inside]).max()) < NOTHING
-            best = Plan(path_time=None if as_commanded else path_time, beyond=worst, limit=int(i), at=float(s[0][k]))
+            best = PathPlan(
+                path_time=None if as_commanded else path_time, beyond=worst, limit=int(i), at=float(s[0][k])
+            )
         if worst <= SLACK:
             break
         _calm(ceilings, s, over.max(axis=0))

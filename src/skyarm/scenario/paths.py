@@ -13,7 +13,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.records.files import did_you_mean
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, part
-from skyarm.records.path_names import Names, View, path_names
+from skyarm.records.path_names import Names, NumberView, path_names
 from skyarm.records.words import EACH, Slot, lifted_fields, slots
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -35,7 +35,7 @@ class Target:
     """
 
     places: tuple[Place, ...]
-    view: View | None = None
+    view: NumberView | None = None
 
     @property
     def names(self) -> tuple[Place, ...]:
@@ -151,7 +151,7 @@ def roots(scenario: Scenario) -> dict[str, Place]:
 def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> Target:
     places: tuple[Place, ...] = (start,)
     tree: Names | None = None
-    view: View | None = None
+    view: NumberView | None = None
     whole = True
     for word in words:
         options: Names = {} if view is not None else path_names(part(scenario, places[0])) if tree is None else tree
@@ -161,8 +161,8 @@ def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> Ta
             there = f"{did_you_mean(word, names)}there are {', '.join(names) or 'no fields'}"
             raise ScenarioError(f"path = {path!r}: no {word!r} here; {there}")
         denoted, whole = options[word], False
-        view = denoted if isinstance(denoted, View) else None
-        tree = None if isinstance(denoted, (tuple, View)) else denoted
+        view = denoted if isinstance(denoted, NumberView) else None
+        tree = None if isinstance(denoted, (tuple, NumberView)) else denoted
         if isinstance(denoted, tuple):
             places = tuple((*head, *tail) for head in places for tail in denoted)
     if view is not None:

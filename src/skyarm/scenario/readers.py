@@ -1,6 +1,6 @@
 """Readers of those words of a scenario file whose records have other fields than their tables.
 
-Each takes the entry of its word, the word's path and a :class:`Reading` of all others.
+Each takes the entry of its word, the word's path and a :class:`ScenarioWords` of all others.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 LAW = "controller.law"
 
 
-class Reading(Protocol):
+class ScenarioWords(Protocol):
     """Source of the other words of a scenario, for the reader of one.
 
     Attributes:
@@ -72,18 +72,18 @@ class Reading(Protocol):
         ...
 
 
-def wind(entry: object, path: str, reading: Reading) -> Component[Tree]:
+def wind(entry: object, path: str, reading: ScenarioWords) -> Component[Tree]:
     """Read [environment.wind]."""
     return wind_from(entry, path)
 
 
-def plant(entry: object, path: str, reading: Reading) -> Truth:
+def plant(entry: object, path: str, reading: ScenarioWords) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
     carrier, gravity = _vehicle_and_gravity(Fields(entry, path), reading, beside=("kind", "integrator", "drives"))
     return Truth(vehicle=carrier, gravity=gravity)
 
 
-def model(entry: object, path: str, reading: Reading) -> Model:
+def model(entry: object, path: str, reading: ScenarioWords) -> Model:
     """Read [model], of the controller; left out: the plant's vehicle and gravity, without payload or joint values."""
     if entry is None:
         return Model(vehicle=reading.vehicle("plant"), gravity=reading.word("plant").gravity)
@@ -102,7 +102,7 @@ def vehicle(named: object, at: str, folder: Path) -> Vehicle:
         raise ValueError(f"{at} = {shown(named)}: {words}") from None
 
 
-def _vehicle_and_gravity(fields: Fields, reading: Reading, beside: Sequence[str] = ()) -> tuple[Vehicle, float]:
+def _vehicle_and_gravity(fields: Fields, reading: ScenarioWords, beside: Sequence[str] = ()) -> tuple[Vehicle, float]:
     """Vehicle of [plant] or [model] with the payload, drives and joint values that the table states, and gravity."""
     vehicle = reading.vehicle(fields.where)
     fields.take("vehicle")
@@ -121,7 +121,7 @@ def _vehicle_and_gravity(fields: Fields, reading: Reading, beside: Sequence[str]
     return vehicle, gravity
 
 
-def controller(entry: object, path: str, reading: Reading) -> Controller:
+def controller(entry: object, path: str, reading: ScenarioWords) -> Controller:
     """Read [controller]: a law for the model, with layers around it."""
     fields, believed = Fields(entry, path), reading.word("model")
     facts = loop_facts(reading.word("rates"), reading.word("delays"))
@@ -159,7 +159,7 @@ def _with_joint_numbers(vehicle: Vehicle, table: Fields) -> Vehicle:
     return replace_at(vehicle, numbers) if numbers else vehicle
 
 
-def world(entry: Entry | None, path: str, reading: Reading) -> Component[Tree] | None:
+def world(entry: Entry | None, path: str, reading: ScenarioWords) -> Component[Tree] | None:
     """Read [world]: surfaces, objects, grippers and contact points, with the commands of a task's phases."""
     component: Component[Tree] | None = None
     if entry is not None:
@@ -168,14 +168,14 @@ def world(entry: Entry | None, path: str, reading: Reading) -> Component[Tree] |
     return with_commands(component, events, reading.word("rates").control) if events else component
 
 
-def payloads(entry: object, path: str, reading: Reading) -> tuple[TimedPayload, ...]:
+def payloads(entry: object, path: str, reading: ScenarioWords) -> tuple[TimedPayload, ...]:
     """Read [[payloads]], with the instants at which the phases of a task take and leave them."""
     events = [event for event in _events(reading) if not event.gripper]
     tables = with_instants(entry, events, reading.word("rates").control) if events else entry
     return registered_values("payload", TimedPayload, tables, path, "rigid")
 
 
-def _events(reading: Reading) -> Sequence[TaskEvent]:
+def _events(reading: ScenarioWords) -> Sequence[TaskEvent]:
     """Events of the task that the reference flies."""
     reading.word("reference")
     return reading.setting.events
@@ -237,7 +237,7 @@ def with_other_paths(tables: Mapping[str, Entry], other: Callable[[str], str]) -
     return replaced | {name: _with_paths(replaced[name], name, lambda _, path, __: other(path)) for name in files}
 
 
-def changes(entry: object, path: str, reading: Reading) -> tuple[Change, ...]:
+def changes(entry: object, path: str, reading: ScenarioWords) -> tuple[Change, ...]:
     """Read [[changes]], whose values hold what their files do: a change is read again in flight, without a folder."""
     read = [record_from(Change, table) for table in list_of_tables(entry, path)]
     return tuple(
@@ -279,7 +279,7 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
     return feasibility(scenario.reference, setting_of(scenario.plant, scenario.duration))
 
 
-def reference(entry: Entry, path: str, reading: Reading) -> Trajectory:
+def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
     """Read [reference], whose task leaves its events in the setting."""
     joints = reading.word("plant").vehicle.n
     return reference_from(with_files(entry, path, reading.folder), joints, path, reading.setting)

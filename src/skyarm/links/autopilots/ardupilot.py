@@ -25,11 +25,11 @@ from skyarm.links.autopilots.autopilot import (
     FLIGHT_IMU,
     Autopilot,
     AutopilotMaker,
-    Goal,
-    Instant,
+    BaseGoal,
     LinkError,
     Numbers,
     Preparation,
+    SensedInstant,
     model_of,
 )
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
@@ -218,7 +218,7 @@ class ArduPilotLink(ProgramLink):
             "bad_frames": self._vehicle.parser.bad,
         }
 
-    def exchange(self, now: Instant, goal: Goal) -> Numbers:
+    def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
         """Answer the frame that ArduPilot waits in, and wait for the signals of its next one."""
         self._steps += 1
         if self._steps % self._goal_every == 0:
@@ -305,7 +305,7 @@ class ArduPilotLink(ProgramLink):
             if time.monotonic() > until:
                 raise LinkError(f"ArduPilot has not answered for {self._record.patience:g} s{self._ending}")
 
-    def _talk(self, now: Instant, goal: Goal) -> None:
+    def _talk(self, now: SensedInstant, goal: BaseGoal) -> None:
         """Read ArduPilot's state, send the set point, and ask for what is next."""
         vehicle, t = self._vehicle, now.time
         for message in vehicle.parser.feed(self._tape.receive("mavlink", self._stream)):

@@ -30,7 +30,7 @@ UPRIGHT = math.cos(math.radians(10.0))
 
 
 @immutable(kw_only=False)
-class Frame:
+class ArduPilotFrame:
     """Layout of rotors, one of those that ArduPilot mixes for.
 
     Attributes:
@@ -47,21 +47,21 @@ class Frame:
 
 
 FRAMES = (
-    Frame("quadrotor +", 1, 0, _RIGHT_HAND),
-    Frame("quadrotor X", 1, 1, _DIAGONAL),
-    Frame("quadrotor + with reversed spins", 1, 6, tuple((angle, -spin) for angle, spin in _RIGHT_HAND)),
-    Frame("quadrotor X with reversed spins", 1, 18, ((135, 1), (45, -1), (-135, -1), (-45, 1))),
-    Frame("hexarotor +", 2, 0, _HEXA),
-    Frame("hexarotor X", 2, 1, ((90, -1), (-90, 1), (-30, -1), (150, 1), (30, 1), (-150, -1))),
-    Frame("octorotor +", 3, 0, _OCTA),
-    Frame("octorotor X", 3, 1, tuple((angle + 22.5, spin) for angle, spin in _OCTA)),
-    Frame("coaxial octorotor +", 4, 0, _COAXIAL),
-    Frame("coaxial octorotor X", 4, 1, tuple((angle + 45, spin) for angle, spin in _COAXIAL)),
+    ArduPilotFrame("quadrotor +", 1, 0, _RIGHT_HAND),
+    ArduPilotFrame("quadrotor X", 1, 1, _DIAGONAL),
+    ArduPilotFrame("quadrotor + with reversed spins", 1, 6, tuple((angle, -spin) for angle, spin in _RIGHT_HAND)),
+    ArduPilotFrame("quadrotor X with reversed spins", 1, 18, ((135, 1), (45, -1), (-135, -1), (-45, 1))),
+    ArduPilotFrame("hexarotor +", 2, 0, _HEXA),
+    ArduPilotFrame("hexarotor X", 2, 1, ((90, -1), (-90, 1), (-30, -1), (150, 1), (30, 1), (-150, -1))),
+    ArduPilotFrame("octorotor +", 3, 0, _OCTA),
+    ArduPilotFrame("octorotor X", 3, 1, tuple((angle + 22.5, spin) for angle, spin in _OCTA)),
+    ArduPilotFrame("coaxial octorotor +", 4, 0, _COAXIAL),
+    ArduPilotFrame("coaxial octorotor X", 4, 1, tuple((angle + 45, spin) for angle, spin in _COAXIAL)),
 )  # fmt: skip
 """Frames that are looked for, in this order."""
 
 
-def fitting_frame(vehicle: Vehicle) -> tuple[Frame, tuple[int, ...]]:
+def fitting_frame(vehicle: Vehicle) -> tuple[ArduPilotFrame, tuple[int, ...]]:
     """Frame of a vehicle's rotors, and for each rotor the place of its motor among ArduPilot's.
 
     A rotor fits a motor if it turns the same way and its angle about the middle of the rotors differs by less than

@@ -53,7 +53,7 @@ class LinkError(Exception):
 
 
 @immutable(kw_only=False)
-class Goal:
+class BaseGoal:
     """Set point of the base: position (m), velocity (m/s), acceleration (m/s^2) in world axes, yaw (rad)."""
 
     position: Numbers
@@ -63,7 +63,7 @@ class Goal:
 
 
 @immutable(kw_only=False)
-class Instant:
+class SensedInstant:
     """Sensor readings and true state at an instant, for a link.
 
     Attributes:
@@ -78,14 +78,14 @@ class Instant:
     state: Numbers
 
 
-class Link(ABC):
+class SimulatorLink(ABC):
     """Connection to a running autopilot, from its start to its end."""
 
     following: bool = False
     """True once the vehicle is in the air and follows the set points."""
 
     @abstractmethod
-    def exchange(self, now: Instant, goal: Goal) -> Numbers:
+    def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
         """Send the readings of an instant and the set point; return the rotors' signals, 0 to 1, that answer them.
 
         Raises:
@@ -170,7 +170,7 @@ class Autopilot(ABC):
         raise ScenarioError(f"controller.outside: must be left out for {self.title}, whose link keeps the set points")
 
     @abstractmethod
-    def connect(self, scenario: Scenario, tape: Tape) -> Link:
+    def connect(self, scenario: Scenario, tape: Tape) -> SimulatorLink:
         """Start the program and connect to it.
 
         Args:

@@ -30,19 +30,19 @@ from skyarm.links.autopilots.autopilot import (
     FLIGHT_IMU,
     Autopilot,
     AutopilotMaker,
-    Goal,
-    Instant,
+    BaseGoal,
     LinkError,
     Numbers,
     Patience,
     Preparation,
+    SensedInstant,
     model_of,
 )
 from skyarm.links.autopilots.betaflight_process import (
     HALT,
     RADIO_PORT,
     STATE_PORT,
-    Guard,
+    ProcessGuard,
     SilentStartError,
     await_boot,
     open_port,
@@ -159,7 +159,7 @@ class BetaflightLink(ProgramLink):
         self._late: list[float] = []
         self._apart: deque[float] = deque(maxlen=RECENT)
         self._waits: list[float] = []
-        self._guard: Guard | None = None
+        self._guard: ProcessGuard | None = None
         self._motors: socket.socket | None = None
         self._peer: Address | None = None
         self._out: socket.socket | None = None
@@ -177,7 +177,7 @@ class BetaflightLink(ProgramLink):
             until = time.monotonic() + START_TIME * self._record.patience
             self._repeat(partial(self._set_up, command, folder, lines), until)
             child = self._repeat(partial(self._boot, command, folder), until)
-            self._guard = Guard(child.pid)
+            self._guard = ProcessGuard(child.pid)
             self._held.callback(self._guard.close)
 
     def _repeat(self, start: Callable[[], Child], until: float) -> Child:
@@ -247,7 +247,7 @@ class BetaflightLink(ProgramLink):
             "halts": 0 if self._guard is None else self._guard.halts,
         }
 
-    def exchange(self, now: Instant, goal: Goal) -> Numbers:
+    def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
         """Send the readings and the sticks of an instant, when it is due, and wait for the motors that answer."""
         imu, pose = now.readings["imu"], now.readings["pose"]
         quaternion = tuple(pose[4:8])
@@ -268,7 +268,7 @@ class BetaflightLink(ProgramLink):
             self._take(answer)
         return self._signals
 
-    def _channels(self, t: float, quaternion: Numbers, goal: Goal) -> tuple[int, ...]:
+    def _channels(self, t: float, quaternion: Numbers, goal: BaseGoal) -> tuple[int, ...]:
         """Radio channels at a time: at rest, asking to arm, taking off, or following the set point."""
         rise = self._filter.position[2] - self._stand
         if not self._armed:
@@ -281,7 +281,7 @@ class BetaflightLink(ProgramLink):
             climbing = RISE if height < goal.position[2] else 0.0
             place, velocity = (*goal.position[:2], height), (0.0, 0.0, climbing)
             self.following = rise > 0.5 * self._record.climb
-            goal = Goal(place, velocity, (0.0, 0.0, 0.0), goal.yaw)
+            goal = BaseGoal(place, velocity, (0.0, 0.0, 0.0), goal.yaw)
         attitude = self._control.command(
             self._filter.position, self._filter.velocity, quaternion, goal, self._period, flying=rise > 0.02
         )

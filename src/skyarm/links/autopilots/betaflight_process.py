@@ -67,7 +67,7 @@ def program_of(record: Autopilot) -> Path:
     return find_program(record, usual)
 
 
-class Guard:
+class ProcessGuard:
     """Thread that halts a process in which time would run on while no state is sent."""
 
     def __init__(self, pid: int) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.dynamics.actuators.rotor import push
-from skyarm.links.autopilots.angle_control import Attitude
+from skyarm.links.autopilots.angle_control import AttitudeCommand
 from skyarm.links.autopilots.autopilot import Numbers
 from skyarm.links.autopilots.effectiveness import inertias, turning_inertia, unit_wrenches
 from skyarm.records.arrays import Array
@@ -166,7 +166,7 @@ class Sticks:
         self._throttles = np.linspace(0.0, 1.0, 201)
         self._thrusts = np.array([thrust_of(vehicle, mix_of(float(t)) * share).sum() for t in self._throttles])
 
-    def channels(self, attitude: Attitude) -> tuple[int, ...]:
+    def channels(self, attitude: AttitudeCommand) -> tuple[int, ...]:
         """Roll, pitch, throttle and yaw sticks; yaw turns right with the stick."""
         throttle = float(np.interp(self._mass * attitude.thrust, self._thrusts, self._throttles))
         return (

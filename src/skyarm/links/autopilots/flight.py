@@ -15,7 +15,15 @@ from skyarm.algebra import Vec3
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
-from skyarm.links.autopilots.autopilot import Autopilot, Goal, Instant, Link, LinkError, model_of, require_rotors
+from skyarm.links.autopilots.autopilot import (
+    Autopilot,
+    BaseGoal,
+    LinkError,
+    SensedInstant,
+    SimulatorLink,
+    model_of,
+    require_rotors,
+)
 from skyarm.links.joint_port import JointPortError, JointServer
 from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.log.flight_log import Log
@@ -174,9 +182,9 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
     )
 
 
-def goal_of(reference: Reference) -> Goal:
+def goal_of(reference: Reference) -> BaseGoal:
     """Set point of the base by a reference."""
-    return Goal(
+    return BaseGoal(
         position=tuple(float(c) for c in reference.position),
         velocity=tuple(float(c) for c in reference.velocity),
         acceleration=tuple(float(c) for c in reference.acceleration),
@@ -236,7 +244,7 @@ class PilotedSession(Session):
         self._autopilot: Autopilot = autopilot_of(planned.controller)
         self._tape = Tape(self._autopilot.transcript, self._autopilot.replayed, self._autopilot.name)
         self._seconds, self._prepared = 0.0, 0.0
-        self._link: Link | None = None
+        self._link: SimulatorLink | None = None
         self._joint_port: JointServer | None = None
         self._joint_server: JointServer | None = None  # the port from the hand-over on
         self._wall, self._late = 0.0, 0
@@ -300,7 +308,7 @@ class PilotedSession(Session):
         self._goals: Array | None = goal_columns(engine.inputs)
         self._goal = goal_of(self.reference)
 
-    def _next_goal(self) -> Goal:
+    def _next_goal(self) -> BaseGoal:
         """Set point of the next period."""
         inputs = self._engine.inputs
         if inputs is not self._inputs:
@@ -308,7 +316,7 @@ class PilotedSession(Session):
         if self._goals is None:
             return goal_of(self.reference)
         row = self._goals[self.tick].tolist()
-        return Goal(row[0:3], row[3:6], row[6:9], row[9])
+        return BaseGoal(row[0:3], row[3:6], row[6:9], row[9])
 
     def _take_off(self, progress: Callable[[float, float], object] | None) -> bool:
         """Fly from the stand to the start; False if the flight has ended before.
@@ -373,7 +381,7 @@ class PilotedSession(Session):
         for reading in readings.values():
             reading[0] += self._prepared  # the clock of the link goes on at hand-over
         try:
-            self._signals = self._link.exchange(Instant(self._seconds, readings, self._state), self._goal)
+            self._signals = self._link.exchange(SensedInstant(self._seconds, readings, self._state), self._goal)
             within = [each for each in self._signals if 0.0 <= each <= 1.0]
             if not len(within) == len(self._signals) == len(self._most):
                 raise LinkError(f"{self._autopilot.title} sent rotor signals: must be {len(self._most)} from 0 to 1")
@@ -437,7 +445,7 @@ class PilotedSession(Session):
             self._engine.ended = self.ended or Ended(ENDED, str(error), self.time)
 
 
-def _close(link: Link, tape: Tape) -> None:
+def _close(link: SimulatorLink, tape: Tape) -> None:
     with contextlib.suppress(OSError):
         link.close()
     tape.close()

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 
 from skyarm.algebra.frames import to_our_axes
 from skyarm.links import mavlink
-from skyarm.links.autopilots.autopilot import Goal, LinkError, Numbers
+from skyarm.links.autopilots.autopilot import BaseGoal, LinkError, Numbers
 from skyarm.links.mavlink_messages import FieldValue
 from skyarm.links.mavlink_vehicle import MODES, MavlinkVehicle
 
@@ -88,7 +88,7 @@ class GuidedVehicle(MavlinkVehicle):
         """Height of its place over a height of ours, m; zero before both are known."""
         return 0.0 if self.place is None or self.origin is None else self.place[2] - self.origin[2] - height
 
-    def send_goal(self, time: float, goal: Goal) -> None:
+    def send_goal(self, time: float, goal: BaseGoal) -> None:
         """Send a set point of position, velocity, acceleration and yaw in its local frame."""
         assert self.origin is not None
         x, y, z = to_our_axes(*(a + b for a, b in zip(goal.position, self.origin, strict=True)))

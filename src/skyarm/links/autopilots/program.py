@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 
-from skyarm.links.autopilots.autopilot import Autopilot, Link, LinkError
+from skyarm.links.autopilots.autopilot import Autopilot, LinkError, SimulatorLink
 from skyarm.records.files import shown
 from skyarm.scenario.scenario_record import ScenarioError
 
@@ -155,7 +155,7 @@ def make_folder(autopilot: Autopilot) -> Path:
     return Path(tempfile.mkdtemp(prefix=f"skyarm_{autopilot.name}_"))
 
 
-class ProgramLink(Link):
+class ProgramLink(SimulatorLink):
     """Link to a program that is started for it: process, folder and sockets, which end with the link.
 
     Args:

@@ -22,10 +22,10 @@ from skyarm.links.autopilots.autopilot import (
     FLIGHT_IMU,
     Autopilot,
     AutopilotMaker,
-    Goal,
-    Instant,
+    BaseGoal,
     LinkError,
     Numbers,
+    SensedInstant,
     model_of,
 )
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
@@ -205,7 +205,7 @@ class PX4Link(ProgramLink):
             "bad_frames": self._simulator.bad + self._vehicle.parser.bad,
         }
 
-    def exchange(self, now: Instant, goal: Goal) -> Numbers:
+    def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
         """Send the readings of an instant and the set point; wait for the signals with the same time."""
         stamp = round(now.time * 1e6) + 1
         self._steps += 1
@@ -296,7 +296,7 @@ class PX4Link(ProgramLink):
             raise self._closing_error()
         return data
 
-    def _talk(self, t: float, goal: Goal) -> None:
+    def _talk(self, t: float, goal: BaseGoal) -> None:
         """Read PX4's state, ask for what is next (offboard mode, arming), and send set points at 50 Hz."""
         data, vehicle = self._tape.receive("onboard", self._datagrams), self._vehicle
         for message in vehicle.parser.feed(data) if data else ():

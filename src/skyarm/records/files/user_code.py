@@ -168,7 +168,7 @@ COMMAND_LINE = f"{os.path.basename(os.path.dirname(PACKAGE))}.cli."
 """The room whose modules call commands, one's own too."""
 
 
-class Frame(NamedTuple):
+class StackFrame(NamedTuple):
     """Frame of an error's stack, of the user's code or of the library: function, module, file and line."""
 
     own: bool
@@ -177,14 +177,14 @@ class Frame(NamedTuple):
     place: str
 
 
-def _frames(error: BaseException) -> list[Frame]:
+def _frames(error: BaseException) -> list[StackFrame]:
     """Stack frames of an error in the user's code and in the library, the outermost first."""
     frames = []
     for frame, line in walk_tb(error.__traceback__):
         code, module = frame.f_code, str(frame.f_globals.get("__name__", ""))
         own = is_own(code, module)
         if own or code.co_filename.startswith(PACKAGE):
-            frames.append(Frame(own, code.co_name, module, f"{code.co_filename}:{line}"))
+            frames.append(StackFrame(own, code.co_name, module, f"{code.co_filename}:{line}"))
     return frames
 
 
