@@ -84,7 +84,7 @@ class ClockOffset:
 
     Attributes:
         reference, stream: channels that were compared.
-        correlation: of both at the offset.
+        correlation: correlation of both at the offset.
     """
 
     reference: str
@@ -116,7 +116,7 @@ def clock_offset(flight: FlightData, stream: str = "", *, other: FlightData | No
     """Find the offset of a stream's clock against the gyro or accelerometer of a flight.
 
     Args:
-        flight: with the reference.
+        flight: flight with the reference.
         stream: quaternion, velocity or position; the first that the flights allow if left out.
         other: flight with the stream, if it is another file.
 
@@ -244,7 +244,7 @@ class _Pair:
     Attributes:
         reference: times (M,), s, of the signal.
         integrals: the signal (M, 3) and its integrals, as many as a kernel has boxes.
-        time: (N,) s, middles of the kernels. values: (N, 3). width: of a box, s.
+        time: (N,) s, middles of the kernels. values: (N, 3). width: width of a box, s.
 
     Raises:
         ValueError: one line: a stream or a reference of a few rows.

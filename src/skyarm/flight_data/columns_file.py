@@ -56,15 +56,15 @@ class QuantitySource:
     Attributes:
         columns: names; a minus before one turns its sign.
         topic: table of the file that holds them; the only one, or the first that has them all, if empty.
-        unit: of the numbers; the SI unit of the quantity if empty.
+        unit: unit of the numbers; the SI unit of the quantity if empty.
         frame: axes of the base, FLU or FRD; of a velocity "" for one in world axes.
         world: axes of the world, "z up" or "NED".
-        order: of a quaternion's columns.
+        order: order of a quaternion's columns.
         inverse: a quaternion turns world to base.
         low, high: numbers of no and of the full signal of rotor commands.
         time: column of the time of this quantity; that of the file if empty.
         stamp: time of a message, "header" or "receive".
-        names: of the joints whose columns they are, where the file has them.
+        names: names of the joints whose columns they are, where the file has them.
     """
 
     columns: tuple[str, ...]
@@ -92,10 +92,10 @@ class Columns:
     """Mapping from a file's columns to quantities.
 
     Attributes:
-        signals: by name of the quantity.
+        signals: sources by name of the quantity.
         time: column of the time; the format's own if empty.
         time_unit: s, ms, us or ns.
-        file: that it was read from, for messages.
+        file: path that it was read from, for messages.
     """
 
     signals: Mapping[str, QuantitySource] = field(default_factory=dict)

@@ -28,7 +28,7 @@ class Channel:
         time: (N,) s, strictly rising.
         values: (N, k); base axes x forward, y left, z up, world axes z up; all finite.
         source: topic or columns of the file.
-        names: of the joints whose columns they are, where the file has them.
+        names: names of the joints whose columns they are, where the file has them.
 
     Raises:
         ValueError: one line: wrong shapes, times that do not rise, or numbers that are not finite.
@@ -71,10 +71,10 @@ class FlightData:
     """Measured flight: all that a file of a real flight holds, by the names of :data:`QUANTITIES`.
 
     Attributes:
-        name: of the flight, from its file.
+        name: name of the flight, from its file.
         file: path that was read.
-        channels: by name of the quantity.
-        notes: what was lost or repaired while reading, one sentence each.
+        channels: channels by name of the quantity.
+        notes: losses and repairs while reading, one sentence each.
         facts: other contents of the file: vehicle, firmware, parameters, ``start`` of the clock in the file's own time.
         unused: topics and columns of the file that no channel was made of.
 
@@ -173,7 +173,7 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
     """Read a measured flight from a file.
 
     Args:
-        path: of the file, or of the folder of a ROS 2 bag.
+        path: path of the file, or of the folder of a ROS 2 bag.
         columns: mapping from topics or columns to quantities, or the path of one, whose quantities replace those
             that the format itself defines; for a table of text ``columns.toml`` beside it if left out.
         kind: registered name of the format; by first bytes and suffix of the file if left out.

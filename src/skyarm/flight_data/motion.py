@@ -57,8 +57,8 @@ class PredictedMotion:
     """Predictions of a measured motion, set back to the measured state at the same instants.
 
     Attributes:
-        model: of a vehicle's model under the recorded commands.
-        held: with the velocity and rate that were measured when it was set back.
+        model: motion of a vehicle's model under the recorded commands.
+        held: motion with the velocity and rate that were measured when it was set back.
         begins: (K,) s, instants at which both are set back, rising.
     """
 
@@ -103,8 +103,8 @@ def measured_motion(flight: FlightData, vehicle: Vehicle) -> PoseSeries:
     """Measured motion of a vehicle in a flight, at the times of its positions.
 
     Args:
-        flight: with position and quaternion, and joint positions of a vehicle with joints.
-        vehicle: whose joints they are.
+        flight: flight with position and quaternion, and joint positions of a vehicle with joints.
+        vehicle: vehicle with these joints.
 
     Raises:
         ValueError: one line: what is missing, or another number of joints than the vehicle has.

@@ -71,8 +71,8 @@ def measured_flight(log: Log, path: Path) -> FlightData:
     """Make a measured flight from the log of a simulated one.
 
     Args:
-        log: of the flight.
-        path: of its file, for name and messages.
+        log: log of the flight.
+        path: path of its file, for name and messages.
     """
     measured: dict[str, Channel] = {}
     for name, source in sources_of(log.info).items():

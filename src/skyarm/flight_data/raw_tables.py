@@ -69,14 +69,14 @@ def flight_of(
     """Make a measured flight from the tables of a file.
 
     Args:
-        path: of the file.
-        tables: by topic; one of the name "" for a file of one table.
+        path: path of the file.
+        tables: tables by topic; one of the name "" for a file of one table.
         usual: sources of each quantity that the format itself defines; the fastest that the file holds is taken, the
             first of those that are equally fast.
         columns: mapping of the user, whose quantities replace the usual ones.
         origin: s, time 0 of the tables in the file's own time.
         facts: other contents of the file.
-        notes: of what was lost or repaired before.
+        notes: sentences about earlier losses and repairs.
 
     Raises:
         ValueError: one line: a column that is not there, times that do not rise, or no quantity at all.

@@ -122,7 +122,7 @@ class UdpJoints(JointLink):
     """Port to the joints of a simulator or another process, by datagrams.
 
     Args:
-        host, port: of the arm's owner, such as a simulator's :class:`JointServer`.
+        host, port: address of the arm's owner, such as a simulator's :class:`JointServer`.
         count: joints of the vehicle.
     """
 

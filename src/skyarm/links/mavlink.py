@@ -60,7 +60,7 @@ def pack(name: str, *, sequence: int, system: int = 1, component: int = 1, **fie
     """Encode a message as a frame of MAVLink 2.
 
     Args:
-        name: of the message, as in ``DEFINITIONS``: ``"HIL_SENSOR"``.
+        name: name of the message, as in ``DEFINITIONS``: ``"HIL_SENSOR"``.
         sequence: counter of the sender's frames; sent modulo 256.
         system: number of the sender, 0 to 255.
         component: number of the sender's component, 0 to 255.

@@ -15,7 +15,7 @@ def drain(port: socket.socket, most: int = 256) -> list[tuple[bytes, Address | N
     empty if the other side has closed the stream.
 
     Args:
-        port: of datagrams or of a stream.
+        port: socket of datagrams or of a stream.
         most: pieces.
 
     Raises:

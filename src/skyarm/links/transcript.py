@@ -47,12 +47,12 @@ class Tape:
     tape answers in the program's place: what is sent must be, byte for byte, what was sent then.
 
     Args:
-        file: to write to.
+        file: path to write to.
         played: transcript to play back.
-        name: of the autopilot.
+        name: name of the autopilot.
 
     Attributes:
-        time: of the messages that follow, s.
+        time: time of the messages that follow, s.
         plays: True for a tape that is played back.
 
     Raises:

@@ -262,7 +262,7 @@ ROUNDING = 1e-12
 
 
 def unit_vector(field: str, value: object) -> Vec3:
-    """Read a vector, refuse it unless its length is 1 within TOLERANCE, and normalize it."""
+    """Read a vector, refuse it unless its length is 1 within TOLERANCE, and normalise it."""
     direction = vector(field, value)
     length = math.sqrt(sum(c * c for c in direction)) if concrete(*direction) else 1.0
     if not abs(length - 1.0) <= TOLERANCE:
@@ -304,6 +304,6 @@ def _skew(rows: list[list[Scalar]]) -> float:
 
 
 def near_unit_quaternion(value: Quaternion) -> Quaternion:
-    """Convert to a quaternion and normalize it if its length is 1 within TOLERANCE."""
+    """Convert to a quaternion and normalise it if its length is 1 within TOLERANCE."""
     length = math.sqrt(sum(c * c for c in value)) if concrete(*value) else 1.0
     return Quaternion(*(c / length for c in value)) if ROUNDING < abs(length - 1.0) <= TOLERANCE else value

@@ -24,7 +24,7 @@ class NumberView:
     """Number that is no field of a record but follows from several, such as an angle of an attitude.
 
     Attributes:
-        name: as the methods of :class:`Viewed` take it. unit: of the number.
+        name: name that the methods of :class:`Viewed` take. unit: unit of the number.
         inside: place of the record with these methods.
         adds: a number in its place comes on top of what the record has.
     """

@@ -82,9 +82,8 @@ def entry_of(value: object) -> Entry:
         return {str(name): entry_of(each) for name, each in value.items()}
     if isinstance(value, (Vec3, Quaternion, tuple)):
         return [entry_of(each) for each in value]
-    own = getattr(value, "to_entry", None)
-    entry: Entry = record_entry(value) if own is None else own()
-    return entry
+    own: Callable[[], Entry] | None = getattr(value, "to_entry", None)
+    return record_entry(value) if own is None else own()
 
 
 def record_entry(value: object, always: Collection[str] = ()) -> dict[str, Entry]:
@@ -261,13 +260,13 @@ def registered_from(
     """Read a table ``{ kind = NAME, ... }`` as an instance of the class that is registered as NAME.
 
     Args:
-        kind: of the registry, or several with a space between them.
+        kind: kind of the registry, or several with a space between them.
         base: class that the registered one must have.
-        table: as read.
-        where: of it, for messages.
+        table: table of the file.
+        where: place of the table, for messages.
         usual: NAME where the table states none.
-        word: that names the kind.
-        folds: as of :func:`record_from`.
+        word: word that names the kind.
+        folds: zeros become structure, as of :func:`record_from`.
 
     Raises:
         ValueError: one line with field, value and what is allowed.

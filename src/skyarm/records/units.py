@@ -35,7 +35,7 @@ class Unit:
 
     Attributes:
         unit: SI, as ``N m s/rad``; empty for pure numbers.
-        meaning: in words, with axes and frame.
+        meaning: meaning in words, with axes and frame.
         low, high: least and largest value allowed. strict: neither of them is allowed itself.
         infinite: the field may be infinite.
         folds: an exact zero of a plain list is structure and folds away, as one of a file.

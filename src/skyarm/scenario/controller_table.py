@@ -82,10 +82,10 @@ def controller_from(
 
     Args:
         fields: the table.
-        model: of the law.
+        model: law's model.
         replaced: name of :mod:`skyarm.control.catalogue`, or a file of gains, in place of the table's law.
         timing: timing of the control loop (:func:`skyarm.control.catalogue.preset`).
-        folder: where the table's own file of gains lies.
+        folder: folder of the table's own file of gains.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -210,9 +210,9 @@ def by_words(fields: Fields, model: Model, timing: Mapping[str, float], *, loade
 
     Args:
         fields: the table.
-        model: of the law.
+        model: law's model.
         timing: timing data of the loop.
-        loaded: whether the law may be that of a file that is loaded already.
+        loaded: True if the law may be that of a file that is loaded already.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -348,7 +348,7 @@ def load_controller(
 
     Args:
         file: path, .toml.
-        model: of the law.
+        model: law's model.
         delay: known age of the measurement, s; for laws with such an option, as all that follow.
         control_period: s.
         reference_period: between published samples, s.
@@ -369,10 +369,10 @@ def controller_of_file(name: object, folder: Path, model: Model, timing: Mapping
 
     Args:
         name: path of the file.
-        folder: where it starts.
-        model: of the law.
+        folder: folder where the path starts.
+        model: law's model.
         timing: timing of the control loop.
-        field: that names the file, for messages.
+        field: field that names the file, for messages.
 
     Raises:
         ValueError: one line: file, field, value, what is allowed.

@@ -82,7 +82,7 @@ class Document:
 
     Args:
         tables: plain, as read from TOML.
-        folder: where its paths of files begin.
+        folder: folder where its paths of files begin.
         replaced: entries in the place of the file's, by path.
         law: name of a law, or file of gains, in place of what [controller] says; None for none.
     """
@@ -157,9 +157,9 @@ class PartDocument(Document):
     """One part of a scenario's file, such as its reference, beside a scenario that has all others.
 
     Args:
-        path: of the part.
-        entry: what a file would have there.
-        scenario: with the part as it was.
+        path: path of the part.
+        entry: entry that a file would have there.
+        scenario: scenario with the part before the change.
     """
 
     def __init__(self, path: str, entry: object, scenario: Scenario) -> None:

@@ -42,8 +42,8 @@ class Ending:
         """True while a state does not meet the termination condition; false if the state contains NaN.
 
         Args:
-            scenario: of the episode.
-            state: of the plant.
+            scenario: scenario of the episode.
+            state: plant state.
             goal: position of the held reference, m.
             slack: how far inside its limit a state must be; 0 in flight.
         """

@@ -82,8 +82,9 @@ class GrammarRow(NamedTuple):
         path: dotted; ``*`` stands for a name of one's own, ``[]`` for each item of a list, ``SIGNAL`` for any signal.
         of: kind of the table that has the word, where tables have kinds.
         entry: its type, in words.
-        unit: SI. bounds: in words. varies: when its numbers may change. whole: a change may replace all of it.
-        meaning: in words.
+        unit: SI. bounds: bounds in words. varies: times at which its numbers may change.
+        whole: True if a change may replace all of it.
+        meaning: meaning in words.
     """
 
     path: str
@@ -164,9 +165,9 @@ def _of_record(
     """Words of a record's fields below a table, and those of the records in them.
 
     Args:
-        kind: of the record.
+        kind: class of the record.
         at: path of the table.
-        varies: when its numbers may change.
+        varies: times at which its numbers may change.
         named: kind of the registry.
         called: fields that the record around it calls otherwise.
     """

@@ -46,9 +46,9 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     """Scenario with one whole section of its file, such as [controller] or the wind, replaced.
 
     Args:
-        scenario: whose model and clocks a new law is made for.
+        scenario: scenario with the model and clocks of a new law.
         path: one of :func:`whole_parts`.
-        value: as a scenario file has it there: tables are dicts, lists lists.
+        value: entry of a scenario file in its place: tables are dicts, lists lists.
 
     Raises:
         ValueError: one line with the path, the value and what is allowed.
@@ -83,7 +83,7 @@ class Overrides:
     """Replacements made by scheduled changes so far: pairs of parameter path, such as plant.gravity, and value.
 
     Attributes:
-        parts: whole parts, as a file has them. numbers: by path.
+        parts: whole parts, as a file has them. numbers: changed numbers by path.
     """
 
     parts: tuple[tuple[str, object], ...] = ()
@@ -103,8 +103,8 @@ class Overrides:
         """Overrides in a canonical order, equal for sequences of changes whose order has no effect.
 
         Args:
-            scenario: as the flight began.
-            paths: whose numbers are read too where nothing holds in their place, as far as there are any.
+            scenario: scenario at the beginning of the flight.
+            paths: paths whose numbers are read too where nothing holds in their place, as far as there are any.
         """
         parts, numbers = self.parts_of(scenario), dict(self.numbers)
         for path in paths:
@@ -163,7 +163,7 @@ class Stretch:
     """Interval of control periods between two scheduled changes.
 
     Attributes:
-        start: index of the first control period. overrides: in force during the interval.
+        start: index of the first control period. overrides: changed values of the interval.
     """
 
     start: int
@@ -229,9 +229,9 @@ def try_coming(begun: Scenario, now: Scenario, overrides: Overrides, coming: Seq
     """Raise an error if a change made now would make a later scheduled change invalid.
 
     Args:
-        begun: as the flight began.
-        now: as it is.
-        overrides: what holds now.
+        begun: scenario at the beginning of the flight.
+        now: present scenario.
+        overrides: values changed until now.
         coming: changes to come.
 
     Raises:
@@ -259,9 +259,9 @@ def try_changes(
     """Apply simultaneous changes; return the new overrides and the resulting scenario.
 
     Args:
-        begun: as the flight began.
-        now: as it is before them.
-        overrides: what holds before them.
+        begun: scenario at the beginning of the flight.
+        now: scenario before them.
+        overrides: values changed before them.
         changes: (what messages call it, change), in order.
 
     Raises:

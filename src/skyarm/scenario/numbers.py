@@ -126,7 +126,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
     wrong in these numbers, not how it would be tuned for them.
 
     Args:
-        scenario: as it is.
+        scenario: scenario to change.
         values: path -> number.
 
     Raises:
@@ -189,10 +189,10 @@ def _start_with(
     """Initial state with some numbers replaced: the stated one, else the hover trim of the changed vehicle.
 
     Args:
-        started: as it was, with an initial state.
-        changed: with all other numbers replaced.
+        started: scenario before the change, with an initial state.
+        changed: scenario with all other numbers replaced.
         fields: place -> number, of the initial state.
-        angles: of the attitude, by name, rad.
+        angles: angles of the attitude by name, rad.
     """
     inside = {place[len(INITIAL) :]: value for place, value in fields.items()}
     joints = {int(place[1]): value for place, value in inside.items() if place[0] == "joints"}

@@ -59,7 +59,7 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
     A reference that is feasible as commanded is not changed.
 
     Args:
-        scenario: whose reference, and whose law's belief.
+        scenario: scenario with the reference and the law's model.
         options: reserve, tilt, turning, joint_speed, as ``[reference.governor]`` of a scenario file has them.
 
     Raises:
@@ -79,9 +79,9 @@ def governed_by_table(scenario: Scenario, table: object, events: Sequence[TaskEv
     """Scenario with the path governor that [reference.governor] describes.
 
     Args:
-        scenario: whose reference is slowed.
+        scenario: scenario with the reference to slow.
         table: true, or limits.
-        events: of the reference's phases.
+        events: events of the reference's phases.
 
     Raises:
         ValueError: one line.
@@ -192,7 +192,7 @@ class PathLimits:
     """Vehicle limits for the path governor, and the demands of a motion as fractions of these limits.
 
     Args:
-        model: of the law. options: of the governor.
+        model: law's model. options: governor's options.
     """
 
     def __init__(self, model: Model, options: GovernorOptions) -> None:

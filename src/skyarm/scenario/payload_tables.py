@@ -49,10 +49,10 @@ def with_model_changes(
     Those of waiting phases, whose instants are unknown, keep ``believed``: the loop follows them.
 
     Args:
-        payloads: of the flight.
-        trajectory: with its waiting phases.
-        duration: of the flight, s; changes after its end are left out.
-        rate: of control, Hz.
+        payloads: payloads of the flight.
+        trajectory: reference with its waiting phases.
+        duration: duration of the flight, s; changes after its end are left out.
+        rate: control rate, Hz.
     """
     waiting = {name for guard in trajectory.guards for name in guard.loads}
     believed = [each for each in payloads if each.believed and each.name not in waiting]
@@ -80,8 +80,8 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
     """Payload tables with pick and drop times filled in from the phases of a task.
 
     Args:
-        tables: as in the file.
-        events: of the phases.
+        tables: payload tables of the file.
+        events: events of the phases.
         control_rate: Hz; instants are whole control periods.
 
     Raises:
@@ -119,8 +119,8 @@ def with_commands(
     """Contact model whose grippers close and open in the task phases that name them.
 
     Args:
-        world: as read; None without one.
-        events: of the phases that name a gripper.
+        world: contact model of the file; None without one.
+        events: events of the phases that name a gripper.
         control_rate: Hz; instants are whole control periods.
 
     Raises:

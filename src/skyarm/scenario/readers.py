@@ -51,7 +51,7 @@ class ScenarioWords(Protocol):
     """Source of the other words of a scenario, for the reader of one.
 
     Attributes:
-        folder: where paths of files begin.
+        folder: folder where paths of files begin.
         law: name of a law, or file of gains, in place of what [controller] says; None for none.
     """
 
@@ -185,9 +185,9 @@ def with_files(table: Entry, where: str, folder: Path) -> Entry:
     """Tables of [reference] or [world] with paths of sample and mesh files made absolute.
 
     Args:
-        table: plain, of a file.
+        table: plain table of a file.
         where: its place in the file.
-        folder: of the file.
+        folder: folder of the file.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -225,8 +225,8 @@ def with_other_paths(tables: Mapping[str, Entry], other: Callable[[str], str]) -
     """Tables of a scenario with all paths of files that begin in its folder replaced.
 
     Args:
-        tables: plain, of a file.
-        other: from a path of a vehicle, of gains, samples or a mesh to what stands in its place.
+        tables: plain tables of a file.
+        other: function from a path of a vehicle, of gains, samples or a mesh to the path in its place.
     """
     replaced = dict(tables)
     for name, word in NAMED_FILES:
@@ -250,9 +250,9 @@ def _without_files(table: Entry, where: str, folder: Path) -> Entry:
     """Value of a change with samples in the place of their file, and the whole path of a file of gains.
 
     Args:
-        table: plain, of a file.
+        table: plain table of a file.
         where: its place in the file.
-        folder: of the file.
+        folder: folder of the file.
     """
     if isinstance(table, list):
         return [_without_files(each, f"{where}[{i}]", folder) for i, each in enumerate(table)]

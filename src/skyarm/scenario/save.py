@@ -55,8 +55,8 @@ def save_scenario(
     the file they come first.
 
     Args:
-        path: of the .toml file to write.
-        scenario: to be written.
+        path: path of the .toml file to write.
+        scenario: scenario to write.
         base: shipped name, path or tables of the scenario that it was made from: what both have is written as there.
         controller: name of its law as of :func:`skyarm.load_scenario`; left out, the base's [controller] if the law is
             of that name, or the catalogue's law of its name.
@@ -91,10 +91,10 @@ def tables_of(
     """Tables that a scenario is read from, made of those of another one.
 
     Args:
-        scenario: to be written.
-        tables: of the scenario that it was made from.
-        folder: where paths in the tables begin.
-        controller: as of :func:`save_scenario`.
+        scenario: scenario to write.
+        tables: tables of the scenario that it was made from.
+        folder: folder where paths in the tables begin.
+        controller: name of its law as of :func:`save_scenario`.
 
     Raises:
         ScenarioError: as :func:`save_scenario`.

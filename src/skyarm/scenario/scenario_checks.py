@@ -71,7 +71,7 @@ def rule(*reads: str, numbers: bool = True) -> Callable[[Callable[[Scenario], No
 
     Args:
         reads: words of a scenario's file, or paths below them, that the function reads.
-        numbers: as of :class:`Rule`.
+        numbers: numbers as of :class:`Rule`.
     """
 
     def add(check: Callable[[Scenario], None]) -> Callable[[Scenario], None]:
@@ -85,7 +85,7 @@ def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None,
     """Raise an error if the plant, law, sensors, clocks and other settings of a scenario are inconsistent.
 
     Args:
-        scenario: to be checked.
+        scenario: scenario to check.
         changed: fields that differ from a scenario that was checked: only rules that read them run; None for all.
         numbers: True if nothing but numbers differs.
 

@@ -160,7 +160,7 @@ class Change:
 
     Attributes:
         at: s.
-        path: of a number, or of a part as a whole.
+        path: path of a number, or of a part as a whole.
         value: the number, or what a scenario file would hold in the part's place: text, true or false, lists (held as
             tuples) or tables.
     """
@@ -259,7 +259,7 @@ class Environment:
     """Surroundings shared by all vehicles: wind, other air motion, forces, ground and contact model.
 
     Attributes:
-        wind: of the air. air, forces: further components (:mod:`skyarm.world.component`).
+        wind: motion of the air. air, forces: further components (:mod:`skyarm.world.component`).
         ground: end the episode when the lowest point reaches z = 0.
         world: surfaces, and the vehicle's points that touch them (:mod:`skyarm.world.contact`); None for free flight.
     """
@@ -289,9 +289,9 @@ class Agent:
         tracking_start: s; before it the law receives the initial reference at rest. Errors always refer to the running
             reference. An int of 0 is structure: the law tracks from the first instant.
         path_time: planned time of the reference (:func:`skyarm.govern`); None for none.
-        noise: of the full state. sensors: in addition to it.
-        estimator: from all readings to the measurement that the law receives.
-        drives: of joints whose setpoint is not the torque.
+        noise: noise of the full state. sensors: sensors in addition to it.
+        estimator: estimator from all readings to the measurement that the law receives.
+        drives: drives of joints whose setpoint is not the torque.
         delays: dead times of the loop.
         initial: state at t = 0; None is hover trim of the truth at the reference, as far as its rotors can turn.
         faults: losses of single actuators.
@@ -398,7 +398,7 @@ class Scenario:
         name: short name. title: one-line description.
         duration: s.
         solver: simulation of the plant. agent: the vehicle with its law. environment: surroundings.
-        endings: what ends the episode in addition to the library's endings (:mod:`skyarm.scenario.endings`).
+        endings: conditions that end the episode in addition to the library's endings (:mod:`skyarm.scenario.endings`).
         windows: spans of time of its metrics; those that end after a shortened flight are general in it.
         changes: scheduled changes (:mod:`skyarm.scenario.in_flight`); those after the end of a shortened flight are
             left out.
@@ -689,7 +689,7 @@ def first_state(scenario: Scenario) -> State:
 
 
 def _as_data(state: State) -> State:
-    """State whose numbers are all floats, inputs of compiled code, with a normalized quaternion."""
+    """State whose numbers are all floats, inputs of compiled code, with a normalised quaternion."""
 
     def as_data(value: Any) -> Any:
         numbers = (data(each) for each in value)

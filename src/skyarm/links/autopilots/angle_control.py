@@ -25,7 +25,8 @@ class AngleGains:
     """Gains and limits of the position loop.
 
     Attributes:
-        position, velocity, integral: of the errors of position and velocity, and of the position error's integral.
+        position, velocity, integral: gains of the errors of position and velocity, and of the position error's
+            integral.
         height: factor of the three for the vertical, where no attitude has to turn first.
         yaw: yaw rate per yaw error. tilt: largest angle of the thrust from the vertical.
         reach: largest position error that is acted upon; drift: largest acceleration of the integral.

@@ -34,7 +34,7 @@ class ArduPilotFrame:
     """Layout of rotors, one of those that ArduPilot mixes for.
 
     Attributes:
-        name: in words.
+        name: name in words.
         number: ``FRAME_CLASS``.
         form: ``FRAME_TYPE``.
         motors: angle (deg) and spin of each motor, in the order of its numbers.

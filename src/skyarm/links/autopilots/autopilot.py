@@ -68,7 +68,7 @@ class SensedInstant:
 
     Attributes:
         time: since the link was made, s.
-        readings: of each sensor, by name: its numbers, of which the first is the time of the reading.
+        readings: numbers of each sensor by name, of which the first is the time of the reading.
         state: numbers of the true state, in the order of :class:`skyarm.dynamics.State`: only for a program that
             makes its own sensor readings from the state, as ArduPilot does.
     """
@@ -174,7 +174,7 @@ class Autopilot(ABC):
         """Start the program and connect to it.
 
         Args:
-            scenario: that is flown, with the sensors and the control rate of the link.
+            scenario: scenario to fly, with the sensors and the control rate of the link.
             tape: records what is exchanged, or plays it back in the program's place.
 
         Raises:

@@ -86,7 +86,7 @@ class Betaflight(Autopilot):
     """Betaflight on our plant: mixer, thrust curve and gains by its command line, states and radio channels over UDP.
 
     Attributes:
-        gains: of the position loop that moves the sticks, for a vehicle as quick as a 0.8 kg quadrotor.
+        gains: gains of the position loop that moves the sticks, for a vehicle as quick as a 0.8 kg quadrotor.
     """
 
     patience: Patience = 5.0

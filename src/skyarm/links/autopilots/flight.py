@@ -218,9 +218,9 @@ class PilotedSession(Session):
     autopilot holds the start, and set points of base and arm come over its own port and the joints' port.
 
     Args:
-        scenario: whose controller is one of an autopilot.
-        paths: as of :class:`skyarm.Session`.
-        machine_code: as of :class:`skyarm.Session`.
+        scenario: scenario with the controller of an autopilot.
+        paths: paths as of :class:`skyarm.Session`.
+        machine_code: choice as of :class:`skyarm.Session`.
         progress: called with simulated seconds of the take-off and the longest it may last; equal at the hand-over.
 
     Raises:

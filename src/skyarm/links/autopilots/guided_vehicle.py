@@ -35,11 +35,11 @@ class GuidedVehicle(MavlinkVehicle):
         kind: MAVLink's number of the autopilot.
         carry: called with each frame to send.
         stated: parameters of the user.
-        system: of the autopilot; 0 for that of the first heartbeat.
+        system: number of the autopilot; 0 for that of the first heartbeat.
         datagrams: True where whole frames arrive.
 
     Attributes:
-        origin: of its local frame, less ours, m; None before it is known.
+        origin: origin of its local frame, less ours, m; None before it is known.
         away: departures from the mode for set points from outside.
     """
 

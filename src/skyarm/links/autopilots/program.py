@@ -63,7 +63,7 @@ class Child:
 
     Args:
         command: program and arguments.
-        folder: in which it runs; removed by :meth:`close`.
+        folder: folder in which it runs; removed by :meth:`close`.
         environment: variables on top of this process's own.
         without: beginning of the names of variables of this process that it does not get; empty for none.
 
@@ -159,7 +159,7 @@ class ProgramLink(SimulatorLink):
     """Link to a program that is started for it: process, folder and sockets, which end with the link.
 
     Args:
-        record: of the autopilot.
+        record: record of the autopilot.
     """
 
     def __init__(self, record: Autopilot) -> None:

@@ -135,7 +135,7 @@ class PX4Link(ProgramLink):
 
     Args:
         record: options.
-        scenario: with the sensors and the control rate of the link.
+        scenario: scenario with the sensors and the control rate of the link.
         tape: records the exchange, or plays one back in place of the program.
 
     Raises:

@@ -51,7 +51,7 @@ class ServoBus:
     Attributes:
         device: serial port.
         ids: numbers of the servos, in the order of the vehicle's joints.
-        torque: of each ampere, for setpoints in N m; None for setpoints of position in rad.
+        torque: torque of each ampere, for setpoints in N m; None for setpoints of position in rad.
         most: largest current that is sent.
     """
 

@@ -20,7 +20,7 @@ def open_joints(url: str | None, vehicle: Vehicle) -> JointLink:
     Args:
         url: ``udp://HOST:PORT``; ``dynamixel:DEVICE?ids=1,2&torque=1.8`` with the torque of an ampere, N m, for joints
             that take torques; or ``FILE.py:make``, whose ``make(vehicle)`` returns a :class:`JointLink`.
-        vehicle: of the law.
+        vehicle: law's vehicle.
 
     Raises:
         JointPortError: no address for a vehicle with joints, another form, or a port that cannot be opened.

@@ -67,7 +67,7 @@ class OffboardSettings:
     """Settings of a flight outside of the simulator.
 
     Attributes:
-        rate_bandwidth: of an ideal rate loop; None inverts PX4's rate loop by its parameters.
+        rate_bandwidth: bandwidth of an ideal rate loop; None inverts PX4's rate loop by its parameters.
         hover_share: thrust set point in hover; None takes the autopilot's own parameter.
         here: True puts the scenario's start where the vehicle is at take-over; False takes the autopilot's local frame,
             in north, west, up, for the scenario's world.
@@ -88,7 +88,7 @@ class HandBackError(Exception):
     """Cause for which a flight ends early.
 
     Attributes:
-        status: of the flight.
+        status: status of the flight.
     """
 
     def __init__(self, status: str, cause: str) -> None:
@@ -138,9 +138,9 @@ class OffboardFlight:
 
     Args:
         scenario: its law, reference and rates; sensors, delays and environment are those of the real vehicle.
-        link: to the autopilot.
+        link: link to the autopilot.
         arm: port to the joints.
-        settings: of the flight.
+        settings: settings of the flight.
         tell: called with a line of text at each stage.
 
     Attributes:

@@ -37,10 +37,10 @@ class LoopSettings:
     """Settings of the loop around a law: its period, the autopilot's rate loop, and its thrust.
 
     Attributes:
-        period: of the law.
-        rate_loop: that is inverted.
-        full_thrust: that the autopilot gives at a thrust set point of 1.
-        center: about which the autopilot shares torques among the rotors.
+        period: period of the law.
+        rate_loop: rate loop that is inverted.
+        full_thrust: thrust that the autopilot gives at a thrust set point of 1.
+        center: point about which the autopilot shares torques among the rotors.
     """
 
     period: Annotated[float, Unit("s", low=0.0, strict=True)]
@@ -87,8 +87,8 @@ class OutsideLaw:
     commands.
 
     Args:
-        controller: as it flies in the simulator.
-        settings: of the loop around it.
+        controller: controller as it flies in the simulator.
+        settings: settings of the loop around it.
         begin: reference with whose joint angles it begins; later ones have its structure.
 
     Raises:

@@ -100,8 +100,8 @@ def check_reach(reference: Trajectory, time: float, goals: Mapping[str, float]) 
     """Refuse goals so far from the reference of an instant that no motion within the limits reaches them.
 
     Args:
-        reference: which takes goals.
-        time: of the instant, s.
+        reference: reference that takes goals.
+        time: time of the instant, s.
         goals: word of a signal (x, y, z, yaw, joints.0) -> goal.
 
     Raises:
@@ -121,8 +121,8 @@ def changes_to(reference: Trajectory, time: float, goals: Mapping[str, float]) -
     goals change the same ones.
 
     Args:
-        reference: which takes goals.
-        time: of the instant, s.
+        reference: reference that takes goals.
+        time: time of the instant, s.
         goals: word of a signal (x, y, z, yaw, joints.0) -> goal.
     """
     signals = _signals(reference)

@@ -57,12 +57,13 @@ class LiveFlight:
     """Result of a flight with live topics.
 
     Attributes:
-        log: of what was flown.
-        version: of ROS.
+        log: log of the flight.
+        version: version of ROS.
         commanded: periods flown under commands from ROS.
         goals: taken from ROS.
         late: s by which it was slower than its pace.
-        interrupted: what ended it from outside (Ctrl-C), to be raised again once the log is written; else None.
+        interrupted: exception that ended it from outside (Ctrl-C), to be raised again once the log is written; else
+            None.
     """
 
     log: Log
@@ -99,12 +100,12 @@ def fly_live(
     """Fly a scenario with live topics; closes the node, whatever happens.
 
     Args:
-        scenario: to be flown.
-        node: of ROS.
-        version: of it.
+        scenario: scenario to fly.
+        node: node of ROS.
+        version: version of ROS.
         pace: flight time over wall time; infinite waits for nothing.
         advance: is called with the periods flown and their number some times a second.
-        preparing: as of :func:`skyarm.simulate.session.open_session`.
+        preparing: function as of :func:`skyarm.simulate.session.open_session`.
         warn: is told in one line of a lost master and of messages that are refused.
     """
     interrupted: BaseException | None = None

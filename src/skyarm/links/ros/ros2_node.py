@@ -49,7 +49,7 @@ class Ros2Node:
 
     Args:
         domain: number of the DDS domain; that of ROS_DOMAIN_ID, else 0, if left out.
-        definitions: of its message types.
+        definitions: definitions of its message types.
 
     Raises:
         RosError: cyclonedds is missing, or the domain cannot be joined.

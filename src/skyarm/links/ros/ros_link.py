@@ -79,8 +79,8 @@ class RosLink:
     """ROS node of one session: publishes each of its periods and takes commands and goals.
 
     Args:
-        session: to be flown period by period with :meth:`step`; one of :func:`live_session` takes goals.
-        node: of ROS 1 or 2; the link closes it.
+        session: session to fly period by period with :meth:`step`; one of :func:`live_session` takes goals.
+        node: node of ROS 1 or 2; the link closes it.
         timeout: s of flight after the last command until the law takes over again.
         warn: is told of messages that are refused, once for each topic; by default a Python warning.
 

@@ -149,9 +149,9 @@ def read_named(text: str, kind: str, library: Traversable, others: str = "") -> 
 
     Args:
         text: name or path.
-        kind: of the file, a key of ``READS``.
+        kind: kind of the file, a key of ``READS``.
         library: folder of the shipped files.
-        others: what else may be given, for messages.
+        others: other allowed inputs, for messages.
 
     Raises:
         ValueError: one line that begins with the kind, or with the file.

@@ -93,8 +93,8 @@ def write_private(file: Path, content: bytes, *, replace: bool = True) -> None:
     """Write a file atomically with mode 0600; a link at its path is replaced, not followed.
 
     Args:
-        file: to write, in a folder that is there.
-        content: of the file.
+        file: file to write, in a folder that is there.
+        content: content of the file.
         replace: false leaves a file that is there, or that another process makes at the same time, as it is.
 
     Raises:

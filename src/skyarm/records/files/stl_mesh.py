@@ -42,7 +42,7 @@ def read_corners(path: PathLike, scale: Scale = METRES) -> Array:
     """Read the triangle corners (F, 3, 3) of an STL file, m.
 
     Args:
-        path: of the file.
+        path: path of the file.
         scale: m of one of its numbers along its axes.
 
     Raises:

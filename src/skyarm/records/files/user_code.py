@@ -117,10 +117,10 @@ def require_result(function: object, value: Result, fine: bool, allowed: str) ->
     """Result of a user's function that is not traced, where it is one that is allowed.
 
     Args:
-        function: of the user, or one of the library's in its place.
+        function: user's function, or one of the library's in its place.
         value: its result.
-        fine: whether it is allowed.
-        allowed: what is, in words.
+        fine: True if the result is allowed.
+        allowed: allowed results in words.
 
     Raises:
         ValueError: it is not; one line with file, function, value and what is allowed.

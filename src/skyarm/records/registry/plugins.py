@@ -154,7 +154,7 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
     """Run a plugin file, register the objects that it defines, and return its module.
 
     Args:
-        path: of the .py file.
+        path: path of the .py file.
         expected: its identity, where another process loaded it before.
 
     Raises:
@@ -347,7 +347,7 @@ def load_again(plugins: Iterable[Plugin], sources: Mapping[str, tuple[str, bytes
     """Load the same plugins as another process, before objects of that process are unpickled.
 
     Args:
-        plugins: of that process.
+        plugins: plugins of that process.
         sources: their modules as it loaded them; without, they are read from the same files.
 
     Raises:
@@ -373,7 +373,7 @@ def code_of(name: str, plugins: Mapping[str, str]) -> Any:
     """Find the class or function that a text ``module:qualified.name`` denotes.
 
     Args:
-        name: as :func:`skyarm.records.plain.dotted_name` gives it.
+        name: text of :func:`skyarm.records.plain.dotted_name`.
         plugins: identities of the plugins that were loaded when the name was written.
 
     Raises:

@@ -59,7 +59,7 @@ class Registration:
     """Registry entry of a user's or the library's object: kind, name, object or its location, title and source.
 
     Attributes:
-        kind: a key of ``KINDS``. name: in files and on the command line.
+        kind: a key of ``KINDS``. name: name in files and on the command line.
         target: the object, or its location "module:attribute", which is imported at the first use.
         title: one-line description. source: library or plugin that registered it.
     """
@@ -150,8 +150,8 @@ def find(kind: str, name: object, field: str = "") -> Any:
 
     Args:
         kind: a key of ``KINDS``, or several with a space between them.
-        name: as it stands in a file.
-        field: where it stands, for the message; the kind if left out.
+        name: entry of a file.
+        field: field of the name, for the message; the kind if left out.
 
     Raises:
         RegistryError: no such name, with what there is and what was perhaps meant.
