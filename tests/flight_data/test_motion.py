@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.motion import Motion, distance_between, join_motions, joints_in_order, measured_motion
+from skyarm.flight_data.motion import PoseSeries, distance_between, join_motions, joints_in_order, measured_motion
 
 
 def turning(time, rate=0.8, speed=2.0):
@@ -18,7 +18,7 @@ def turning(time, rate=0.8, speed=2.0):
     time = np.asarray(time, dtype=float)
     zero, half = 0.0 * time, 0.5 * rate * time
     signs = np.where(np.arange(len(time)) % 2, -1.0, 1.0)[:, None]
-    return Motion(
+    return PoseSeries(
         time=time,
         position=np.stack([speed * time, zero, zero], axis=1),
         quaternion=signs * np.stack([np.cos(half), zero, zero, np.sin(half)], axis=1),
@@ -58,7 +58,7 @@ def test_the_angle_between_equal_attitudes_is_none_however_they_are_rounded():
     rows = np.random.default_rng(0).normal(size=(200, 4))
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
     assert ((rows**2).sum(axis=1) > 1.0).any()
-    seen = Motion(time=np.arange(200.0), position=np.zeros((200, 3)), quaternion=rows, joints=np.zeros((200, 0)))
+    seen = PoseSeries(time=np.arange(200.0), position=np.zeros((200, 3)), quaternion=rows, joints=np.zeros((200, 0)))
     assert distance_between(seen, seen)[1].max() < 1e-7
 
 

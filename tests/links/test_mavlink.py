@@ -13,19 +13,19 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
 from skyarm.links.mavlink import MavlinkError, Message, Parser, pack
-from skyarm.links.mavlink_messages import DEFINITIONS, Field, checksum
+from skyarm.links.mavlink_messages import DEFINITIONS, MavlinkField, checksum
 
 ORACLE = {each.msgname: each for each in ardupilotmega.mavlink_map.values()}
 HEADER, CHECKSUM, SIGNATURE = 10, 2, 13
 LONGEST = HEADER + 255 + CHECKSUM + SIGNATURE
 
 
-def random_value(field: Field, rng: random.Random):
+def random_value(field: MavlinkField, rng: random.Random):
     """Value of a field that survives 32 bits: bounds and zeros among them."""
     if field.type == "text":
         return "".join(rng.choices("ABCxyz_019 ", k=rng.randint(0, field.count)))
     if field.count:
-        element = Field(name=field.name, type=field.type, count=0, extension=False)
+        element = MavlinkField(name=field.name, type=field.type, count=0, extension=False)
         return tuple(random_value(element, rng) for _ in range(field.count))
     if field.type == "f32":
         short = struct.unpack("<f", struct.pack("<f", rng.gauss(0, 1e3)))[0]

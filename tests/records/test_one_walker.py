@@ -11,7 +11,7 @@ from skyarm.control.catalogue import LAWS, make_controller, rescale
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import Model
 from skyarm.records.leaves import is_leaf, leaves, mismatch, named_leaves, pairs, part, parts, replace_at, walk
-from skyarm.records.path_names import View, below
+from skyarm.records.path_names import NumberView, below
 from skyarm.records.units import Unit
 
 
@@ -80,10 +80,10 @@ def test_only_what_stands_at_the_places_is_replaced() -> None:
 
 
 def test_names_of_a_part_lead_there_from_the_record_that_holds_it() -> None:
-    angle = View("roll", Unit("rad"), ("attitude",))
+    angle = NumberView("roll", Unit("rad"), ("attitude",))
     assert below(("state",), {"x": (("p", "x"), ("q",)), "roll": angle, "of": {"y": (("y",),)}}) == {
         "x": (("state", "p", "x"), ("state", "q")),
-        "roll": View("roll", Unit("rad"), ("state", "attitude")),
+        "roll": NumberView("roll", Unit("rad"), ("state", "attitude")),
         "of": {"y": (("state", "y"),)},
     }
 

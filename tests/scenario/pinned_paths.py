@@ -21,7 +21,7 @@ from shipped_files import NAMES, PINS, RICH, scenario
 
 import skyarm
 from skyarm.records.leaves import Place, is_record, part
-from skyarm.records.path_names import View, path_names
+from skyarm.records.path_names import NumberView, path_names
 from skyarm.scenario.numbers import number_at, unit_at
 from skyarm.scenario.paths import delay_words, places_of, roots
 from skyarm.scenario.scenario_record import ScenarioError, first_state
@@ -49,7 +49,7 @@ def paths(given: skyarm.Scenario) -> Iterator[str]:
 
 def _below(given: skyarm.Scenario, path: str, heads: tuple[Place, ...], options: Mapping[str, Any]) -> Iterator[str]:
     for name, found in options.items():
-        if isinstance(found, View) or name == "payload":
+        if isinstance(found, NumberView) or name == "payload":
             continue  # computed
         yield f"{path}.{name}"
         if isinstance(found, tuple):

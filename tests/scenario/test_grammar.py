@@ -10,13 +10,13 @@ import pytest
 import skyarm
 from added_components import registry_kept
 from shown_commands import ROOT
-from skyarm.scenario.grammar import BY_HAND, SIGNAL, Row, grammar
+from skyarm.scenario.grammar import BY_HAND, SIGNAL, GrammarRow, grammar
 
 ROWS = grammar()
 PAGE = (ROOT / "docs/scenario_files.md").read_text("utf-8")
 
 
-def row(path: str, of: str = "") -> Row:
+def row(path: str, of: str = "") -> GrammarRow:
     (found,) = [each for each in ROWS if (each.path, each.of) == (path, of)]
     return found
 

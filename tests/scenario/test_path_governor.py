@@ -18,7 +18,7 @@ from skyarm.reference import Constant, Sine, Sum, Trajectory
 from skyarm.reference.path_time import governed_reference
 from skyarm.reference.signals import Product, Ramp, Signal, Windowed, sequence
 from skyarm.scenario.in_flight import with_part
-from skyarm.scenario.path_governor import GovernorOptions, Limits, _reasons_against
+from skyarm.scenario.path_governor import GovernorOptions, PathLimits, _reasons_against
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.assess.along_reference import follow
@@ -136,7 +136,7 @@ def test_joints_keep_their_efforts_and_servos_theirs():
         name=name, drive=PositionServo(stiffness=5.0, inertia=0.01, torque_limit=0.04, speed_limit=1.5)
     )
     model = dataclasses.replace(weak.controller.par.model, vehicle=dataclasses.replace(vehicle, drives=(drive,)))
-    limits = Limits(unlimited(model), OPTIONS)
+    limits = PathLimits(unlimited(model), OPTIONS)
     fast, slow = (limits.shares(turning(vehicle, rate))[:, 0] for rate in (3.0, 0.02))
     speed, effort = (limits.names().index(f"{word} of joint {name!r}") for word in ("speed", "effort"))
     assert fast[speed] == pytest.approx(3.0 / 1.5)
@@ -173,7 +173,7 @@ def test_a_servo_beyond_its_no_load_speed_is_out_of_its_share_and_no_number_is_l
         stiffness=5.0, inertia=1e-3, torque_constant=0.01, resistance=2.0, voltage=12.0, gear=100.0, current_limit=2.0
     )
     vehicle = dataclasses.replace(model.vehicle, drives=(MountedDrive(name=name, drive=motor),))
-    limits = Limits(unlimited(dataclasses.replace(model, vehicle=vehicle)), OPTIONS)
+    limits = PathLimits(unlimited(dataclasses.replace(model, vehicle=vehicle)), OPTIONS)
     row = limits.names().index(f"effort of joint {name!r}")
     shares = limits.shares(turning(vehicle, 1.5 * 12.0 / (100.0 * 0.01)))[row]
     assert np.isfinite(shares).all()
@@ -190,7 +190,7 @@ def test_a_tip_that_an_upright_arm_holds_asks_for_more_tilt_than_its_base():
     moved = MotionSamples(time=time, acceleration=surge, yaw=zeros[0], joints=up, rates=zeros, accelerations=zeros)
     blunt = dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, end_effector=""))
     middle = slice(100, 301)
-    with_tip, without = (Limits(each, OPTIONS).shares(moved)[-2, middle].max() for each in (model, blunt))
+    with_tip, without = (PathLimits(each, OPTIONS).shares(moved)[-2, middle].max() for each in (model, blunt))
     # a base under a tip 0.3 m above it that stays where a level base has it: 1 + 0.3 w^2 / g of the acceleration
     assert with_tip / without == pytest.approx(1.0 + 0.3 * w**2 / 9.81, rel=0.15)
 

@@ -11,7 +11,7 @@ from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import Scalar, cos, sin
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
-from skyarm.records.path_names import Names, View, field_paths
+from skyarm.records.path_names import Names, NumberView, field_paths
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.records.words import Word
@@ -44,7 +44,7 @@ class State:
 
     def path_names(self) -> Names:
         """Names of the fields, and of the ZYX Euler angles in place of the quaternion."""
-        return field_paths(self) | {name: View(name, Unit("rad")) for name in ANGLES}
+        return field_paths(self) | {name: NumberView(name, Unit("rad")) for name in ANGLES}
 
     def number_of_view(self, name: str) -> float:
         """Angle of the attitude (roll, pitch or yaw), rad."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.compile.llvm.kernel import Kernel, host_width
@@ -39,7 +40,7 @@ class EpisodeStarts:
         varies: True if episodes begin differently.
     """
 
-    def __init__(self, program: EnvProgram, lanes: int, dtype: Any) -> None:
+    def __init__(self, program: EnvProgram, lanes: int, dtype: npt.DTypeLike) -> None:
         self._program, self._lanes, self._dtype = program, lanes, dtype
         self._start = program.trace_start()
         self.varies = bool(self._start.inputs)

@@ -13,6 +13,7 @@ from skyarm.envs.observed_quantities import OBSERVED, USUAL, Observed
 from skyarm.envs.randomised_numbers import Randomised, read_randomised
 from skyarm.envs.reward_terms import REWARDS, USUAL_REWARD, RewardTerm
 from skyarm.records.files import PathLike, must_be_one_of, shown
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
@@ -58,7 +59,7 @@ def make_task(
     actions: Actions | str = "rotors_and_joints",
     observation: Iterable[Observed | str] = USUAL,
     reward: Iterable[RewardTerm | str] = USUAL_REWARD,
-    randomise: Mapping[str, Any] | None = None,
+    randomise: Mapping[str, Entry] | None = None,
     controller: str | None = None,
     duration: float | None = None,
     precision: str = "single",
@@ -154,7 +155,7 @@ KEYS = 2**32
 """Number of keys of the noise; a larger seed is reduced modulo this number."""
 
 
-def seed_of(seed: Any, field: str = "seed") -> int:
+def seed_of(seed: object, field: str = "seed") -> int:
     """Check that a seed is a nonnegative whole number, and reduce it to 32 bits.
 
     Raises:

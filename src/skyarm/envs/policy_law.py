@@ -59,7 +59,13 @@ class PolicyMemory:
     action: Annotated[Scalars, Unit("", "the last one, each number in [-1, 1]")]
 
 
-def as_law(policy: Any, environment: Any, *, name: str = "policy", traceable: bool = True) -> Controller:
+def as_law(
+    policy: Policy | Sequence[tuple[ArrayLike, ArrayLike]],
+    environment: object,
+    *,
+    name: str = "policy",
+    traceable: bool = True,
+) -> Controller:
     """Make a control law from a policy that was trained in an environment.
 
     Args:
@@ -136,7 +142,7 @@ def policy_law(
     return PolicyMemory(inner=following, action=action), command
 
 
-def _no_law(memory: Tree, *_: Any, **__: Any) -> Decision:
+def _no_law(memory: Tree, *_: object, **__: object) -> Decision:
     """Placeholder control law for action kinds that need no underlying law; commands nothing."""
     return memory, Command()
 
@@ -198,7 +204,7 @@ def _row(field: str, given: Sequence[float] | None, count: int, usual: float) ->
     return row
 
 
-def task_of(environment: Any) -> LearningTask:
+def task_of(environment: object) -> LearningTask:
     """Learning task of an environment, also of one inside Gymnasium wrappers.
 
     Raises:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import numpy as np
 
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.records.arrays import Array
 from skyarm.records.files import errors_as, shown
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -54,7 +54,7 @@ class Randomised:
         return values
 
 
-def read_randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Randomised:
+def read_randomised(scenario: Scenario, table: Mapping[str, Entry] | None) -> Randomised:
     """Read the table of randomised parameters and check each over its whole range.
 
     Raises:

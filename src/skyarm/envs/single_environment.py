@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, Protocol
 
 import gymnasium
 import numpy as np
@@ -13,6 +13,7 @@ from skyarm.envs.env_lanes import EnvLanes
 from skyarm.envs.env_task import Info, make_task, require_open, seed_of
 from skyarm.envs.vector_environment import spaces
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import Pixels
 from skyarm.records.files import errors_as, shown
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -24,6 +25,20 @@ RENDER_MODES = ("rgb_array",)
 
 PICTURES = "skyarm.view.film.episode_pictures"
 """Module that draws pictures: in a room above this one, imported by name when pictures are requested."""
+
+
+class EpisodeRenderer(Protocol):
+    """Protocol of the pictures of an episode, which a room above this one draws."""
+
+    def begin(self, scenario: Scenario) -> None:
+        """Set up the pictures of an episode."""
+
+    def draw(self, now: LoopState) -> Pixels:
+        """Picture of a state."""
+        ...
+
+    def close(self) -> None:
+        """Release what draws."""
 
 
 class Environment(gymnasium.Env[Array, Array]):
@@ -118,7 +133,7 @@ class Environment(gymnasium.Env[Array, Array]):
         ended = find_ending(scenario, ticks / scenario.rates.control, x, goal)
         return {"status": status, "cause": ended.cause if ended else status}
 
-    def render(self) -> Any:
+    def render(self) -> Pixels | None:
         """Render the present vehicle state as an image without text.
 
         Returns:
@@ -149,7 +164,7 @@ class Environment(gymnasium.Env[Array, Array]):
             self._pictures.close()
 
 
-def _pictures_of(mode: str | None, options: Mapping[str, Any] | None) -> Any:
+def _pictures_of(mode: str | None, options: Mapping[str, Any] | None) -> EpisodeRenderer | None:
     """Renderer of an environment's images; None without a render mode.
 
     Raises:
@@ -163,4 +178,5 @@ def _pictures_of(mode: str | None, options: Mapping[str, Any] | None) -> Any:
         raise ScenarioError(f"render_options = {shown(options)}: must be a table, as {{'width': 320}}")
     drawing = import_module(PICTURES)
     with errors_as(ScenarioError, "render_options: "):
-        return drawing.EpisodePictures(drawing.picture_settings(options or {}))
+        pictures: EpisodeRenderer = drawing.EpisodePictures(drawing.picture_settings(options or {}))
+    return pictures

@@ -143,7 +143,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
             self._over = over[:0]
         return self._observe(), rewards, ended, truncated, infos
 
-    def close_extras(self, **_: Any) -> None:
+    def close_extras(self, **_: object) -> None:
         """Stop the worker threads when Gymnasium closes the environment."""
         if hasattr(self, "lanes"):
             self.lanes.close()

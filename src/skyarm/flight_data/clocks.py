@@ -84,7 +84,7 @@ class ClockOffset:
 
     Attributes:
         reference, stream: channels that were compared.
-        correlation: of both at the offset.
+        correlation: correlation of both at the offset.
     """
 
     reference: str
@@ -116,7 +116,7 @@ def clock_offset(flight: FlightData, stream: str = "", *, other: FlightData | No
     """Find the offset of a stream's clock against the gyro or accelerometer of a flight.
 
     Args:
-        flight: with the reference.
+        flight: flight with the reference.
         stream: quaternion, velocity or position; the first that the flights allow if left out.
         other: flight with the stream, if it is another file.
 
@@ -140,15 +140,15 @@ def clock_offset(flight: FlightData, stream: str = "", *, other: FlightData | No
                     return search(WIDEST, FIRM_CORRELATION)
                 except ValueError:
                     raise none from None
-    wanted = " or ".join(f"{first} and {name}" for first, name in PAIRS if name == (stream or name))
+    pairs = " or ".join(f"{first} and {name}" for first, name in PAIRS if name == (stream or name))
     there = ", ".join({**flight.channels, **second.channels})
-    raise ValueError(f"{flight.name}: clocks: must hold {wanted}; there is {there}")
+    raise ValueError(f"{flight.name}: clocks: must hold {pairs}; there is {there}")
 
 
-def align(flight: FlightData, found: ClockOffset, channels: Sequence[str]) -> FlightData:
+def align(flight: FlightData, offset: ClockOffset, channels: Sequence[str]) -> FlightData:
     """Return a flight with the times of some channels moved to the clock of the reference, and a note."""
-    moved = {name: replace(flight[name], time=found.times(flight[name].time)) for name in channels}
-    words = f"{', '.join(channels)}: moved to the clock of {found.reference}: {found.words}."
+    moved = {name: replace(flight[name], time=offset.times(flight[name].time)) for name in channels}
+    words = f"{', '.join(channels)}: moved to the clock of {offset.reference}: {offset.words}."
     return flight.with_channels(moved, words)
 
 
@@ -163,8 +163,8 @@ def fresh_poses(flight: FlightData) -> FlightData:
         # a vehicle that stands still repeats one row for long, and no other
         if new.size >= FEWEST and np.median(rows) >= 2.0 and np.quantile(rows, EVEN) <= 2.0 * np.median(rows):
             words = f"{name}: {len(channel.values) - new.size} rows repeat the one before: left out."
-            kept = replace(channel, time=channel.time[new], values=channel.values[new])
-            flight = flight.with_channels({name: kept}, words)
+            fresh = replace(channel, time=channel.time[new], values=channel.values[new])
+            flight = flight.with_channels({name: fresh}, words)
     return flight
 
 
@@ -182,20 +182,22 @@ def align_poses(flight: FlightData) -> tuple[FlightData, ClockOffset | None]:
     rows, stamps = flight["gyro"].time, flight["quaternion"].time
     alike = [name for name in flight if np.array_equal(flight[name].time, stamps)]
     pose = [name for name in flight if name in POSE or (name in alike and "gyro" not in alike)]
-    found = _clock_of_attitude(flight)
+    offset = _clock_of_attitude(flight)
     if (even := straight_stamps(stamps, rows)) is not stamps:
         words = f"{', '.join(alike)}: stamps straightened: they are even but for the rows of the gyro."
         straight = flight.with_channels({name: replace(flight[name], time=even) for name in alike}, words)
         other = _clock_of_attitude(straight)
         # a recorder that takes every so many rows has such stamps, too, but true ones
-        if other is not None and (found is None or WORSE * other.offset_error < found.offset_error):
-            flight, found = straight, other
-    if found is None:
+        if other is not None and (offset is None or WORSE * other.offset_error < offset.offset_error):
+            flight, offset = straight, other
+    if offset is None:
         return flight, None
-    late, drifted = abs(found.offset), 0.5 * abs(found.drift) * flight["quaternion"].duration
-    if late <= max(found.offset_error, NEGLIGIBLE) and (abs(found.drift) <= found.drift_error or drifted <= NEGLIGIBLE):
+    late, drifted = abs(offset.offset), 0.5 * abs(offset.drift) * flight["quaternion"].duration
+    if late <= max(offset.offset_error, NEGLIGIBLE) and (
+        abs(offset.drift) <= offset.drift_error or drifted <= NEGLIGIBLE
+    ):
         return flight, None
-    return align(flight, found, pose), found
+    return align(flight, offset, pose), offset
 
 
 def _clock_of_attitude(flight: FlightData) -> ClockOffset | None:
@@ -225,15 +227,15 @@ def join_flights(flight: FlightData, other: FlightData) -> tuple[FlightData, Clo
     Raises:
         ValueError: one line: the motion does not show the offset of the clocks.
     """
-    found = clock_offset(flight, other=other)
+    offset = clock_offset(flight, other=other)
     added = {
-        name: replace(each, time=found.times(each.time), source=f"{other.name}: {each.source}")
+        name: replace(each, time=offset.times(each.time), source=f"{other.name}: {each.source}")
         for name, each in other.channels.items()
         if name not in flight
     }
-    words = f"{', '.join(added)}: are of {other.name}, moved to the clock of {found.reference}: {found.words}."
+    words = f"{', '.join(added)}: are of {other.name}, moved to the clock of {offset.reference}: {offset.words}."
     both = flight.with_channels(added, *other.notes, words)
-    return replace(both, facts={**other.facts, **flight.facts}), found
+    return replace(both, facts={**other.facts, **flight.facts}), offset
 
 
 class _Pair:
@@ -242,7 +244,7 @@ class _Pair:
     Attributes:
         reference: times (M,), s, of the signal.
         integrals: the signal (M, 3) and its integrals, as many as a kernel has boxes.
-        time: (N,) s, middles of the kernels. values: (N, 3). width: of a box, s.
+        time: (N,) s, middles of the kernels. values: (N, 3). width: width of a box, s.
 
     Raises:
         ValueError: one line: a stream or a reference of a few rows.
@@ -340,9 +342,9 @@ def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2)
         middle: s, time of the stream at which the offset holds.
         free: 1 if only the offset is searched.
     """
-    found, errors = start.copy(), np.zeros(2)
+    estimate, errors = start.copy(), np.zeros(2)
     for _ in range(ITERATIONS):
-        when = pair.time + found[0] + found[1] * (pair.time - middle)
+        when = pair.time + estimate[0] + estimate[1] * (pair.time - middle)
         inside = rows & pair.is_inside(when)
         time, given = pair.time[inside] - middle, pair.values[inside]
         fitted, slope = pair.means(when[inside])
@@ -355,7 +357,7 @@ def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2)
         change, residual, weights = _robust(jacobian, given - fitted)
         limit = pair.width / max(1.0, float(np.ptp(time))) ** np.arange(free)
         step = np.clip(change[:free], -limit, limit)
-        found[:free] += step
+        estimate[:free] += step
         if np.abs(step[0]) < 1e-7 and np.abs(step[-1]) < 1e-8:
             break
     moments = np.einsum("nap,na->np", jacobian * weights[:, :, None], residual)
@@ -364,13 +366,13 @@ def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2)
     share = memory / max(count, 1)
     normal = NORMAL + 2.9694 * share + 0.4160 * share**2  # of an estimate over some of the rows (Kiefer, Vogelsang)
     errors[:free] = normal * np.sqrt(np.maximum(np.diag(_covariance(curved, moments, memory))[:free], 0.0))
-    return found, errors
+    return estimate, errors
 
 
 def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float, least: float) -> ClockOffset:
     """Offset and drift of a stream by least squares, from the best offset of the cross-correlation on."""
-    found, errors = _refine(pair, pair.time > -np.inf, np.array([_best_offset(pair, widest), 0.0]), middle)
-    when = pair.time + found[0] + found[1] * (pair.time - middle)
+    estimate, errors = _refine(pair, pair.time > -np.inf, np.array([_best_offset(pair, widest), 0.0]), middle)
+    when = pair.time + estimate[0] + estimate[1] * (pair.time - middle)
     inside = pair.is_inside(when)
     a, b = _clip(pair.means(when[inside])[0]), _clip(pair.values[inside])
     correlation = float(np.sum(a * b) / max(np.sqrt(np.sum(a * a) * np.sum(b * b)), 1e-300))
@@ -383,9 +385,9 @@ def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float, le
     for begin, end in pairwise(np.linspace(pair.time[0], pair.time[-1], PARTS + 1)):
         part = (pair.time >= begin) & (pair.time <= end)
         if (part & inside).sum() > FEWEST:
-            own, _ = _refine(pair, part, found, middle, 1)
-            wander = max(wander, abs(float(own[0] - found[0])))
-    (offset, drift), (offset_error, drift_error) = found.tolist(), errors.tolist()
+            own, _ = _refine(pair, part, estimate, middle, 1)
+            wander = max(wander, abs(float(own[0] - estimate[0])))
+    (offset, drift), (offset_error, drift_error) = estimate.tolist(), errors.tolist()
     return ClockOffset(first, name, offset, offset_error, drift, drift_error, middle, wander, correlation)
 
 

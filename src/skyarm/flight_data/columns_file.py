@@ -36,6 +36,7 @@ from typing import Any
 from skyarm.algebra.frames import FRAMES, ORDERS, WORLDS
 from skyarm.flight_data.quantities import ATTITUDE, BODY, QUANTITIES, WORLD, Quantity
 from skyarm.records.files import Fields, PathLike, must_be_one_of, read_toml, shown, unreadable
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -49,21 +50,21 @@ STAMPS = "header", "receive"
 
 
 @immutable
-class Signal:
+class QuantitySource:
     """Source of a quantity in a file: its columns, their unit and axes.
 
     Attributes:
         columns: names; a minus before one turns its sign.
         topic: table of the file that holds them; the only one, or the first that has them all, if empty.
-        unit: of the numbers; the SI unit of the quantity if empty.
+        unit: unit of the numbers; the SI unit of the quantity if empty.
         frame: axes of the base, FLU or FRD; of a velocity "" for one in world axes.
         world: axes of the world, "z up" or "NED".
-        order: of a quaternion's columns.
+        order: order of a quaternion's columns.
         inverse: a quaternion turns world to base.
         low, high: numbers of no and of the full signal of rotor commands.
         time: column of the time of this quantity; that of the file if empty.
         stamp: time of a message, "header" or "receive".
-        names: of the joints whose columns they are, where the file has them.
+        names: names of the joints whose columns they are, where the file has them.
     """
 
     columns: tuple[str, ...]
@@ -91,13 +92,13 @@ class Columns:
     """Mapping from a file's columns to quantities.
 
     Attributes:
-        signals: by name of the quantity.
+        signals: sources by name of the quantity.
         time: column of the time; the format's own if empty.
         time_unit: s, ms, us or ns.
-        file: that it was read from, for messages.
+        file: path that it was read from, for messages.
     """
 
-    signals: Mapping[str, Signal] = field(default_factory=dict)
+    signals: Mapping[str, QuantitySource] = field(default_factory=dict)
     time: str = ""
     time_unit: str = "s"
     file: str = "columns"
@@ -147,13 +148,13 @@ SOURCES: Mapping[str, Any] = read_toml(Path(__file__).with_name("usual_sources.t
 """Sources of quantities that formats define: quantity -> tables, by format, and by type of a message of ROS."""
 
 
-def usual_signals(tables: Mapping[str, Any]) -> dict[str, tuple[Signal, ...]]:
+def usual_signals(tables: Mapping[str, Entry]) -> dict[str, tuple[QuantitySource, ...]]:
     """Sources of each quantity, the first ones first, of a part of :data:`SOURCES`."""
     every = {name: Fields(tables, "").tables(name) for name in tables}
-    return {name: tuple(_signal(QUANTITIES[name], each) for each in found) for name, found in every.items()}
+    return {name: tuple(_signal(QUANTITIES[name], each) for each in entries) for name, entries in every.items()}
 
 
-def _signal(quantity: Quantity, fields: Fields) -> Signal:
+def _signal(quantity: Quantity, fields: Fields) -> QuantitySource:
     """Read the table of a quantity."""
     columns = _names(fields)
     euler = quantity.axes == ATTITUDE and len(columns) == 3
@@ -183,9 +184,9 @@ def _signal(quantity: Quantity, fields: Fields) -> Signal:
         if given["high"] == given["low"]:
             raise ValueError(f"{fields.at('high')} = {given['high']:g}: must differ from low")
     given |= {"topic": fields.text("topic", ""), "time": fields.text("time", "")}
-    found = Signal(columns=columns, stamp=fields.choice("stamp", STAMPS, "header"), **given)
+    signal = QuantitySource(columns=columns, stamp=fields.choice("stamp", STAMPS, "header"), **given)
     fields.done()
-    return found
+    return signal
 
 
 def _names(fields: Fields) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from skyarm.flight_data.columns_file import SOURCES, Columns, usual_signals
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
-from skyarm.flight_data.raw_tables import Table, flight_of
+from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.records.files import shown
 
 MAGIC, VERSIONS = 0xBC, (1, 2)
@@ -60,19 +60,19 @@ def read_crazyflie(path: Path, columns: Columns | None) -> FlightData:
     rows, end = _rows(data, events, begin)
     if end + CHECK != len(data):
         number = int.from_bytes(data[end : end + 2], "little")
-        known = number in events or len(data) - end < CHECK
-        why = "the file is cut off" if known else f"an event of the unknown number {number} follows"
+        cut_off = number in events or len(data) - end < CHECK
+        why = "the file is cut off" if cut_off else f"an event of the unknown number {number} follows"
         notes.append(f"file: {len(data) - end} bytes after the last whole event are left out; {why}.")
     elif struct.unpack_from("<I", data, end)[0] != zlib.crc32(memoryview(data)[:end]):
         notes.append("file: its check sum does not fit, so that some of its numbers are damaged.")
     unit = 1e-3 if version == 1 else 1e-6
-    origin = min((int(found["time"][0]) for found in rows.values()), default=0)
-    tables: dict[str, Table] = {}
+    origin = min((int(records["time"][0]) for records in rows.values()), default=0)
+    tables: dict[str, RawTable] = {}
     with np.errstate(invalid="ignore"):  # NaNs of a damaged file that signal
-        for number, found in rows.items():
+        for number, records in rows.items():
             name, row = events[number]
-            read = {each: found[each].astype(float) for each in row.names or ()}
-            tables[name] = Table(columns=dict(list(read.items())[2:]), time=(read["time"] - origin) * unit)
+            read = {each: records[each].astype(float) for each in row.names or ()}
+            tables[name] = RawTable(columns=dict(list(read.items())[2:]), time=(read["time"] - origin) * unit)
     facts: dict[str, str | float] = {"vehicle": "Crazyflie", "version of the file": float(version)}
     return flight_of(
         path, tables, usual_signals(SOURCES["crazyflie"]), columns, origin=origin * unit, facts=facts, notes=notes
@@ -129,7 +129,7 @@ def _rows(data: bytes, events: Events, place: int) -> tuple[dict[int, Rows], int
         run = run if same.all() else run[: np.argmin(same)]
         pieces.setdefault(number, []).append(run)
         place += run.nbytes
-    return {number: np.concatenate(found) for number, found in pieces.items()}, place
+    return {number: np.concatenate(runs) for number, runs in pieces.items()}, place
 
 
 CRAZYFLIE = FlightFormat(read_crazyflie, begins=tuple(struct.pack("<BH", MAGIC, version) for version in VERSIONS))

@@ -28,7 +28,7 @@ class Channel:
         time: (N,) s, strictly rising.
         values: (N, k); base axes x forward, y left, z up, world axes z up; all finite.
         source: topic or columns of the file.
-        names: of the joints whose columns they are, where the file has them.
+        names: names of the joints whose columns they are, where the file has them.
 
     Raises:
         ValueError: one line: wrong shapes, times that do not rise, or numbers that are not finite.
@@ -71,10 +71,10 @@ class FlightData:
     """Measured flight: all that a file of a real flight holds, by the names of :data:`QUANTITIES`.
 
     Attributes:
-        name: of the flight, from its file.
+        name: name of the flight, from its file.
         file: path that was read.
-        channels: by name of the quantity.
-        notes: what was lost or repaired while reading, one sentence each.
+        channels: channels by name of the quantity.
+        notes: losses and repairs while reading, one sentence each.
         facts: other contents of the file: vehicle, firmware, parameters, ``start`` of the clock in the file's own time.
         unused: topics and columns of the file that no channel was made of.
 
@@ -93,9 +93,9 @@ class FlightData:
         for name, channel in self.channels.items():
             if name not in QUANTITIES:
                 raise ValueError(f"channel = {shown(name)}: {must_be_one_of(QUANTITIES, name)}")
-            width, held = QUANTITIES[name].width, channel.values.shape[1]
-            if held != width if width else held == 0:
-                raise ValueError(f"channel {name}: has {held} columns: must be {width or 'one or more'}")
+            width, count = QUANTITIES[name].width, channel.values.shape[1]
+            if count != width if width else count == 0:
+                raise ValueError(f"channel {name}: has {count} columns: must be {width or 'one or more'}")
 
     def __getitem__(self, quantity: str) -> Channel:
         """Channel of a quantity.
@@ -173,7 +173,7 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
     """Read a measured flight from a file.
 
     Args:
-        path: of the file, or of the folder of a ROS 2 bag.
+        path: path of the file, or of the folder of a ROS 2 bag.
         columns: mapping from topics or columns to quantities, or the path of one, whose quantities replace those
             that the format itself defines; for a table of text ``columns.toml`` beside it if left out.
         kind: registered name of the format; by first bytes and suffix of the file if left out.
@@ -189,9 +189,9 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
     form = _checked(named, find("flight_format", named, "kind" if kind else ""))
     if columns is None and form.mapped and (beside := file.parent / COLUMNS_FILE).is_file():
         columns = beside
-    found = columns if columns is None or isinstance(columns, Columns) else read_columns(columns)
+    mapping = columns if columns is None or isinstance(columns, Columns) else read_columns(columns)
     try:
-        return form.read(file, found)
+        return form.read(file, mapping)
     except OSError as error:
         raise ValueError(f"{at}: must be readable ({error.strerror or error})") from None
     except ValueError as error:
@@ -220,9 +220,11 @@ def format_name(path: PathLike) -> str:
     raise ValueError(f"{at}: format {suffix or 'without suffix'!r} is unknown: must be one of {allowed}")
 
 
-def _checked(name: str, found: object) -> FlightFormat:
+def _checked(name: str, registered: object) -> FlightFormat:
     """Return a registered format, or raise an error if it is none."""
-    refuse_mistake(flight_format_mistake(found), "flight_format", name)
-    if not isinstance(found, FlightFormat):
-        raise RegistryError(f"flight_format {name!r}: is {shown(found)}: must be FlightFormat(read, suffixes, begins)")
-    return found
+    refuse_mistake(flight_format_mistake(registered), "flight_format", name)
+    if not isinstance(registered, FlightFormat):
+        raise RegistryError(
+            f"flight_format {name!r}: is {shown(registered)}: must be FlightFormat(read, suffixes, begins)"
+        )
+    return registered

@@ -16,7 +16,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @immutable(eq=False)
-class Motion:
+class PoseSeries:
     """Poses of the base and positions of the joints over time.
 
     Attributes:
@@ -30,7 +30,7 @@ class Motion:
     quaternion: Array
     joints: Array
 
-    def at(self, time: Array) -> Motion:
+    def at(self, time: Array) -> PoseSeries:
         """Motion at given times (K,), s, linear between its rows; NaN outside of them."""
         rows = np.clip(np.searchsorted(self.time, time, "right") - 1, 0, max(len(self.time) - 2, 0))
         after = np.minimum(rows + 1, len(self.time) - 1)
@@ -44,7 +44,7 @@ class Motion:
             mixed[outside] = np.nan
             return np.asarray(mixed)
 
-        return Motion(
+        return PoseSeries(
             time=time,
             position=interpolate(self.position),
             quaternion=unit_rows(interpolate(continuous(self.quaternion))),
@@ -57,27 +57,27 @@ class PredictedMotion:
     """Predictions of a measured motion, set back to the measured state at the same instants.
 
     Attributes:
-        model: of a vehicle's model under the recorded commands.
-        held: with the velocity and rate that were measured when it was set back.
+        model: motion of a vehicle's model under the recorded commands.
+        held: motion with the velocity and rate that were measured when it was set back.
         begins: (K,) s, instants at which both are set back, rising.
     """
 
-    model: Motion
-    held: Motion
+    model: PoseSeries
+    held: PoseSeries
     begins: Array
 
 
-def join_motions(motions: Sequence[Motion]) -> Motion:
+def join_motions(motions: Sequence[PoseSeries]) -> PoseSeries:
     """One motion of several that follow each other, with no known pose between them."""
     parts = {name: list[Array]() for name in ("time", "position", "quaternion", "joints")}
     for motion in motions:
         for name, pieces in parts.items():
             values: Array = getattr(motion, name)
             pieces += [values, values[-1:] if name == "time" else np.full((1, values.shape[1]), np.nan)]
-    return Motion(**{name: np.concatenate(pieces) for name, pieces in parts.items()})
+    return PoseSeries(**{name: np.concatenate(pieces) for name, pieces in parts.items()})
 
 
-def distance_between(one: Motion, other: Motion) -> tuple[Array, Array]:
+def distance_between(one: PoseSeries, other: PoseSeries) -> tuple[Array, Array]:
     """Distance of the bases (K,), m, and angle of the rotation between them (K,), rad, of motions at the same times."""
     apart = np.linalg.norm(one.position - other.position, axis=1)
     same = np.abs((one.quaternion * other.quaternion).sum(axis=1))
@@ -89,22 +89,22 @@ JOINTS = ("joint_positions", "joint_rates", "joint_commands", "joint_efforts")
 
 def joints_in_order(flight: FlightData, vehicle: Vehicle) -> FlightData:
     """Flight whose joints stand in the order of the vehicle's, where its file names all of these."""
-    wanted = [link.joint.name for link in vehicle.links]
+    order = [link.joint.name for link in vehicle.links]
     changed = {}
     for name in JOINTS:
-        if name in flight and wanted and set(wanted) <= set(flight[name].names):
+        if name in flight and order and set(order) <= set(flight[name].names):
             channel = flight[name]
-            values = channel.values[:, [channel.names.index(each) for each in wanted]]
-            changed[name] = replace(channel, values=values, names=tuple(wanted))
+            values = channel.values[:, [channel.names.index(each) for each in order]]
+            changed[name] = replace(channel, values=values, names=tuple(order))
     return flight.with_channels(changed)
 
 
-def measured_motion(flight: FlightData, vehicle: Vehicle) -> Motion:
+def measured_motion(flight: FlightData, vehicle: Vehicle) -> PoseSeries:
     """Measured motion of a vehicle in a flight, at the times of its positions.
 
     Args:
-        flight: with position and quaternion, and joint positions of a vehicle with joints.
-        vehicle: whose joints they are.
+        flight: flight with position and quaternion, and joint positions of a vehicle with joints.
+        vehicle: vehicle with these joints.
 
     Raises:
         ValueError: one line: what is missing, or another number of joints than the vehicle has.
@@ -123,7 +123,7 @@ def measured_motion(flight: FlightData, vehicle: Vehicle) -> Motion:
                 f"{vehicle.n} joints"
             )
         joints = values_at(angles, time)
-    return Motion(
+    return PoseSeries(
         time=time,
         position=values_at(place, time),
         quaternion=attitude_at(attitude, time),

@@ -71,27 +71,27 @@ def measured_flight(log: Log, path: Path) -> FlightData:
     """Make a measured flight from the log of a simulated one.
 
     Args:
-        log: of the flight.
-        path: of its file, for name and messages.
+        log: log of the flight.
+        path: path of its file, for name and messages.
     """
-    found: dict[str, Channel] = {}
+    measured: dict[str, Channel] = {}
     for name, source in sources_of(log.info).items():
         if name == ESTIMATE or name.startswith(COMPONENTS):
             continue
         for field, quantity in FIELDS.items():
             array = log.received.get(f"{name}.{field}")
-            if array is not None and quantity not in found and _fits(quantity, array):
+            if array is not None and quantity not in measured and _fits(quantity, array):
                 channel = _reading(log, name, field, source, array)
                 if channel.time.size:
-                    found[quantity] = channel
-    stated = {name: each for name, each in STATED.items() if name not in found and _fits(name, log[each])}
-    found |= {name: Channel(time=log.time, values=log[each], source=each) for name, each in stated.items()}
+                    measured[quantity] = channel
+    stated = {name: each for name, each in STATED.items() if name not in measured and _fits(name, log[each])}
+    measured |= {name: Channel(time=log.time, values=log[each], source=each) for name, each in stated.items()}
     notes = list[str]()
     if log.efforts.size:
         setpoints = list(setpoints_of(log.info).values())
         units = set(setpoints) if len(setpoints) == log.efforts.shape[1] else {*setpoints, ""}
         if len(units) == 1 and units <= set(SETPOINTS):
-            found[SETPOINTS[units.pop()]] = Channel(time=log.time, values=log.efforts, source="efforts")
+            measured[SETPOINTS[units.pop()]] = Channel(time=log.time, values=log.efforts, source="efforts")
         else:
             notes.append("joint_commands: are left out, as the joints' drives take setpoints of several units.")
     if true := [name for name in stated if name not in COMMANDED]:
@@ -101,7 +101,7 @@ def measured_flight(log: Log, path: Path) -> FlightData:
     gravity, delay = log.info.get("plant_gravity"), written_at(log.info, "delays.command")
     given = {"gravity": gravity, "command_delay": delay, "start": log.time[0] if log.time.size else 0.0}
     facts |= {key: float(value) for key, value in given.items() if isinstance(value, (int, float))}
-    channels = {name: found[name] for name in QUANTITIES if name in found}
+    channels = {name: measured[name] for name in QUANTITIES if name in measured}
     return FlightData(name=path.stem, file=str(path), channels=channels, notes=tuple(notes), facts=facts)
 
 

@@ -31,7 +31,7 @@ class Quantity:
         width: columns; 0 for one per rotor or joint.
         units: unit -> factor to SI; the first is the unit of a channel.
         axes: BODY (x forward, y left, z up), WORLD (z up), ATTITUDE or NONE.
-        meaning: in words.
+        meaning: meaning in words.
         held: a value stays until the next one, as that of a command.
     """
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra.frames import of_euler_angles, to_our_attitude, to_our_axes, turn_vectors, unit_rows
-from skyarm.flight_data.columns_file import ANGLES, TIMES, Columns, Signal
+from skyarm.flight_data.columns_file import ANGLES, TIMES, Columns, QuantitySource
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import ATTITUDE, QUANTITIES
 from skyarm.flight_data.series import attitude_at, continuous
@@ -34,7 +34,7 @@ FASTER = 1.2
 
 
 @immutable
-class Table:
+class RawTable:
     """Rows of a file that have a time in common: a topic, an event, or a whole CSV file.
 
     Attributes:
@@ -58,8 +58,8 @@ class Table:
 
 def flight_of(
     path: Path,
-    tables: Mapping[str, Table],
-    usual: Mapping[str, Sequence[Signal]],
+    tables: Mapping[str, RawTable],
+    usual: Mapping[str, Sequence[QuantitySource]],
     columns: Columns | None,
     *,
     origin: float = 0.0,
@@ -69,14 +69,14 @@ def flight_of(
     """Make a measured flight from the tables of a file.
 
     Args:
-        path: of the file.
-        tables: by topic; one of the name "" for a file of one table.
+        path: path of the file.
+        tables: tables by topic; one of the name "" for a file of one table.
         usual: sources of each quantity that the format itself defines; the fastest that the file holds is taken, the
             first of those that are equally fast.
         columns: mapping of the user, whose quantities replace the usual ones.
         origin: s, time 0 of the tables in the file's own time.
         facts: other contents of the file.
-        notes: of what was lost or repaired before.
+        notes: sentences about earlier losses and repairs.
 
     Raises:
         ValueError: one line: a column that is not there, times that do not rise, or no quantity at all.
@@ -84,30 +84,30 @@ def flight_of(
     columns = columns or Columns()
     chosen = {name: each for name, every in usual.items() if (each := _fastest(tables, every))}
     signals = {**chosen, **columns.signals}
-    found, said = dict[str, Channel](), list(notes)
+    channels, said = dict[str, Channel](), list(notes)
     for name in (each for each in QUANTITIES if each in signals):
         channel = _channel(name, signals[name], tables, columns, said)
         if channel.time.size:
-            found[name] = channel
+            channels[name] = channel
         else:
             said.append(f"{name}: no row of {channel.source} holds numbers, so that the channel is left out.")
-    if not found:
+    if not channels:
         there = tables if len(tables) > 1 else [name for each in tables.values() for name in each.columns]
         raise ValueError(f"channels = none: must hold a quantity or more; there is {comma_list(there) or 'no number'}")
-    if "velocity" in found and signals["velocity"].frame:
-        _turn_into_world(found, said)
-    begin = min(float(each.time[0]) for each in found.values())
+    if "velocity" in channels and signals["velocity"].frame:
+        _turn_into_world(channels, said)
+    begin = min(float(each.time[0]) for each in channels.values())
     return FlightData(
         name=path.stem,
         file=str(path),
-        channels={name: replace(each, time=each.time - begin) for name, each in found.items()},
+        channels={name: replace(each, time=each.time - begin) for name, each in channels.items()},
         notes=tuple(said),
         facts={**(facts or {}), "start": origin + begin},
         unused=_unused_names(tables, signals, columns.time),
     )
 
 
-def _fastest(tables: Mapping[str, Table], signals: Sequence[Signal]) -> Signal | None:
+def _fastest(tables: Mapping[str, RawTable], signals: Sequence[QuantitySource]) -> QuantitySource | None:
     """Signal of the highest rate among those that a file holds; None if it holds none."""
     best, rate = None, 0.0
     for signal in signals:
@@ -122,34 +122,36 @@ def _fastest(tables: Mapping[str, Table], signals: Sequence[Signal]) -> Signal |
     return best
 
 
-def _holding(tables: Mapping[str, Table], signal: Signal) -> Table | None:
+def _holding(tables: Mapping[str, RawTable], signal: QuantitySource) -> RawTable | None:
     """Table of a signal's topic, or the first that has its columns; None if there is none."""
     if signal.topic:
         return tables.get(signal.topic)
     return next((each for each in tables.values() if each.has(*signal.columns)), None)
 
 
-def _table(at: str, signal: Signal, tables: Mapping[str, Table]) -> Table:
+def _table(at: str, signal: QuantitySource, tables: Mapping[str, RawTable]) -> RawTable:
     """Table that holds a signal: of its topic, the first that has its columns, or the only one.
 
     Raises:
         ValueError: one line: no such topic or column.
     """
-    found = _holding(tables, signal)
+    table = _holding(tables, signal)
     if signal.topic and "" in tables:
         raise ValueError(f"{at}.topic = {shown(signal.topic)}: must be left out for a file of one table")
-    if signal.topic and found is None:
+    if signal.topic and table is None:
         raise ValueError(f"{at}.topic = {shown(signal.topic)}: {must_be_one_of(tables, signal.topic)}")
-    if found is None and len(tables) != 1:
+    if table is None and len(tables) != 1:
         raise ValueError(f"{at}.columns: no table has {', '.join(signal.columns)}; topic must name one")
-    found = found or next(iter(tables.values()))
+    table = table or next(iter(tables.values()))
     for column in signal.columns:
-        if not found.has(column):
-            raise ValueError(f"{at}.columns = {shown(column)}: {must_be_one_of(found.columns, column)}")
-    return found
+        if not table.has(column):
+            raise ValueError(f"{at}.columns = {shown(column)}: {must_be_one_of(table.columns, column)}")
+    return table
 
 
-def _channel(name: str, signal: Signal, tables: Mapping[str, Table], columns: Columns, notes: list[str]) -> Channel:
+def _channel(
+    name: str, signal: QuantitySource, tables: Mapping[str, RawTable], columns: Columns, notes: list[str]
+) -> Channel:
     """Channel of a quantity in SI units and our axes; what was lost is appended to the notes."""
     table = _table(f"{columns.file}: {name}", signal, tables)
     time = _time(name, signal, table, columns if name in columns.signals else Columns())
@@ -168,14 +170,14 @@ def _channel(name: str, signal: Signal, tables: Mapping[str, Table], columns: Co
     time, values = time[rising], values[rising]
     if name == "quaternion" and time.size:
         values = continuous(unit_rows(values)) * (-1.0 if values[0, 0] < 0.0 else 1.0)
-    found = Channel(time=time, values=values, source=signal.source, names=signal.names)
+    channel = Channel(time=time, values=values, source=signal.source, names=signal.names)
     if every > 1:
-        notes.append(f"{name}: has numbers in every {_ordinal(every)} row only, {found.rate:.4g} Hz.")
+        notes.append(f"{name}: has numbers in every {_ordinal(every)} row only, {channel.rate:.4g} Hz.")
     if due > rows:
         notes.append(f"{name}: {due - rows} of {due} rows are without numbers and are left out.")
     if lost:
         notes.append(f"{name}: {lost} of {rows} rows are left out, as their times do not rise.")
-    return found
+    return channel
 
 
 FEWEST = 10
@@ -199,7 +201,7 @@ def _ordinal(count: int) -> str:
     return f"{count}{'th' if count % 100 in (11, 12, 13) else endings.get(count % 10, 'th')}"
 
 
-def _time(name: str, signal: Signal, table: Table, columns: Columns) -> Array:
+def _time(name: str, signal: QuantitySource, table: RawTable, columns: Columns) -> Array:
     """Times of the rows of a signal, s."""
     column = signal.time or columns.time
     if column and not table.has(column):
@@ -212,7 +214,7 @@ def _time(name: str, signal: Signal, table: Table, columns: Columns) -> Array:
     return table.received if signal.stamp == "receive" and table.received is not None else table.time
 
 
-def _in_si(name: str, signal: Signal, given: Array) -> Array:
+def _in_si(name: str, signal: QuantitySource, given: Array) -> Array:
     """Numbers of a quantity in SI units and our axes."""
     quantity = QUANTITIES[name]
     if quantity.axes == ATTITUDE:
@@ -231,19 +233,19 @@ def _in_si(name: str, signal: Signal, given: Array) -> Array:
     return np.stack([*to_our_axes(*values.T)], axis=1) if turned else values
 
 
-def _turn_into_world(found: dict[str, Channel], notes: list[str]) -> None:
+def _turn_into_world(channels: dict[str, Channel], notes: list[str]) -> None:
     """Turn a velocity in base axes into world axes by the attitude; without one it is left out."""
-    velocity = found.pop("velocity")
-    if "quaternion" not in found:
+    velocity = channels.pop("velocity")
+    if "quaternion" not in channels:
         notes.append("velocity: is in base axes, and the flight has no attitude to turn it by; it is left out.")
         return
-    attitude = found["quaternion"]
+    attitude = channels["quaternion"]
     inside = velocity.section(float(attitude.time[0]), float(attitude.time[-1]))
     if lost := velocity.time.size - inside.time.size:
         notes.append(f"velocity: {lost} of {velocity.time.size} rows lie outside the attitude and are left out.")
     if inside.time.size:
         values = turn_vectors(attitude_at(attitude, inside.time), inside.values)
-        found["velocity"] = replace(inside, values=values, source=f"{velocity.source}, turned by the attitude")
+        channels["velocity"] = replace(inside, values=values, source=f"{velocity.source}, turned by the attitude")
 
 
 def rising_rows(time: Array) -> npt.NDArray[np.intp]:
@@ -264,7 +266,7 @@ def rising_rows(time: Array) -> npt.NDArray[np.intp]:
     return np.array(rows[::-1], dtype=np.intp)
 
 
-def _unused_names(tables: Mapping[str, Table], signals: Mapping[str, Signal], time: str) -> tuple[str, ...]:
+def _unused_names(tables: Mapping[str, RawTable], signals: Mapping[str, QuantitySource], time: str) -> tuple[str, ...]:
     """Names of the topics that no quantity was made of; of the columns, where topics have no names of their own."""
     if any(signal.topic for signal in signals.values()):
         read = {id(_holding(tables, signal)) for signal in signals.values()}

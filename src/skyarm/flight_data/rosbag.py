@@ -12,14 +12,14 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, SupportsFloat
 
 import numpy as np
 
-from skyarm.flight_data.columns_file import SOURCES, Columns, Signal, usual_signals
+from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
 from skyarm.flight_data.flight_data import BAG_FOLDER, FlightData, FlightFormat
 from skyarm.flight_data.own_log import is_own_mcap, read_own_log
-from skyarm.flight_data.raw_tables import Table, flight_of
+from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.records.arrays import Array
 from skyarm.records.files import needs_extra
 
@@ -131,10 +131,10 @@ def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Ro
         for connection, received, data in reader.messages(connections=chosen):
             try:
                 message = reader.deserialize(data, connection.msgtype)
-                found = {name: float(value) for name, value in _numbers_of(message, "")}
+                numbers = {name: float(value) for name, value in _numbers_of(message, "")}
                 of_topic = rows.setdefault(connection.topic, _Rows())
-                alike = of_topic.numbers.setdefault(tuple(found), [])
-                alike.append((len(of_topic.received), np.array([*found.values()])))
+                alike = of_topic.numbers.setdefault(tuple(numbers), [])
+                alike.append((len(of_topic.received), np.array([*numbers.values()])))
                 of_topic.received.append(received)
             except Exception:  # of a damaged message, in whichever of its fields
                 wrong += 1
@@ -146,7 +146,7 @@ def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Ro
         notes.append(f"bag: {wrong} messages cannot be decoded and are left out.")
 
 
-def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, Any]]:
+def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, SupportsFloat]]:
     """Yield the numbers of a message with their places; entries of lists by the names that the message gives them."""
     names = getattr(message, "name", ())
     named = isinstance(names, (list, tuple)) and all(isinstance(each, str) and each for each in names)
@@ -162,7 +162,7 @@ def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, Any]]:
             yield from _numbers_of(value, f"{at}.")
 
 
-def _table(rows: _Rows, origin: int) -> Table:
+def _table(rows: _Rows, origin: int) -> RawTable:
     """Table of a topic: NaN where a message lacks a number; entries with names have their places as names, too."""
     every = {name: place for place, name in enumerate(dict.fromkeys(chain(*rows.numbers)))}
     table = np.full((len(rows.received), len(every)), np.nan)
@@ -179,27 +179,27 @@ def _table(rows: _Rows, origin: int) -> Table:
     if {"header.stamp.sec", "header.stamp.nanosec"} <= set(columns):
         stated = columns["header.stamp.sec"].astype(int) * SECOND + columns["header.stamp.nanosec"].astype(int)
         stamps = np.where(stated == 0, received, stated)
-    return Table(columns=columns, time=(stamps - origin) * NANO, received=(received - origin) * NANO)
+    return RawTable(columns=columns, time=(stamps - origin) * NANO, received=(received - origin) * NANO)
 
 
-def _usual(tables: Mapping[str, Table], kinds: Mapping[str, str]) -> dict[str, list[Signal]]:
+def _usual(tables: Mapping[str, RawTable], kinds: Mapping[str, str]) -> dict[str, list[QuantitySource]]:
     """Sources of each quantity by the types of the messages."""
-    found: dict[str, list[Signal]] = {}
+    sources: dict[str, list[QuantitySource]] = {}
     ranks = [*TYPES, *LISTS]
     for topic in sorted((each for each in tables if kinds[each] in ranks), key=lambda each: ranks.index(kinds[each])):
         table, kind, measured = tables[topic], kinds[topic], NOT_MEASURED.search(topic) is None
         for name, signals in TYPES.get(kind, {}).items() if measured else ():
             if name != "quaternion" or not _is_unknown(table):
-                found.setdefault(name, []).extend(replace(each, topic=topic) for each in signals)
+                sources.setdefault(name, []).extend(replace(each, topic=topic) for each in signals)
         for listed, place in LISTS.get(kind, {}).items():
             name = listed if measured else COMMANDS.get(listed, "")
             if name and (entries := _usual_entries(table, f"{place}[")):
                 names = tuple(match[1] for match in map(ENTRY.fullmatch, entries) if match)
-                found.setdefault(name, []).append(Signal(columns=entries, topic=topic, names=names))
-    return found
+                sources.setdefault(name, []).append(QuantitySource(columns=entries, topic=topic, names=names))
+    return sources
 
 
-def _usual_entries(table: Table, begin: str) -> tuple[str, ...]:
+def _usual_entries(table: RawTable, begin: str) -> tuple[str, ...]:
     """Columns of a list with the most numbers, by their names if they have any: others are of other messages."""
     every = [each for each in table.columns if each.startswith(begin)]
     counts = {each: int(np.isfinite(table.columns[each]).sum()) for each in every}
@@ -208,7 +208,7 @@ def _usual_entries(table: Table, begin: str) -> tuple[str, ...]:
     return tuple(each for each in named if counts[each] == most > 0)
 
 
-def _is_unknown(table: Table) -> bool:
+def _is_unknown(table: RawTable) -> bool:
     """True if an inertial unit gives no attitude: the first of its variances is negative, or all numbers are zero."""
     variance = table.columns.get("orientation_covariance[0]")
     turns = [each for name, each in table.columns.items() if re.fullmatch(r"orientation\.[wxyz]", name)]

@@ -13,7 +13,7 @@ import numpy as np
 
 from skyarm.flight_data.columns_file import Columns
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
-from skyarm.flight_data.raw_tables import Table, flight_of
+from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
 from skyarm.records.files.messages import comma_list
@@ -39,15 +39,15 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
         raise ValueError(f"columns: are missing; a columns.toml must map these: {comma_list(names)}")
     signals = columns.signals.values()
     mapped = {columns.time, *(each for signal in signals for each in (*signal.columns, signal.time))}
-    wanted = [name for name in dict.fromkeys(names) if name and mapped & {name, f"-{name}"}]
-    if twice := sorted(name for name in wanted if names.count(name) > 1):
+    used = [name for name in dict.fromkeys(names) if name and mapped & {name, f"-{name}"}]
+    if twice := sorted(name for name in used if names.count(name) > 1):
         raise ValueError(f"head = {shown(twice[0])}: names {names.count(twice[0])} columns: must name one")
     notes: list[str] = []
-    rows = _rows(body, [names.index(name) for name in wanted], separator, len(names), notes)
+    rows = _rows(body, [names.index(name) for name in used], separator, len(names), notes)
     if not len(rows):
         raise ValueError("rows = 0: must be one or more")
     others = dict.fromkeys(filter(None, names), np.zeros(0))  # not read: a mapping names none of them
-    table = Table(columns={**others, **dict(zip(wanted, rows.T, strict=True))}, time=np.zeros(0))
+    table = RawTable(columns={**others, **dict(zip(used, rows.T, strict=True))}, time=np.zeros(0))
     return flight_of(path, {"": table}, {}, columns, notes=notes)
 
 

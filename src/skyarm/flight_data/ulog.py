@@ -11,15 +11,15 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
-from skyarm.flight_data.columns_file import SOURCES, Columns, Signal, usual_signals
+from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
-from skyarm.flight_data.raw_tables import Table, flight_of
+from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.flight_data.ulog_recovery import MAGIC, WholeMessages
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.files import needs_extra
 
 Parameters: TypeAlias = Mapping[str, float]
@@ -67,22 +67,22 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
         raise ValueError("file: holds no topic with numbers")
     parameters = {name: float(value) for name, value in log.initial_parameters.items()}
     notes = _losses(whole, [each.duration for each in log.dropouts])
-    usual: dict[str, Sequence[Signal]] = dict(usual_signals(SOURCES["px4"]))
+    usual: dict[str, Sequence[QuantitySource]] = dict(usual_signals(SOURCES["px4"]))
     own = {} if columns is None else columns.signals
     count = _number_of_rotors(parameters)
     if "rotor_commands" not in own:
         usual["rotor_commands"] = _rotor_commands(tables, parameters, count, notes)
     if count and "rotor_speeds" not in own:
         speeds = tuple(f"esc[{k}].esc_rpm" for k in range(count))
-        usual["rotor_speeds"] = (Signal(columns=speeds, topic="esc_status", unit="rpm"),)
+        usual["rotor_speeds"] = (QuantitySource(columns=speeds, topic="esc_status", unit="rpm"),)
     facts: dict[str, str | float] = {"vehicle": "PX4"}
-    told = {"sys_name": "firmware", "ver_hw": "hardware", "ver_sw": "version", "ver_sw_branch": "branch"}
-    facts |= {word: log.msg_info_dict[key] for key, word in told.items() if key in log.msg_info_dict}
+    names = {"sys_name": "firmware", "ver_hw": "hardware", "ver_sw": "version", "ver_sw_branch": "branch"}
+    facts |= {word: log.msg_info_dict[key] for key, word in names.items() if key in log.msg_info_dict}
     facts |= {f"parameter {name}": value for name, value in parameters.items() if KEPT.fullmatch(name)}
     return flight_of(path, tables, usual, columns, origin=start * SECOND, facts=facts, notes=notes)
 
 
-def _table(name: str, rows: Mapping[str, np.ndarray[Any, Any]], start: int) -> Table:
+def _table(name: str, rows: Mapping[str, AnyArray], start: int) -> RawTable:
     """Table of a topic, on the clock of its samples where the messages state it."""
     with np.errstate(invalid="ignore"):  # NaNs of a damaged file that signal
         columns = {field: numbers.astype(float) for field, numbers in rows.items()}
@@ -95,7 +95,7 @@ def _table(name: str, rows: Mapping[str, np.ndarray[Any, Any]], start: int) -> T
     if name == "sensor_combined":
         after = columns.get("accelerometer_timestamp_relative", np.zeros_like(time)) * SECOND
         columns["accelerometer_time"] = np.where(np.abs(after) <= LATEST, time + after, np.nan)
-    return Table(columns=columns, time=time)
+    return RawTable(columns=columns, time=time)
 
 
 def _number_of_rotors(parameters: Parameters) -> int:
@@ -121,8 +121,8 @@ def _limit(parameters: Parameters, bank: str, channel: int, which: str) -> float
 
 
 def _rotor_commands(
-    tables: dict[str, Table], parameters: Parameters, count: int, notes: list[str]
-) -> tuple[Signal, ...]:
+    tables: dict[str, RawTable], parameters: Parameters, count: int, notes: list[str]
+) -> tuple[QuantitySource, ...]:
     """Signals of the rotors' commands; the table of their shares is added to the tables."""
     if not {"actuator_outputs", "actuator_motors"} & set(tables):
         return ()
@@ -131,19 +131,19 @@ def _rotor_commands(
             "rotor_commands: are left out, as no parameter says how many rotors there are; a columns.toml may do so."
         )
         return ()
-    found: list[Signal] = []
+    signals: list[QuantitySource] = []
     if shares := _shares(tables, parameters, count, notes):
         tables[SHARES] = shares
-        found.append(Signal(columns=tuple(shares.columns), topic=SHARES))
+        signals.append(QuantitySource(columns=tuple(shares.columns), topic=SHARES))
     of_thrust = parameters.get("THR_MDL_FAC", 0.0) != 0.0
-    if not found and of_thrust and "actuator_motors" in tables:
+    if not signals and of_thrust and "actuator_motors" in tables:
         notes.append("rotor_commands: are shares of the thrust, not of the signal, as THR_MDL_FAC is not 0.")
-    if not found or not of_thrust:
-        found.append(Signal(columns=tuple(f"control[{k}]" for k in range(count)), topic="actuator_motors"))
-    return tuple(found)
+    if not signals or not of_thrust:
+        signals.append(QuantitySource(columns=tuple(f"control[{k}]" for k in range(count)), topic="actuator_motors"))
+    return tuple(signals)
 
 
-def _shares(tables: Mapping[str, Table], parameters: Parameters, count: int, notes: list[str]) -> Table | None:
+def _shares(tables: Mapping[str, RawTable], parameters: Parameters, count: int, notes: list[str]) -> RawTable | None:
     """Table of the rotors' signals, 0 to 1, on the clock of the first rotor's output; None without outputs."""
     channels = _motor_channels(parameters) or {k: ("MAIN", k) for k in range(count)}
     columns: dict[str, Array] = {}
@@ -167,7 +167,7 @@ def _shares(tables: Mapping[str, Table], parameters: Parameters, count: int, not
     if assumed:
         low, high = USUAL_LIMITS.values()
         notes.append(f"rotor_commands: limits of {low:g} and {high:g} us are assumed; no parameter states them.")
-    return Table(columns=columns, time=time)
+    return RawTable(columns=columns, time=time)
 
 
 def _losses(whole: WholeMessages, lost: Sequence[int]) -> list[str]:

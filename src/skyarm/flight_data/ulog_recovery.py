@@ -136,10 +136,10 @@ class WholeMessages:
         if letter == b"A":
             number, fields = body[1:3], PADDING.sub(b"", self.formats.get(body[3:], b""))
             size = self._bytes_of(fields)
-            known = number not in self.rows and size < TOO_LONG and TIMESTAMP.search(fields) is not None
-            if known:
+            readable = number not in self.rows and size < TOO_LONG and TIMESTAMP.search(fields) is not None
+            if readable:
                 self.rows[number] = size
-            return known
+            return readable
         if letter == b"P":
             return PARAMETER.match(body) is not None and len(body) == body[0] + 5 and not self.rows
         if letter == b"I":

@@ -16,9 +16,10 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Annotated
 
-from skyarm.links.sockets import drain
+from skyarm.links.sockets import Address, drain
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.records.units import Unit
 
 MAGIC = b"SKJ1"
@@ -121,7 +122,7 @@ class UdpJoints(JointLink):
     """Port to the joints of a simulator or another process, by datagrams.
 
     Args:
-        host, port: of the arm's owner, such as a simulator's :class:`JointServer`.
+        host, port: address of the arm's owner, such as a simulator's :class:`JointServer`.
         count: joints of the vehicle.
     """
 
@@ -140,9 +141,9 @@ class UdpJoints(JointLink):
         """Newest reading since the last call; requests readings while none come."""
         newest = None
         for data, _ in drain(self._socket):
-            found = unpack(data, self._count)
-            if found is not None and found[0] == STATE:
-                newest = found
+            message = unpack(data, self._count)
+            if message is not None and message[0] == STATE:
+                newest = message
         if newest is None:
             if time.monotonic() - self._asked > 0.05:
                 self._asked = time.monotonic()
@@ -199,13 +200,13 @@ class JointServer:
         return int(self._socket.getsockname()[1])
 
     @property
-    def facts(self) -> dict[str, float | int]:
+    def facts(self) -> dict[str, Plain]:
         """Counts of commands, and their ages: s between the state that a law answers and its setpoints' effect."""
         ages = sorted(self._ages)
-        found: dict[str, float | int] = {"commands": self._commands, "refused": self._refused}
+        facts: dict[str, Plain] = {"commands": self._commands, "refused": self._refused}
         if ages:
-            found |= {"age_p50_s": ages[len(ages) // 2], "age_p99_s": ages[int(0.99 * (len(ages) - 1))]}
-        return found
+            facts |= {"age_p50_s": ages[len(ages) // 2], "age_p99_s": ages[int(0.99 * (len(ages) - 1))]}
+        return facts
 
     def exchange(self, at: float, joints: Sequence[float], joint_rates: Sequence[float]) -> tuple[float, ...] | None:
         """Send the joint state of a time (s) to the commander; return its setpoints, None without a fresh commander."""
@@ -221,16 +222,16 @@ class JointServer:
             self._socket.sendto(pack(STATE, self._count, at, (*joints, *joint_rates)), self._partner)
         return self._setpoints
 
-    def _take(self, data: bytes, sender: tuple[str, int], now: float) -> None:
-        found = unpack(data, self._count)
+    def _take(self, data: bytes, sender: Address | None, now: float) -> None:
+        message = unpack(data, self._count)
         stranger = self._partner not in (None, sender) and time.monotonic() - self._heard <= FRESH
-        if found is None or found[0] == STATE or stranger:
+        if message is None or message[0] == STATE or stranger:
             self._refused += 1
             return
         if sender != self._partner:
             self._setpoints = None
         self._partner, self._heard = sender, time.monotonic()
-        kind, at, values = found
+        kind, at, values = message
         if kind == COMMAND:
             self._setpoints = values
             self._commands += 1

@@ -60,7 +60,7 @@ def pack(name: str, *, sequence: int, system: int = 1, component: int = 1, **fie
     """Encode a message as a frame of MAVLink 2.
 
     Args:
-        name: of the message, as in ``DEFINITIONS``: ``"HIL_SENSOR"``.
+        name: name of the message, as in ``DEFINITIONS``: ``"HIL_SENSOR"``.
         sequence: counter of the sender's frames; sent modulo 256.
         system: number of the sender, 0 to 255.
         component: number of the sender's component, 0 to 255.
@@ -160,7 +160,7 @@ class Parser:
         """Take bytes as they came, whole frames or not, and return the messages that they complete, in order."""
         pending = self._pending + data
         end = len(pending)
-        found: list[Message] = []
+        messages: list[Message] = []
         start = 0
         while start < end:
             if pending[start] not in (_MAGIC_2, _MAGIC_1):
@@ -170,20 +170,20 @@ class Parser:
             stop = _frame_end(pending, start)
             if stop > end and not self._datagrams:
                 break
-            if start < stop <= end and self._accept(pending, start, stop, found):
+            if start < stop <= end and self._accept(pending, start, stop, messages):
                 start = stop
             else:
                 self.bad += 1
                 start = self._skip(start, start + 1)
         self._pending = pending[start:]
-        return found
+        return messages
 
     def _skip(self, start: int, stop: int) -> int:
         """Count the bytes between two places as no frame's, and return the second place."""
         self.skipped += stop - start
         return stop
 
-    def _accept(self, pending: bytes, start: int, stop: int, found: list[Message]) -> bool:
+    def _accept(self, pending: bytes, start: int, stop: int, messages: list[Message]) -> bool:
         """Check the frame between two places, count it and append its message; False for bytes that are no frame."""
         version_2 = pending[start] == _MAGIC_2
         if version_2:
@@ -198,8 +198,8 @@ class Parser:
         definition = DEFINITIONS_BY_NUMBER.get(number)
         if definition is None:
             follows = pending[stop : stop + 1] in (b"", b"\xfd", b"\xfe")
-            known = (system, component) in self._next_sequence or not self._next_sequence
-            if not (known and follows and is_possible_checksum(body, received)):
+            admitted = (system, component) in self._next_sequence or not self._next_sequence
+            if not (admitted and follows and is_possible_checksum(body, received)):
                 return False
         elif checksum(body + definition.check) != received:
             return False
@@ -211,7 +211,7 @@ class Parser:
         else:
             self.signed += pending[start + 2] & _SIGNED
             fields = _fields(definition, pending[payload:tail])
-            found.append(Message(name=definition.name, system=system, component=component, fields=fields))
+            messages.append(Message(name=definition.name, system=system, component=component, fields=fields))
         return True
 
     def _count(self, sequence: int, sender: tuple[int, int]) -> None:

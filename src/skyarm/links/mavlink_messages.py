@@ -122,7 +122,7 @@ def is_possible_checksum(data: bytes, received: int) -> bool:
 
 
 @immutable
-class Field:
+class MavlinkField:
     """Field of a message: name, type, and number of elements (0 for a single number)."""
 
     name: str
@@ -170,26 +170,26 @@ class Definition:
 
     name: str
     number: int
-    fields: tuple[Field, ...]
+    fields: tuple[MavlinkField, ...]
     layout: struct.Struct
     check: bytes
     """One byte, CRC_EXTRA: a digest of name and fields without extensions, so that other definitions do not pass."""
     defaults: Mapping[str, FieldValue]
-    arrays: tuple[tuple[int, Field], ...]
+    arrays: tuple[tuple[int, MavlinkField], ...]
     """Place among the fields and field of every array of numbers, last first."""
-    texts: tuple[tuple[int, Field], ...]
+    texts: tuple[tuple[int, MavlinkField], ...]
     places: tuple[tuple[str, int | slice], ...]
     """Name and place of every field among the numbers of the payload."""
 
 
-def _declared_fields(text: str) -> Iterator[Field]:
+def _declared_fields(text: str) -> Iterator[MavlinkField]:
     """Yield the fields of a row of the table: type, names, ``;`` between types, ``+`` before extensions."""
     for part, extension in zip(text.split("+"), (False, True), strict=False):
         for group in part.split(";"):
             kind, *names = group.split()
             for declared in names:
                 name, _, count = declared.rstrip("]").partition("[")
-                yield Field(name=name, type=kind, count=int(count or 0), extension=extension)
+                yield MavlinkField(name=name, type=kind, count=int(count or 0), extension=extension)
 
 
 def _definition(name: str, number: int, text: str) -> Definition:

@@ -10,11 +10,10 @@ import math
 import struct
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from skyarm.algebra.frames import to_our_axes
 from skyarm.links import mavlink
-from skyarm.links.mavlink_messages import DEFINITIONS
+from skyarm.links.mavlink_messages import DEFINITIONS, FieldValue
 from skyarm.records.immutable import immutable
 
 TAKE_OFF, SET_MODE, ARM, SET_INTERVAL = 22, 176, 400, 511
@@ -41,7 +40,7 @@ class ModeNumbers:
     """Numbers of an autopilot's modes: for set points from outside, and for holding its place.
 
     Attributes:
-        title: of the autopilot. hover: its parameter of the thrust set point in hover.
+        title: name of the autopilot. hover: its parameter of the thrust set point in hover.
         word: its name of the mode for set points from outside.
         outside, hold: parameters 2 and 3 of the mode command.
         shift: bits by which a heartbeat's mode is moved; what is beyond them by 8 is the second parameter.
@@ -99,15 +98,15 @@ class MavlinkVehicle:
         carry: called with each frame to send.
         sender: our numbers of system and component; system 0 for the autopilot's own.
         role: MAVLink's type of ours.
-        system: of the autopilot; 0 for that of the first heartbeat.
+        system: number of the autopilot; 0 for that of the first heartbeat.
         datagrams: True where whole frames arrive.
 
     Attributes:
-        parser: of what it sends.
+        parser: parser of its messages.
         modes: its mode numbers, None before its first heartbeat.
         system: its number, 0 before its first heartbeat.
         beaten: s of the monotonic clock of its newest heartbeat.
-        mode, armed, status: of the newest heartbeat.
+        mode, armed, status: numbers of the newest heartbeat.
         place: newest of finite numbers in its local frame, m; None before the first.
         said: newest text. parameters: values that were requested, by name.
     """
@@ -132,7 +131,7 @@ class MavlinkVehicle:
         self.parameters: dict[str, float] = {}
         self._requested: set[str] = set()
 
-    def tell(self, name: str, **fields: Any) -> None:
+    def tell(self, name: str, **fields: FieldValue) -> None:
         """Send a message.
 
         Raises:
@@ -145,7 +144,7 @@ class MavlinkVehicle:
         self._sequence += 1
         self._carry(frame)
 
-    def tell_autopilot(self, name: str, **fields: Any) -> None:
+    def tell_autopilot(self, name: str, **fields: FieldValue) -> None:
         """Send a message that is addressed to the autopilot."""
         self.tell(name, target_system=self.system, target_component=1, **fields)
 

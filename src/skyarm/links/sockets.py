@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 import socket
-from typing import Any
+
+Address = tuple[str, int]
+"""Host and port of the sender of a datagram."""
 
 
-def drain(port: socket.socket, most: int = 256) -> list[tuple[bytes, Any]]:
+def drain(port: socket.socket, most: int = 256) -> list[tuple[bytes, Address | None]]:
     """Read what has arrived at a port, at most ``most`` pieces, each with its sender; it blocks no more.
 
     A sender that is faster than its reader cannot hold the reader up. A stream's pieces have no sender; the last one is
     empty if the other side has closed the stream.
 
     Args:
-        port: of datagrams or of a stream.
+        port: socket of datagrams or of a stream.
         most: pieces.
 
     Raises:
         OSError: of the port, but that nothing is there or that nobody listens at the other side of a datagram port.
     """
-    found: list[tuple[bytes, Any]] = []
+    pieces: list[tuple[bytes, Address | None]] = []
     port.setblocking(False)
     for _ in range(most):
         try:
-            found.append(port.recvfrom(65536))
+            pieces.append(port.recvfrom(65536))
         except BlockingIOError:
             break
         except ConnectionRefusedError:
             continue  # an earlier datagram of ours found nobody
-        if not found[-1][0] and port.type == socket.SOCK_STREAM:
+        if not pieces[-1][0] and port.type == socket.SOCK_STREAM:
             break
-    return found
+    return pieces

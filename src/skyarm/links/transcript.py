@@ -16,7 +16,6 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 from skyarm.records.files import shown
 
@@ -48,12 +47,12 @@ class Tape:
     tape answers in the program's place: what is sent must be, byte for byte, what was sent then.
 
     Args:
-        file: to write to.
+        file: path to write to.
         played: transcript to play back.
-        name: of the autopilot.
+        name: name of the autopilot.
 
     Attributes:
-        time: of the messages that follow, s.
+        time: time of the messages that follow, s.
         plays: True for a tape that is played back.
 
     Raises:
@@ -75,7 +74,7 @@ class Tape:
                 raise TranscriptError("controller.transcript: must be left out beside controller.replayed")
             _require_writable(self._path)
 
-    def send(self, channel: str, data: bytes, send: Callable[[bytes], Any]) -> None:
+    def send(self, channel: str, data: bytes, send: Callable[[bytes], object]) -> None:
         """Send bytes over a channel, or compare them with those of the transcript that is played.
 
         Raises:

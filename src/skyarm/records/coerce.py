@@ -60,9 +60,9 @@ def accept(record: object, where: str, rules: Mapping[str, Rule], error: type[Va
     try:
         for name, rule in rules.items():
             given = getattr(record, name)
-            held = rule(f"{where}.{name}" if where else name, given)
-            if held is not given:
-                object.__setattr__(record, name, held)
+            converted = rule(f"{where}.{name}" if where else name, given)
+            if converted is not given:
+                object.__setattr__(record, name, converted)
     except RecordError as refusal:
         raise error(str(refusal)) from None
 
@@ -100,8 +100,8 @@ def coefficient(field: str, value: object) -> Scalar:
 def vector(field: str, value: object) -> Vec3:
     """Convert to a vector; plain numbers that are exactly 0, 1 or -1 become constants of compiled code."""
     if isinstance(value, Vec3):
-        held = [_entry(f"{field}.{axis}", each) for axis, each in zip("xyz", value, strict=True)]
-        return value if all(a is b for a, b in zip(held, value, strict=True)) else Vec3(*held)
+        entries = [_entry(f"{field}.{axis}", each) for axis, each in zip("xyz", value, strict=True)]
+        return value if all(a is b for a, b in zip(entries, value, strict=True)) else Vec3(*entries)
     return Vec3(*(_structural_number(field, each) for each in items(field, value, (3,), "must be three numbers")))
 
 
@@ -123,8 +123,8 @@ def inertia(field: str, value: object) -> Sym3:
     if any(_many(entry) for entry in entries):
         rows = [items(field, row, (3,), allowed) for row in items(field, entries, (3,), allowed)]
         entries = _symmetric(field, [[number(field, each) for each in row] for row in rows], value)
-    held = (number(field, each) for each in entries)
-    return Sym3(*(0 if type(each) is float and each == 0.0 else each for each in held))
+    components = (number(field, each) for each in entries)
+    return Sym3(*(0 if type(each) is float and each == 0.0 else each for each in components))
 
 
 def _symmetric(field: str, rows: list[list[Scalar]], value: object) -> list[Scalar]:
@@ -163,10 +163,10 @@ def word_of(words: Iterable[str]) -> Rule:
 def fold_zeros(record: object, *names: str) -> None:
     """Make exact zeros in fields of a frozen dataclass under construction constants of compiled code."""
     for name in names:
-        held = getattr(record, name)
-        if isinstance(held, Vec3):
-            object.__setattr__(record, name, Vec3(*(0 if concrete(c) and c == 0.0 else c for c in held)))
-        elif concrete(held) and held == 0.0:
+        value = getattr(record, name)
+        if isinstance(value, Vec3):
+            object.__setattr__(record, name, Vec3(*(0 if concrete(c) and c == 0.0 else c for c in value)))
+        elif concrete(value) and value == 0.0:
             object.__setattr__(record, name, 0)
 
 
@@ -202,10 +202,10 @@ def pairs(field: str, value: object) -> tuple[tuple[str, str], ...]:
     items = tuple(value.items()) if isinstance(value, Mapping) else value
     if not is_sequence(items):
         refuse(field, value, "must be pairs of texts")
-    held = tuple(tuple(pair) if isinstance(pair, (list, tuple)) else (pair,) for pair in items)
-    if any(len(pair) != 2 or not all(isinstance(each, str) for each in pair) for pair in held):
+    texts = tuple(tuple(pair) if isinstance(pair, (list, tuple)) else (pair,) for pair in items)
+    if any(len(pair) != 2 or not all(isinstance(each, str) for each in pair) for pair in texts):
         refuse(field, value, "must be pairs of texts")
-    return tuple((key, source) for key, source in held)
+    return tuple((key, source) for key, source in texts)
 
 
 def is_sequence(value: object) -> TypeGuard[Iterable[object]]:
@@ -238,12 +238,12 @@ def items(field: str, value: Any, counts: tuple[int, ...] | None, allowed: str) 
     if isinstance(value, (str, bytes, Mapping, set, frozenset)):
         refuse(field, value, allowed)
     try:
-        found = list(value)
+        entries = list(value)
     except TypeError:  # not iterable, or an array without axes
         refuse(field, value, allowed)
-    if counts is not None and len(found) not in counts:
+    if counts is not None and len(entries) not in counts:
         refuse(field, value, allowed)
-    return found
+    return entries
 
 
 def _entry(field: str, value: object) -> Scalar:
@@ -253,8 +253,8 @@ def _entry(field: str, value: object) -> Scalar:
 
 def _structural_number(field: str, value: object) -> Scalar:
     """Convert a plain number; exact 0, 1 and -1 become constants of compiled code."""
-    held = number(field, value)
-    return structural(held) if type(held) is float else held
+    converted = number(field, value)
+    return structural(converted) if type(converted) is float else converted
 
 
 ROUNDING = 1e-12
@@ -262,12 +262,14 @@ ROUNDING = 1e-12
 
 
 def unit_vector(field: str, value: object) -> Vec3:
-    """Read a vector, refuse it unless its length is 1 within TOLERANCE, and normalize it."""
-    held = vector(field, value)
-    length = math.sqrt(sum(c * c for c in held)) if concrete(*held) else 1.0
+    """Read a vector, refuse it unless its length is 1 within TOLERANCE, and normalise it."""
+    direction = vector(field, value)
+    length = math.sqrt(sum(c * c for c in direction)) if concrete(*direction) else 1.0
     if not abs(length - 1.0) <= TOLERANCE:
-        refuse(field, tuple(held), f"must be a unit vector, its length is {length:g}")
-    return held if abs(length - 1.0) <= ROUNDING else Vec3(*(c if type(c) is int else c / length for c in held))
+        refuse(field, tuple(direction), f"must be a unit vector, its length is {length:g}")
+    return (
+        direction if abs(length - 1.0) <= ROUNDING else Vec3(*(c if type(c) is int else c / length for c in direction))
+    )
 
 
 def proper_rotation(field: str, value: object) -> Mat3:
@@ -275,16 +277,16 @@ def proper_rotation(field: str, value: object) -> Mat3:
 
     Source: Higham 1986, Newton-Schulz iteration for the polar factor, R (3 I - R^T R) / 2.
     """
-    held = matrix(field, value)
-    rows = [list(row) for row in held.rows]
+    rotation = matrix(field, value)
+    rows = [list(row) for row in rotation.rows]
     entries = [c for row in rows for c in row]
     if not concrete(*entries):
-        return held
+        return rotation
     skew = _skew(rows)
-    if not skew <= 10.0 * TOLERANCE or held.r0.cross(held.r1).dot(held.r2) < 0.0:
+    if not skew <= 10.0 * TOLERANCE or rotation.r0.cross(rotation.r1).dot(rotation.r2) < 0.0:
         refuse(field, entries, "must be a rotation (orthogonal, determinant +1)")
     if skew <= ROUNDING:
-        return held
+        return rotation
     for _ in range(3):  # the error is squared each time: 1e-5, 1e-10, rounding
         left = [[3.0 * (i == j) - _dot(rows, i, j) for j in range(3)] for i in range(3)]
         rows = [[0.5 * sum(row[k] * left[k][j] for k in range(3)) for j in range(3)] for row in rows]
@@ -302,6 +304,6 @@ def _skew(rows: list[list[Scalar]]) -> float:
 
 
 def near_unit_quaternion(value: Quaternion) -> Quaternion:
-    """Convert to a quaternion and normalize it if its length is 1 within TOLERANCE."""
+    """Convert to a quaternion and normalise it if its length is 1 within TOLERANCE."""
     length = math.sqrt(sum(c * c for c in value)) if concrete(*value) else 1.0
     return Quaternion(*(c / length for c in value)) if ROUNDING < abs(length - 1.0) <= TOLERANCE else value

@@ -78,20 +78,20 @@ def require_fields(record: object, where: str, skipped: tuple[type, ...] = ()) -
         for i, item in enumerate(record):
             require_fields(item, f"{where}[{i}]", skipped)
     elif (names := field_names(type(record))) is not None:
-        wanted, usual = rules(type(record)), defaults(type(record))
+        checks, usual = rules(type(record)), defaults(type(record))
         for name in names:
             value, at = getattr(record, name), f"{where}.{name}"
             # a default says itself what a field may hold
-            if name in wanted and value is not usual.get(name, record):
-                wanted[name](at, value)
+            if name in checks and value is not usual.get(name, record):
+                checks[name](at, value)
             require_fields(value, at, skipped)
 
 
 @memoize
 def rules(kind: type) -> Mapping[str, Rule]:
     """Rule of each field of a dataclass whose annotation states what it holds."""
-    found = {name: _rule(wanted, unit) for name, (wanted, unit) in declared_fields(kind).items()}
-    return {name: rule for name, rule in found.items() if rule is not None}
+    by_field = {name: _rule(annotation, unit) for name, (annotation, unit) in declared_fields(kind).items()}
+    return {name: rule for name, rule in by_field.items() if rule is not None}
 
 
 @memoize
@@ -100,15 +100,15 @@ def defaults(kind: type) -> Mapping[str, object]:
     return {field.name: field.default for field in declarations(kind)}
 
 
-def _rule(wanted: object, unit: Unit) -> Rule | None:
+def _rule(annotation: object, unit: Unit) -> Rule | None:
     """Function that checks and converts values of an annotated type; None if there is nothing to check."""
     if unit.rule is not None:
         return _with_bounds(unit.rule, unit)
-    origin, options = typing.get_origin(wanted), typing.get_args(wanted)
+    origin, options = typing.get_origin(annotation), typing.get_args(annotation)
     if origin in (typing.Union, types.UnionType):
         return _one_of(options, unit)
-    if wanted in _NUMBERS:
-        make = _NUMBERS[wanted]
+    if annotation in _NUMBERS:
+        make = _NUMBERS[annotation]
         return lambda field, value: make(field, value, unit)
     if origin is tuple and len(options) == 2 and options[1] is Ellipsis:
         if _is_record(options[0]):
@@ -120,39 +120,39 @@ def _rule(wanted: object, unit: Unit) -> Rule | None:
         return coerce.word_of(options)
     if origin is not None and issubclass(origin, Callable):  # type: ignore[arg-type]
         return _callable
-    if wanted in (bool, str):
-        return coerce.flag if wanted is bool else coerce.text
-    return coerce.one(wanted) if _is_record(wanted) else None
+    if annotation in (bool, str):
+        return coerce.flag if annotation is bool else coerce.text
+    return coerce.one(annotation) if _is_record(annotation) else None
 
 
 def _with_bounds(rule: Rule, unit: Unit) -> Rule:
     """Extend a field's own conversion function by a check of the field's bounds."""
 
     def check(field: str, value: object) -> object:
-        held = rule(field, value)
-        if isinstance(held, (Vec3, Sym3)):
-            for name in type(held).__slots__:
-                if concrete(each := getattr(held, name)):
+        converted = rule(field, value)
+        if isinstance(converted, (Vec3, Sym3)):
+            for name in type(converted).__slots__:
+                if concrete(each := getattr(converted, name)):
                     _within(f"{field}.{name}", each, unit)
-        elif concrete(held) and type(held) is not bool:
-            _within(field, held, unit)
-        return held
+        elif concrete(converted) and type(converted) is not bool:
+            _within(field, converted, unit)
+        return converted
 
     return check
 
 
-def _is_record(wanted: object) -> TypeGuard[type]:
+def _is_record(annotation: object) -> TypeGuard[type]:
     """True if an annotation is a class whose instances ``isinstance`` can test, such as a dataclass."""
-    said = isinstance(wanted, type) and wanted not in (Any, object, bool, str, *_NUMBERS)
-    return said and not getattr(wanted, "_is_protocol", False)  # a generic class has it, too: False
+    said = isinstance(annotation, type) and annotation not in (Any, object, bool, str, *_NUMBERS)
+    return said and not getattr(annotation, "_is_protocol", False)  # a generic class has it, too: False
 
 
 def _number(field: str, value: object, unit: Unit) -> Scalar:
     """Convert a number and check its bounds; the number stays variable in compiled code."""
-    held = value if type(value) is float else coerce.number(field, value)
-    if type(held) is float:
-        _within(field, held, unit)
-    return held
+    converted = value if type(value) is float else coerce.number(field, value)
+    if type(converted) is float:
+        _within(field, converted, unit)
+    return converted
 
 
 def accept_scalar(field: str, value: object, unit: Unit) -> Scalar:
@@ -169,11 +169,11 @@ def accept_scalar(field: str, value: object, unit: Unit) -> Scalar:
 
 def _whole(field: str, value: object, unit: Unit) -> int:
     """Convert a whole number (an index, a count) and check its bounds."""
-    held = coerce.whole(field, value)
-    if abs(held) >= WHOLE:
+    converted = coerce.whole(field, value)
+    if abs(converted) >= WHOLE:
         refuse(field, value, "must be below 2**53 in size")
-    _within(field, held, unit)
-    return held
+    _within(field, converted, unit)
+    return converted
 
 
 def _within(field: str, value: float, unit: Unit) -> None:
@@ -191,8 +191,10 @@ def _numbers(field: str, value: object, unit: Unit, kind: type[Several], letters
     """Convert a list of plain numbers, or an instance of the class, to a vector or quaternion class."""
     if isinstance(value, kind):
         given = [getattr(value, letter) for letter in letters]
-        held = [accept_scalar(f"{field}.{letter}", each, unit) for letter, each in zip(letters, given, strict=True)]
-        return value if all(a is b for a, b in zip(held, given, strict=True)) else kind(*held)
+        converted = [
+            accept_scalar(f"{field}.{letter}", each, unit) for letter, each in zip(letters, given, strict=True)
+        ]
+        return value if all(a is b for a, b in zip(converted, given, strict=True)) else kind(*converted)
     entries = [_number(field, each, unit) for each in coerce.items(field, value, (len(letters),), allowed)]
     return kind(*(0 if unit.folds and concrete(each) and each == 0.0 else each for each in entries))
 
@@ -210,21 +212,21 @@ _NUMBERS: Mapping[object, Callable[[str, object, Unit], object]] = {
 
 def _one_of(options: tuple[object, ...], unit: Unit) -> Rule | None:
     """Make a check for a union type: the first member type that accepts a value converts it."""
-    held = [each for each in options if each is not type(None)]
-    found = [rule for rule in (_rule(each, unit) for each in held) if rule is not None]
-    if len(found) < len(held):
+    members = [each for each in options if each is not type(None)]
+    member_rules = [rule for rule in (_rule(each, unit) for each in members) if rule is not None]
+    if len(member_rules) < len(members):
         return None
-    kinds = tuple(each for each in held if _is_record(each))
+    kinds = tuple(each for each in members if _is_record(each))
     names = " or ".join([*(each.__name__ for each in kinds), *(["None"] if type(None) in options else [])])
 
     def rule(field: str, value: object) -> object:
         if value is None and type(None) in options:
             return None
-        if len(kinds) == len(found):
+        if len(kinds) == len(member_rules):
             return value if isinstance(value, kinds) else refuse(field, value, f"must be a {names}")
-        if len(found) == 1:
-            return found[0](field, value)
-        for each in found:
+        if len(member_rules) == 1:
+            return member_rules[0](field, value)
+        for each in member_rules:
             try:
                 return each(field, value)
             except RecordError as error:
@@ -246,14 +248,14 @@ def _many(each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: b
         given = value if isinstance(value, tuple) else tuple(value)
         if exactly is not None and len(given) != len(exactly):
             refuse(field, value, f"must have {len(exactly)} items")
-        wanted = exactly or (each,) * len(given)
-        held = tuple(
+        checks = exactly or (each,) * len(given)
+        converted = tuple(
             item if follow is None else follow(f"{field}[{i}]", item)
-            for i, (follow, item) in enumerate(zip(wanted, given, strict=True))
+            for i, (follow, item) in enumerate(zip(checks, given, strict=True))
         )
         if given is not value and scalars:
-            return tuple(float(item) if type(item) is int else item for item in held)
-        return value if given is value and all(a is b for a, b in zip(held, given, strict=True)) else held
+            return tuple(float(item) if type(item) is int else item for item in converted)
+        return value if given is value and all(a is b for a, b in zip(converted, given, strict=True)) else converted
 
     return rule
 
@@ -265,10 +267,10 @@ def _many_records(kind: type) -> Rule:
     def rule(field: str, value: object) -> object:
         if not coerce.is_sequence(value) or isinstance(value, _ALONE):
             refuse(field, value, f"must be a tuple of {kind.__name__}")
-        held = value if isinstance(value, tuple) else tuple(value)
-        for i, each in enumerate(held):
+        records = value if isinstance(value, tuple) else tuple(value)
+        for i, each in enumerate(records):
             item(f"{field}[{i}]", each)
-        return held
+        return records
 
     return rule
 

@@ -82,7 +82,7 @@ def all_files(*things: object) -> dict[str, str]:
 
 
 def _pairs(things: Iterable[object]) -> set[Pair]:
-    found: set[Pair] = set()
+    pairs: set[Pair] = set()
     waiting, seen = list(things), {}
     while waiting:
         value = waiting.pop()
@@ -90,9 +90,9 @@ def _pairs(things: Iterable[object]) -> set[Pair]:
             continue
         if id(value) not in seen:
             seen[id(value)] = value  # kept, so that no other object gets its id
-            found |= _sources(value)
+            pairs |= _sources(value)
             waiting += _parts(value)
-    return found
+    return pairs
 
 
 def _sources(value: object) -> set[Pair]:
@@ -138,7 +138,7 @@ def _parts(value: object) -> list[object]:
     if isinstance(value, (types.FunctionType, types.MethodType)) or hasattr(value, "__wrapped__"):
         named = (getattr(value, name, None) for name in ("__func__", "__self__", "__wrapped__"))
         return [*named, *(getattr(value, "__defaults__", None) or ()), *closed_over(value)]
-    held = [] if isinstance(value, Enum) else [each for _, each in fields_of(value)]
+    fields = [] if isinstance(value, Enum) else [each for _, each in fields_of(value)]
     plant = getattr(value, "kind", None)
     named_plant = registrations("plant").get(plant) if isinstance(plant, str) else None
-    return [type(value), *held, *([] if named_plant is None else [named_plant.target])]
+    return [type(value), *fields, *([] if named_plant is None else [named_plant.target])]

@@ -62,8 +62,8 @@ def immutable(
     Args:
         kind: the class, where the decorator has no arguments.
         kw_only: False allows positional arguments.
-        options: of a dataclass: ``eq=False`` compares by identity, for records that hold arrays; ``slots=False`` keeps
-            ``__dict__``, for cached properties.
+        options: options of a dataclass: ``eq=False`` compares by identity, for records that hold arrays;
+            ``slots=False`` keeps ``__dict__``, for cached properties.
     """
 
     def make(kind: type[T]) -> type[T]:

@@ -44,9 +44,9 @@ def _map(record: object, visit: Callable[[object], object]) -> Any:
 
 def leaves(record: object) -> list[Any]:
     """All variable scalars of a nested dataclass as a flat list, in field order."""
-    found: list[Any] = []
-    _visit_only(record, found.append)
-    return found
+    scalars: list[Any] = []
+    _visit_only(record, scalars.append)
+    return scalars
 
 
 def _visit_only(record: object, visit: Callable[[object], None]) -> None:
@@ -112,7 +112,7 @@ def mismatch(example: object, record: object, path: str) -> str | None:
         shaped = any(isinstance(one, kinds) or is_record(one) for one in (example, record))
         alike = type(example) is type(record) and isinstance(example, _STRUCTURE) and example == record
         return None if alike or not shaped else f"{path} is {record!r}, not {example!r}"
-    return next((found for a, b, name in below if (found := mismatch(a, b, name))), None)
+    return next((message for a, b, name in below if (message := mismatch(a, b, name))), None)
 
 
 def named_leaves(record: object, where: str = "") -> Iterator[tuple[str, Scalar]]:

@@ -7,7 +7,7 @@ its radius the amplitude of two.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol, Self, TypeAlias
 
 from skyarm.algebra import Quaternion, Vec3
@@ -20,11 +20,11 @@ from skyarm.records.words import words_of_fields
 
 
 @immutable(kw_only=False)
-class View:
+class NumberView:
     """Number that is no field of a record but follows from several, such as an angle of an attitude.
 
     Attributes:
-        name: as the methods of :class:`Viewed` take it. unit: of the number.
+        name: name that the methods of :class:`Viewed` take. unit: unit of the number.
         inside: place of the record with these methods.
         adds: a number in its place comes on top of what the record has.
     """
@@ -35,7 +35,7 @@ class View:
     adds: bool = False
 
 
-Denoted: TypeAlias = "tuple[Place, ...] | View | Names"
+Denoted: TypeAlias = "tuple[Place, ...] | NumberView | Names"
 """Places that a name denotes, several if one number is stored more than once, or a view, or more names."""
 
 Names: TypeAlias = Mapping[str, Denoted]
@@ -56,22 +56,21 @@ class Viewed(Protocol):
 
 def path_names(record: object) -> Names:
     """Names that may continue a parameter path inside a given dataclass or tuple, as :data:`Names`."""
-    own = getattr(record, "path_names", None)
-    found: Names = field_paths(record) if own is None else own()
-    return found
+    own: Callable[[], Names] | None = getattr(record, "path_names", None)
+    return field_paths(record) if own is None else own()
 
 
 def field_paths(record: object) -> dict[str, Denoted]:
     """Names of a dataclass' fields and their words in a file, or of a tuple's items by number and name."""
     if isinstance(record, tuple):
         named = [_name(item) for item in record]
-        found: dict[str, Denoted] = {number: ((number,),) for number in parts(record)}
-        return found | {name: ((str(i),),) for i, name in enumerate(named) if name and named.count(name) == 1}
+        places: dict[str, Denoted] = {number: ((number,),) for number in parts(record)}
+        return places | {name: ((str(i),),) for i, name in enumerate(named) if name and named.count(name) == 1}
     fields = field_names(type(record)) or ()
-    found = {field: ((field,),) for field in fields}
+    places = {field: ((field,),) for field in fields}
     if isinstance(record, (Vec3, Quaternion)):
-        found |= {str(i): ((field,),) for i, field in enumerate(fields)}
-    return found | {word: ((field,),) for field, word in words_of_fields(type(record)).items() if word not in found}
+        places |= {str(i): ((field,),) for i, field in enumerate(fields)}
+    return places | {word: ((field,),) for field, word in words_of_fields(type(record)).items() if word not in places}
 
 
 def _name(item: object) -> str | None:
@@ -83,12 +82,12 @@ def _name(item: object) -> str | None:
     return name_of(kind, type(item)) if isinstance(kind, str) else None
 
 
-def below(head: Place, found: Names) -> dict[str, Denoted]:
+def below(head: Place, names: Names) -> dict[str, Denoted]:
     """Names of a part, with places as seen from the record that holds the part at a place."""
 
     def from_head(inner: Denoted) -> Denoted:
-        if isinstance(inner, View):
+        if isinstance(inner, NumberView):
             return dataclasses.replace(inner, inside=(*head, *inner.inside))
         return tuple((*head, *place) for place in inner) if isinstance(inner, tuple) else below(head, inner)
 
-    return {name: from_head(inner) for name, inner in found.items()}
+    return {name: from_head(inner) for name, inner in names.items()}

@@ -99,9 +99,9 @@ def fields_of(value: object) -> list[tuple[str, object]]:
     """Names and values of an object's fields."""
     names = field_names(type(value))
     if names is not None:
-        held = [(name, getattr(value, name)) for name in names]
+        fields = [(name, getattr(value, name)) for name in names]
         unwritten = written_if_any(type(value))
-        return [pair for pair in held if pair[0] not in unwritten or pair[1]] if unwritten else held
+        return [pair for pair in fields if pair[0] not in unwritten or pair[1]] if unwritten else fields
     slots = [name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ())]
     return [*getattr(value, "__dict__", {}).items(), *((name, getattr(value, name, None)) for name in slots)]
 

@@ -44,7 +44,7 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
     """
     if field_names(kind) is None:
         raise ValueError(f"{fields.where}: {kind.__name__} must be a dataclass to be read from a file")
-    known, called = declared_units(kind), words_of_fields(kind)
+    declared, called = declared_units(kind), words_of_fields(kind)
     fields.expect((*(field_names(kind) or ()), *called.values()))
     values: dict[str, object] = {}
     read_short: Callable[[Fields], dict[str, object]] | None = getattr(kind, "short_spellings", None)
@@ -57,12 +57,12 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         if name in values:
             continue
         word = called.get(name, name)
-        if word not in fields.table and name in fields.table and word not in known:
+        if word not in fields.table and name in fields.table and word not in declared:
             word = name  # as files of 0.3 call it
         if not field.init or (word not in fields.table and not required):
             fields.take(word, None)
-        elif name in known:
-            values[name] = value_from(*known[name], fields, word, folds)
+        elif name in declared:
+            values[name] = value_from(*declared[name], fields, word, folds)
         else:
             at = fields.at(unresolved_field(kind) or word)  # one of them hides the types of all
             raise ValueError(f"{at}: the annotation of this field names a type that cannot be found")
@@ -82,9 +82,8 @@ def entry_of(value: object) -> Entry:
         return {str(name): entry_of(each) for name, each in value.items()}
     if isinstance(value, (Vec3, Quaternion, tuple)):
         return [entry_of(each) for each in value]
-    own = getattr(value, "to_entry", None)
-    entry: Entry = record_entry(value) if own is None else own()
-    return entry
+    own: Callable[[], Entry] | None = getattr(value, "to_entry", None)
+    return record_entry(value) if own is None else own()
 
 
 def record_entry(value: object, always: Collection[str] = ()) -> dict[str, Entry]:
@@ -103,9 +102,9 @@ def record_entry(value: object, always: Collection[str] = ()) -> dict[str, Entry
     kind = getattr(value, "registered_as", "")
     named = {"kind": _registered_name(kind, value)} if kind else {}
     usual, words = defaults(type(value)), words_of_fields(type(value))
-    held = ((name, getattr(value, name)) for name in names)
+    fields = ((name, getattr(value, name)) for name in names)
     stated = (
-        (name, each) for name, each in held if each is not None and (name in always or not same_as(each, usual[name]))
+        (name, each) for name, each in fields if each is not None and (name in always or not same_as(each, usual[name]))
     )
     return named | {words.get(name, name): entry_of(each) for name, each in stated}
 
@@ -148,7 +147,7 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: object) -> Rec
 
 def _by_words(line: str, called: Mapping[str, str]) -> str:
     """Message that begins with a point and a field, which is named by its word in a file."""
-    return re.sub(r"^\.(\w+)", lambda found: f".{called.get(found[1], found[1])}", line)
+    return re.sub(r"^\.(\w+)", lambda match: f".{called.get(match[1], match[1])}", line)
 
 
 def numbers_from(kind: type, fields: Fields, *, partial: bool = False) -> dict[str, float]:
@@ -162,7 +161,7 @@ def numbers_from(kind: type, fields: Fields, *, partial: bool = False) -> dict[s
     Raises:
         ValueError: one line with field, value and what is allowed, in which unit.
     """
-    found, usual = dict[str, float](), defaults(kind)
+    numbers, usual = dict[str, float](), defaults(kind)
     for name, unit in scalars(kind).items():
         if fields.take(name, None) is None and (partial or usual[name] is not dataclasses.MISSING):
             continue
@@ -170,8 +169,8 @@ def numbers_from(kind: type, fields: Fields, *, partial: bool = False) -> dict[s
             value = fields.number(name, low=unit.low, strict=unit.strict, infinite=unit.infinite)
         except ValueError as error:
             raise ValueError(f"{error}, {unit.unit}" if unit.unit and name in fields.table else str(error)) from None
-        found[name] = 0 if unit.folds and value == 0.0 else value
-    return found
+        numbers[name] = 0 if unit.folds and value == 0.0 else value
+    return numbers
 
 
 def takes_table(function: Callable[..., object]) -> bool:
@@ -186,45 +185,45 @@ def options_from(function: Callable[..., object], fields: Fields) -> dict[str, o
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    known = declared_units(function)
+    declared = declared_units(function)
     values: dict[str, object] = {}
     parameters = inspect.signature(function).parameters
     fields.expect(parameters)
     for name, parameter in parameters.items():
         if name in fields.table or parameter.default is inspect.Parameter.empty:
-            values[name] = value_from(*known.get(name, (float, NUMBER)), fields, name)
+            values[name] = value_from(*declared.get(name, (float, NUMBER)), fields, name)
         else:
             fields.take(name, None)
     return values
 
 
-def value_from(wanted: object, unit: Unit, fields: Fields, name: str, folds: bool = False) -> object:
+def value_from(annotation: object, unit: Unit, fields: Fields, name: str, folds: bool = False) -> object:
     """Read a field of a table as the type that the dataclass declares for it."""
-    if typing.get_origin(wanted) in (typing.Union, types.UnionType):
-        wanted = next(each for each in typing.get_args(wanted) if each is not type(None))
-    if wanted in (float, Scalar):
+    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        annotation = next(each for each in typing.get_args(annotation) if each is not type(None))
+    if annotation in (float, Scalar):
         infinite = unit.infinite and unit is not NUMBER
         return fields.number(name, low=unit.low, strict=unit.strict, infinite=infinite)
-    if wanted is int:
+    if annotation is int:
         return coerce.whole(fields.at(name), fields.take(name))
-    if wanted is Vec3:
+    if annotation is Vec3:
         return fields.vector(name) if folds and unit.folds else Vec3(*fields.vector(name))
-    if wanted is str:
+    if annotation is str:
         return coerce.text(fields.at(name), fields.take(name))
-    if typing.get_origin(wanted) is typing.Literal:
-        return fields.choice(name, typing.get_args(wanted))
-    if wanted is bool:
+    if typing.get_origin(annotation) is typing.Literal:
+        return fields.choice(name, typing.get_args(annotation))
+    if annotation is bool:
         return fields.flag(name)
-    if typing.get_origin(wanted) is tuple:
-        return _several(typing.get_args(wanted)[0], fields, name)
+    if typing.get_origin(annotation) is tuple:
+        return _several(typing.get_args(annotation)[0], fields, name)
     value, at = fields.take(name), fields.at(name)
-    if wanted is Any:
+    if annotation is Any:
         return value
-    if hasattr(wanted, "from_table"):
-        return wanted.from_table(value, at)
-    if isinstance(wanted, type) and field_names(wanted) is not None:
-        return record_from(wanted, Fields(value, at), folds=folds)
-    raise ValueError(f"{at}: a field of type {wanted} cannot be read from a file")
+    if hasattr(annotation, "from_table"):
+        return annotation.from_table(value, at)
+    if isinstance(annotation, type) and field_names(annotation) is not None:
+        return record_from(annotation, Fields(value, at), folds=folds)
+    raise ValueError(f"{at}: a field of type {annotation} cannot be read from a file")
 
 
 def _several(kind: object, fields: Fields, name: str) -> tuple[object, ...]:
@@ -261,44 +260,35 @@ def registered_from(
     """Read a table ``{ kind = NAME, ... }`` as an instance of the class that is registered as NAME.
 
     Args:
-        kind: of the registry, or several with a space between them.
+        kind: kind of the registry, or several with a space between them.
         base: class that the registered one must have.
-        table: as read.
-        where: of it, for messages.
+        table: table of the file.
+        where: place of the table, for messages.
         usual: NAME where the table states none.
-        word: that names the kind.
-        folds: as of :func:`record_from`.
+        word: word that names the kind.
+        folds: zeros become structure, as of :func:`record_from`.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
     fields = Fields(table, where)
     name = usual if usual and word not in fields.table else fields.take(word)
-    found = find(kind, name, fields.at(word))
-    if not isinstance(found, type) or not issubclass(found, base):
+    registered = find(kind, name, fields.at(word))
+    if not isinstance(registered, type) or not issubclass(registered, base):
         raise ValueError(f"{fields.at(word)} = {name!r}: must be registered as a subclass of {base.__name__}")
-    record = record_from(found, fields, folds=folds)
-    require_stated = getattr(found, "require_stated", None)
+    record = record_from(registered, fields, folds=folds)
+    require_stated = getattr(registered, "require_stated", None)
     if require_stated is not None:  # numbers that others of the table need
         with errors_as(ValueError, f"{where}."):
             require_stated(fields.table.keys())
     return record
 
 
-def registered_value(kind: str, wanted: Any, entry: object, where: str, usual: str = "") -> Any:
-    """Read one registered record, whose name may stand for its table, or a tuple of several from a list of tables.
+def registered_value(kind: str, base: type[Record], entry: object, where: str, usual: str = "") -> Record:
+    """Read one registered record (:func:`registered_from`), whose name may stand for its table."""
+    return registered_from(kind, base, {"kind": entry} if isinstance(entry, str) else entry, where, usual)
 
-    Args:
-        kind: of the registry, or several with a space between them.
-        wanted: class of the record, or ``tuple[CLASS, ...]``.
-        entry: as read.
-        where: of it, for messages.
-        usual: name of a record whose table states none.
 
-    Raises:
-        ValueError: one line with field, value and what is allowed.
-    """
-    if typing.get_origin(wanted) is tuple:
-        base, tables = typing.get_args(wanted)[0], list_of_tables(entry, where)
-        return tuple(registered_from(kind, base, each.table, each.where, usual) for each in tables)
-    return registered_from(kind, wanted, {"kind": entry} if isinstance(entry, str) else entry, where, usual)
+def registered_values(kind: str, base: type[Record], entry: object, where: str, usual: str = "") -> tuple[Record, ...]:
+    """Read several registered records (:func:`registered_from`) from a list of tables."""
+    return tuple(registered_from(kind, base, each.table, each.where, usual) for each in list_of_tables(entry, where))

@@ -95,13 +95,13 @@ def _function(data: Table, plugins: Mapping[str, str], where: str) -> object:
         raise RestoreError(f"{where or 'record'}: {name} was made inside a function, it cannot be read back")
     if name.startswith("skyarm.") and not name.startswith(FUNCTIONS):
         raise RestoreError(f"{where or 'record'} = {shown(name)}: must be a function of a law")
-    found = code_of(name, plugins)
-    if "bound" in data and plain(found) != data:
+    function = code_of(name, plugins)
+    if "bound" in data and plain(function) != data:
         owner = _restore(data["bound"][0], plugins, where)
-        found = getattr(owner, name.rpartition(".")[2])
-    if not callable(found) or plain(found) != data:
+        function = getattr(owner, name.rpartition(".")[2])
+    if not callable(function) or plain(function) != data:
         raise RestoreError(f"{where or 'record'}: {name} is another function than was written")
-    return found
+    return function
 
 
 def _partial(data: Table, plugins: Mapping[str, str], where: str) -> object:

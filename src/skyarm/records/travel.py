@@ -47,9 +47,9 @@ def _pickler() -> type[pickle.Pickler]:
             if type(value) is not FunctionType or not _is_made_in_a_module(value):
                 return super().reducer_override(value)
             cells = value.__closure__ or ()
-            held = (tuple(map(_cell_content, cells)), {name: getattr(value, name) for name in KEPT})
+            state = (tuple(map(_cell_content, cells)), {name: getattr(value, name) for name in KEPT})
             arguments = (value.__code__, value.__globals__["__name__"], len(cells))
-            return _empty_function, arguments, held, None, None, _fill_function
+            return _empty_function, arguments, state, None, None, _fill_function
 
     return Pickler
 
@@ -63,10 +63,10 @@ def _is_made_in_a_module(function: FunctionType) -> bool:
     home = sys.modules.get(str(function.__globals__.get("__name__")))
     if getattr(home, "__spec__", None) is None or home is sys.modules["__main__"]:
         return False
-    found: object = sys.modules.get(function.__module__)
+    named: object = sys.modules.get(function.__module__)
     for name in function.__qualname__.split("."):
-        found = getattr(found, name, None)
-    return found is not function and vars(home) is function.__globals__
+        named = getattr(named, name, None)
+    return named is not function and vars(home) is function.__globals__
 
 
 def _cell_content(cell: CellType) -> tuple[object, ...]:
@@ -82,8 +82,8 @@ def _empty_function(code: CodeType, home: str, cells: int) -> FunctionType:
     return FunctionType(code, vars(import_module(home)), code.co_name, None, tuple(CellType() for _ in range(cells)))
 
 
-def _fill_function(function: FunctionType, held: tuple[Cells, dict[str, object]]) -> None:
-    contents, attributes = held
+def _fill_function(function: FunctionType, state: tuple[Cells, dict[str, object]]) -> None:
+    contents, attributes = state
     for name, value in attributes.items():
         setattr(function, name, value)
     for cell, content in zip(function.__closure__ or (), contents, strict=True):

@@ -35,7 +35,7 @@ class Unit:
 
     Attributes:
         unit: SI, as ``N m s/rad``; empty for pure numbers.
-        meaning: in words, with axes and frame.
+        meaning: meaning in words, with axes and frame.
         low, high: least and largest value allowed. strict: neither of them is allowed itself.
         infinite: the field may be infinite.
         folds: an exact zero of a plain list is structure and folds away, as one of a file.
@@ -84,7 +84,7 @@ def units(kind: type) -> Mapping[str, Unit]:
 @memoize
 def scalars(kind: type) -> Mapping[str, Unit]:
     """Unit of each field of a dataclass that holds one scalar."""
-    return {name: unit for name, (wanted, unit) in declared_fields(kind).items() if wanted is Scalar}
+    return {name: unit for name, (annotation, unit) in declared_fields(kind).items() if annotation is Scalar}
 
 
 def declared_fields(kind: type) -> dict[str, tuple[object, Unit]]:

@@ -32,7 +32,7 @@ class Word:
         kind: kind of the registry, one of whose classes a table names by ``kind = NAME``.
         whole: a scheduled change may replace it as a whole.
         entries: words below it that may be replaced alone, each with the names of the fields that it fills.
-        inside: from the field on to the record that the word means.
+        inside: place from the field on to the record that the word means.
         group: its fields are words of the table.
         usual: name of the kind where a table names none.
         reader: function of :mod:`skyarm.scenario.readers` that reads it, where no type of a record can.
@@ -58,9 +58,9 @@ class Slot(NamedTuple):
     """Word of a file with its whole path, and the field of the record that holds its value.
 
     Attributes:
-        path: dotted, from the top of the file. place: from the record; in both ``*`` stands for every item.
-        word: as declared.
-        type, unit, default: of the field; ``dataclasses.MISSING`` if it has no default.
+        path: dotted, from the top of the file. place: place from the record; in both ``*`` stands for every item.
+        word: declared word.
+        type, unit, default: type, unit and default of the field; ``dataclasses.MISSING`` if it has no default.
     """
 
     path: str
@@ -100,14 +100,14 @@ def groups(kind: type) -> dict[str, type]:
 
 
 def _slots(kind: type, table: str, place: Place) -> Iterator[Slot]:
-    known, usual = declared_fields(kind), defaults(kind)
+    declared, usual = declared_fields(kind), defaults(kind)
     for name, word in _words_in(kind):
         path = name if word.at is None else word.at
         path = path[1:] if path.startswith("/") else ".".join(filter(None, (table, path)))
         if word.group:
             yield from _slots(groups(kind)[name], path, (*place, name))
         else:
-            yield Slot(path, (*place, name, *word.inside), word, *known[name], usual[name])
+            yield Slot(path, (*place, name, *word.inside), word, *declared[name], usual[name])
 
 
 @cache

@@ -30,6 +30,7 @@ import numpy as np
 
 from skyarm.records.arrays import Array, stack_values
 from skyarm.records.files import Fields, number, shown, unreadable
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Signal
 from skyarm.reference.splines import minimum_snap, snap_cost
@@ -221,12 +222,12 @@ def samples_signal(fields: Fields) -> Signal:
     return minimum_snap(*_samples_of(fields))
 
 
-def samples_as_spline(fields: Fields) -> dict[str, str | list[float]]:
+def samples_as_spline(fields: Fields) -> dict[str, Entry]:
     """Table of the signal through given values that equals one through a column of a CSV file."""
     times, values = _samples_of(fields)
     fields.take("kind", None)
     fields.done()
-    return {"kind": "spline", "times": times, "values": values}
+    return {"kind": "spline", "times": [*times], "values": [*values]}
 
 
 def _samples_of(fields: Fields) -> tuple[list[float], list[float]]:

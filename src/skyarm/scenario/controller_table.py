@@ -76,16 +76,16 @@ def _timing(control_period: float, reference_period: float, delay: float) -> dic
 
 
 def controller_from(
-    fields: Fields, model: Model, replaced: str | None, known: Mapping[str, float], folder: Path = Path()
+    fields: Fields, model: Model, replaced: str | None, timing: Mapping[str, float], folder: Path = Path()
 ) -> Controller:
     """Build the controller that a [controller] table describes, with its safety and actuator layers.
 
     Args:
         fields: the table.
-        model: of the law.
+        model: law's model.
         replaced: name of :mod:`skyarm.control.catalogue`, or a file of gains, in place of the table's law.
-        known: timing of the control loop (:func:`skyarm.control.catalogue.preset`).
-        folder: where the table's own file of gains lies.
+        timing: timing of the control loop (:func:`skyarm.control.catalogue.preset`).
+        folder: folder of the table's own file of gains.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -94,15 +94,15 @@ def controller_from(
     plain = plain_model(model)
     with errors_as(ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError):
         if replaced is not None:
-            found = make_named_or_tuned(replaced, plain, known)
+            controller = make_named_or_tuned(replaced, plain, timing)
         elif isinstance(fields.table.get("tuned"), str):
             names = f"the file of {fields.at('tuned')} names the law"
             _require_only(fields, "tuned", f"{names}; next to it only safety and servos are allowed")
-            found = controller_of_file(fields.take("tuned"), folder, plain, known, fields.at("tuned"))
+            controller = controller_of_file(fields.take("tuned"), folder, plain, timing, fields.at("tuned"))
         else:
-            found = by_words(fields, plain, known)
+            controller = by_words(fields, plain, timing)
     with errors_as(ValueError, "controller.", ControllerError):
-        return on_actuators(_with_safety(found, safety), model, known["control_period"], servos)
+        return on_actuators(_with_safety(controller, safety), model, timing["control_period"], servos)
 
 
 def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
@@ -118,19 +118,19 @@ def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
         )
 
 
-def _with_safety(found: Controller, safety: object) -> Controller:
+def _with_safety(controller: Controller, safety: object) -> Controller:
     """Wrap a controller in the safety layer that [controller] safety requests: false, true, or a table of limits."""
     if safety is False:
-        return found
+        return controller
     from skyarm.control.safety import with_safety_layer
 
     if safety is True:
-        return with_safety_layer(found)
+        return with_safety_layer(controller)
     if not isinstance(safety, dict):
         raise ValueError(f"controller.safety = {shown(safety)}: must be true, false or a table of limits")
     table = Fields(safety, "controller.safety")
     stow = table.numbers("stow") if "stow" in safety else None
-    return with_safety_layer(found, {name: value for name, value in safety.items() if name != "stow"}, stow=stow)
+    return with_safety_layer(controller, {name: value for name, value in safety.items() if name != "stow"}, stow=stow)
 
 
 def controller_by_name(scenario: Scenario, name: str) -> Controller:
@@ -205,28 +205,28 @@ def law_words(law: str) -> tuple[str, ...]:
     return (*option_words(law), *(("tuned",) if law in tuned_factors() else ()), *LAYERS)
 
 
-def by_words(fields: Fields, model: Model, known: Mapping[str, float], *, loaded: bool = False) -> Controller:
+def by_words(fields: Fields, model: Model, timing: Mapping[str, float], *, loaded: bool = False) -> Controller:
     """Build the controller of a [controller] table from a preset's name, or from a law's name and its options.
 
     Args:
         fields: the table.
-        model: of the law.
-        known: timing data of the loop.
-        loaded: whether the law may be that of a file that is loaded already.
+        model: law's model.
+        timing: timing data of the loop.
+        loaded: True if the law may be that of a file that is loaded already.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
     if "autopilot" in fields.table:
-        return _of_options("autopilot", _require_name(fields, "autopilot", AUTOPILOTS), fields, model, known)
+        return _of_options("autopilot", _require_name(fields, "autopilot", AUTOPILOTS), fields, model, timing)
     if "law" not in fields.table:
-        return preset(_preset_name(fields), model, known)
+        return preset(_preset_name(fields), model, timing)
     law = fields.take("law")
     if is_law_of_file(law) and not loaded:
         raise ValueError(f"{fields.at('law')} = {shown(law)}: must not be a file's; only --laws takes FILE.py:make")
     name = present_names("preset").get(law, law) if isinstance(law, str) else law
     hint = f"; it is a preset: preset = {name!r}" if name in (*PRESETS,) else ""
-    return _of_options("law", _require_name(fields, "law", LAWS, hint), fields, model, known)
+    return _of_options("law", _require_name(fields, "law", LAWS, hint), fields, model, timing)
 
 
 def _require_name(fields: Fields, word: str, names: Mapping[str, object], hint: str = "") -> str:
@@ -237,7 +237,7 @@ def _require_name(fields: Fields, word: str, names: Mapping[str, object], hint: 
     return name
 
 
-def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mapping[str, float]) -> Controller:
+def _of_options(word: str, law: str, fields: Fields, model: Model, timing: Mapping[str, float]) -> Controller:
     """Build the controller of a law or an autopilot, named under the key ``word``, with the options of its table."""
     best = fields.flag("tuned", False)
     words = law_words(law)
@@ -250,7 +250,7 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mappin
     for other, value in fields.table.items():
         if other not in (*words, word) and (other, value) != ("tuned", False):
             raise ValueError(f"{fields.at(other)} = {shown(value)}: {no_option(law, words, other)}")
-    options = suitable_options(law, known)
+    options = suitable_options(law, timing)
     maker = entry_of(law).function()
     kinds = declared_units(Options) | declared_units(maker)
     usual = {name: each.default for name, each in inspect.signature(maker).parameters.items()}
@@ -260,7 +260,7 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, known: Mappin
     if "age" in options and "delay" in fields.table and "age" not in fields.table:
         # a delay that is stated shorter than the loop's is the measurement's alone
         options["age"] = min(options["age"], number(fields.table["delay"], fields.at("delay"), low=0.0))
-    _require_clock(fields, known)
+    _require_clock(fields, timing)
     _note_change(fields, law)
     return (make_tuned if best else make_controller)(law, model, **options)
 
@@ -273,12 +273,12 @@ def _note_change(fields: Fields, law: str) -> None:
             warnings.warn(f"{fields.at('law')} = {law!r}: {note}", FormerNameWarning, stacklevel=4)
 
 
-def _require_clock(fields: Fields, known: Mapping[str, float]) -> None:
+def _require_clock(fields: Fields, timing: Mapping[str, float]) -> None:
     """Raise an error if a table states a control period other than the loop's."""
     period = fields.table.get("control_period")
     if period is None:
         return
-    at, ticking = fields.at("control_period"), known["control_period"]
+    at, ticking = fields.at("control_period"), timing["control_period"]
     if not math.isclose(number(period, at), ticking, rel_tol=1e-6):
         raise ValueError(f"{at} = {period!r}: must be {ticking:g} s, as rates.control has it")
 
@@ -301,7 +301,7 @@ def _require_only(fields: Fields, word: str, allowed: str) -> None:
             raise ValueError(f"{fields.at(other)} = {shown(value)}: must be left out: {allowed}")
 
 
-def _read(fields: Fields, word: str, usual: object, wanted: object, unit: Unit) -> object:
+def _read(fields: Fields, word: str, usual: object, annotation: object, unit: Unit) -> object:
     """Read one option of a control law; a table becomes the record that the option is, all else the law checks.
 
     Numbers that the table does not state are those of the record that the option is where it is left out.
@@ -311,7 +311,9 @@ def _read(fields: Fields, word: str, usual: object, wanted: object, unit: Unit) 
         numbers = {name: table.number(name, each, low=0.0) for name, each in parts(usual).items()}
         table.done()
         return replace_at(usual, {(name,): each for name, each in numbers.items()})
-    kinds = [kind for kind in (wanted, *get_args(wanted)) if isinstance(kind, type) and field_names(kind) is not None]
+    kinds = [
+        kind for kind in (annotation, *get_args(annotation)) if isinstance(kind, type) and field_names(kind) is not None
+    ]
     return value_from(kinds[0], unit, fields, word) if kinds else fields.take(word)
 
 
@@ -323,15 +325,15 @@ def is_gains_file(name: object) -> TypeGuard[str]:
     return isinstance(name, str) and name.endswith(SUFFIX)
 
 
-def make_named_or_tuned(name: str, model: Model, known: Mapping[str, float]) -> Controller:
+def make_named_or_tuned(name: str, model: Model, timing: Mapping[str, float]) -> Controller:
     """Controller by its name in the catalogue or by the path of a gains file.
 
     Raises:
         ValueError: one line.
     """
     if is_gains_file(name):
-        return controller_of_file(name, Path(), model, known, "controller")
-    return make_named(name, model, known)
+        return controller_of_file(name, Path(), model, timing, "controller")
+    return make_named(name, model, timing)
 
 
 def load_controller(
@@ -346,7 +348,7 @@ def load_controller(
 
     Args:
         file: path, .toml.
-        model: of the law.
+        model: law's model.
         delay: known age of the measurement, s; for laws with such an option, as all that follow.
         control_period: s.
         reference_period: between published samples, s.
@@ -362,15 +364,15 @@ def load_controller(
     return controller_of_file(os.fspath(file), Path(), model, _timing(ticking, published, late), "file")
 
 
-def controller_of_file(name: object, folder: Path, model: Model, known: Mapping[str, float], field: str) -> Controller:
+def controller_of_file(name: object, folder: Path, model: Model, timing: Mapping[str, float], field: str) -> Controller:
     """Read a controller from a gains file (TOML) that a field of a scenario file names.
 
     Args:
         name: path of the file.
-        folder: where it starts.
-        model: of the law.
-        known: timing of the control loop.
-        field: that names the file, for messages.
+        folder: folder where the path starts.
+        model: law's model.
+        timing: timing of the control loop.
+        field: field that names the file, for messages.
 
     Raises:
         ValueError: one line: file, field, value, what is allowed.
@@ -384,14 +386,14 @@ def controller_of_file(name: object, folder: Path, model: Model, known: Mapping[
     try:
         document = read_toml(path.read_bytes())
         require_kind(document, "gains")
-        return _controller(Fields(document, ""), model, known)
+        return _controller(Fields(document, ""), model, timing)
     except OSError as error:
         raise ValueError(f"{field} = {shown(os.fspath(path))}: must be readable ({error.strerror})") from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _controller(top: Fields, model: Model, known: Mapping[str, float]) -> Controller:
+def _controller(top: Fields, model: Model, timing: Mapping[str, float]) -> Controller:
     top.require_schema()
     words, gains = Fields(top.take("law"), "law"), top.take("gains", {})
     top.take("about", None)
@@ -401,7 +403,7 @@ def _controller(top: Fields, model: Model, known: Mapping[str, float]) -> Contro
         raise ValueError(f"law.tuned = {shown(tuned)}: must be left out: one file does not name another")
     if isinstance(law, str) and is_law_of_file(law) and not register_loaded_law(law):
         raise ValueError(f"law.law = {shown(law)}: must be loaded: {LOADED_BY.format(law.rpartition(':')[0])}")
-    return with_gains(by_words(words, model, known, loaded=True), gains, "gains")
+    return with_gains(by_words(words, model, timing, loaded=True), gains, "gains")
 
 
 def with_gains(controller: Controller, gains: object, where: str) -> Controller:
@@ -422,7 +424,7 @@ def _numbers(controller: Controller, path: str, value: object, field: str) -> di
     record: object = controller.par
     place = tuple(path.split("."))
     for i, name in enumerate(place):
-        there = {each: held for each, held in parts(record).items() if each not in ("model", "mixer")}
+        there = {each: content for each, content in parts(record).items() if each not in ("model", "mixer")}
         if name not in there:
             at = ".".join(place[:i])
             has = f"{at or 'the constants'} of {controller.name!r} " + (f"have {', '.join(there)}" if there else "end")

@@ -1,8 +1,8 @@
 """Tables of a scenario file, read word by word at the first use of each.
 
 A reader of one word may ask for others: the reference for the plant that flies it, payloads for the events of the
-reference's task. :class:`Part` answers the same questions for one part of a scenario that exists, so that a scheduled
-change of a part is read by the reader of that part in a file.
+reference's task. :class:`PartDocument` answers the same questions for one part of a scenario that exists, so that a
+scheduled change of a part is read by the reader of that part in a file.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ import dataclasses
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from skyarm.records.files import Fields, number
 from skyarm.records.leaves import Place, field_names, part, replace_at
-from skyarm.records.read_table import registered_from, registered_value, value_from
+from skyarm.records.read_table import registered_from, registered_value, registered_values, value_from
 from skyarm.records.words import EACH, Slot, slots
 from skyarm.reference.task_records import Setting
 from skyarm.scenario import readers
@@ -45,7 +45,7 @@ def slot_of(path: str) -> Slot:
     return next(slot for slot in slots(Scenario) if slot.path == path)
 
 
-def read_part(slot: Slot, entry: object, reading: readers.Reading) -> Any:
+def read_part(slot: Slot, entry: object, reading: readers.ScenarioWords) -> Any:
     """Value of a word's field, from what a file has in its place.
 
     Raises:
@@ -57,6 +57,8 @@ def read_part(slot: Slot, entry: object, reading: readers.Reading) -> Any:
     if EACH in slot.path:
         return _read_by_name(slot, Fields(entry, path))
     if word.kind:
+        if get_origin(slot.type) is tuple:
+            return registered_values(word.kind, get_args(slot.type)[0], entry, path, word.usual)
         return registered_value(word.kind, slot.type, entry, path, word.usual)
     if slot.type in (str, int):
         return entry  # the record says what it must be
@@ -80,7 +82,7 @@ class Document:
 
     Args:
         tables: plain, as read from TOML.
-        folder: where its paths of files begin.
+        folder: folder where its paths of files begin.
         replaced: entries in the place of the file's, by path.
         law: name of a law, or file of gains, in place of what [controller] says; None for none.
     """
@@ -138,8 +140,8 @@ class Document:
 
     def fields(self, within: str = "") -> dict[Place, Any]:
         """Fields of a scenario that the words below a path fill; those of :data:`OF_SCENARIO` have their defaults."""
-        found = (slot for slot in slots(Scenario) if not within or is_below(slot.path, within))
-        return {slot.field: slot.default if slot.path in OF_SCENARIO else self.word(slot.path) for slot in found}
+        slots_below = (slot for slot in slots(Scenario) if not within or is_below(slot.path, within))
+        return {slot.field: slot.default if slot.path in OF_SCENARIO else self.word(slot.path) for slot in slots_below}
 
     def plan_time(self, scenario: Scenario) -> Scenario:
         """Scenario whose reference is slowed in time as [reference.governor] requests."""
@@ -151,13 +153,13 @@ class Document:
         return governed_by_table(scenario, entry, self.setting.events)
 
 
-class Part(Document):
+class PartDocument(Document):
     """One part of a scenario's file, such as its reference, beside a scenario that has all others.
 
     Args:
-        path: of the part.
-        entry: what a file would have there.
-        scenario: with the part as it was.
+        path: path of the part.
+        entry: entry that a file would have there.
+        scenario: scenario with the part before the change.
     """
 
     def __init__(self, path: str, entry: object, scenario: Scenario) -> None:
@@ -173,9 +175,9 @@ class Part(Document):
 
     def planned_fields(self) -> dict[Place, object]:
         """Fields of the scenario that the part fills; a new reference is slowed as its governor requests."""
-        found = self.fields(self._path)
-        planned = self.plan_time(replace_at(self._scenario, found))
-        return {field: part(planned, field) for field in found}
+        fields = self.fields(self._path)
+        planned = self.plan_time(replace_at(self._scenario, fields))
+        return {field: part(planned, field) for field in fields}
 
 
 PATHS = frozenset(slot.path for slot in slots(Scenario))

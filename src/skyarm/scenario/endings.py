@@ -42,8 +42,8 @@ class Ending:
         """True while a state does not meet the termination condition; false if the state contains NaN.
 
         Args:
-            scenario: of the episode.
-            state: of the plant.
+            scenario: scenario of the episode.
+            state: plant state.
             goal: position of the held reference, m.
             slack: how far inside its limit a state must be; 0 in flight.
         """
@@ -68,8 +68,8 @@ class Divergence(Ending):
             fine = logical_and(fine, absolute(value) < LONG)
         for value in (*state.velocity, *state.rate, *state.joints, *state.joint_rates, *state.rotor_speeds):
             fine = logical_and(fine, absolute(value) < FAR)
-        for value, wanted in zip(state.position, goal, strict=True):
-            fine = logical_and(fine, absolute(value - wanted) < LOST)
+        for value, target in zip(state.position, goal, strict=True):
+            fine = logical_and(fine, absolute(value - target) < LOST)
         return fine
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
@@ -82,7 +82,7 @@ class Divergence(Ending):
         for name, value, limit in zip(words, x, limits, strict=True):
             if not -limit < value < limit:
                 return f"{name} passed {limit:g}"
-        away = (name for name, value, wanted in zip(words, x, goal, strict=False) if not -LOST < value - wanted < LOST)
+        away = (name for name, value, target in zip(words, x, goal, strict=False) if not -LOST < value - target < LOST)
         return f"{next(away)} is over {LOST:g} m from the reference"
 
 
@@ -209,26 +209,26 @@ STATUSES = ("completed", *(ending.status for ending in BUILT_IN), PHASE_FAILED)
 
 def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Scalar, str, str]]:
     """Clearance of each rotor disc from each fixed surface: (distance in m, rotor, surface)."""
-    R, found = state.quaternion.rotation(), list[tuple[Scalar, str, str]]()
+    R, clearances = state.quaternion.rotation(), list[tuple[Scalar, str, str]]()
     for contact in scenario.worlds:
         for rotor in turn_rotors(scenario.plant.vehicle, state.tilts).rotors:
             at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
             for surface in contact.still:
-                found.append((surface.clearance(at, axis, contact.rotor_radius, 0.0), rotor.name, surface.name))
-    return found
+                clearances.append((surface.clearance(at, axis, contact.rotor_radius, 0.0), rotor.name, surface.name))
+    return clearances
 
 
 def body_depths(scenario: Scenario, state: State) -> list[tuple[Scalar, str, str]]:
     """Depth of the base's origin and of each joint in each fixed surface: (depth in m, point, surface)."""
-    vehicle, found = scenario.plant.vehicle, list[tuple[Scalar, str, str]]()
+    vehicle, depths = scenario.plant.vehicle, list[tuple[Scalar, str, str]]()
     for contact in scenario.worlds:
         R, poses = state.quaternion.rotation(), link_poses(vehicle, state.joints)
         points = [("the base", state.position)]
         joints = zip(vehicle.links, poses, strict=False)
         points += [(f"joint '{link.joint.name}'", state.position + R.apply(pose.p)) for link, pose in joints]
         for name, at in points:
-            found += [(surface.depth(at, 0, 0.0)[0], name, surface.name) for surface in contact.still]
-    return found
+            depths += [(surface.depth(at, 0, 0.0)[0], name, surface.name) for surface in contact.still]
+    return depths
 
 
 def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
@@ -256,9 +256,9 @@ def state_words(vehicle: Vehicle) -> list[str]:
 
 def command_words(vehicle: Vehicle) -> list[str]:
     """Names of all numbers of a command, in order, for messages: rotor speeds, joint efforts, rotor angles."""
-    found = [f"commanded speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
-    found += [f"commanded effort of joint '{link.joint.name}'" for link in vehicle.links]
-    return found + [f"commanded angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
+    words = [f"commanded speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
+    words += [f"commanded effort of joint '{link.joint.name}'" for link in vehicle.links]
+    return words + [f"commanded angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
 
 
 def not_finite(vehicle: Vehicle, command: Sequence[float]) -> str | None:

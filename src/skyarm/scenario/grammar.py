@@ -75,15 +75,16 @@ BY_HAND = ("reference.base", "reference.tip", "reference.push")
 """Tables whose words, but the kinds, are left out, as those of signals that are no records."""
 
 
-class Row(NamedTuple):
+class GrammarRow(NamedTuple):
     """One word of a scenario file.
 
     Attributes:
         path: dotted; ``*`` stands for a name of one's own, ``[]`` for each item of a list, ``SIGNAL`` for any signal.
         of: kind of the table that has the word, where tables have kinds.
         entry: its type, in words.
-        unit: SI. bounds: in words. varies: when its numbers may change. whole: a change may replace all of it.
-        meaning: in words.
+        unit: SI. bounds: bounds in words. varies: times at which its numbers may change.
+        whole: True if a change may replace all of it.
+        meaning: meaning in words.
     """
 
     path: str
@@ -96,28 +97,28 @@ class Row(NamedTuple):
     meaning: str = ""
 
 
-def grammar() -> tuple[Row, ...]:
+def grammar() -> tuple[GrammarRow, ...]:
     """Words of a scenario file, in the order of their fields, those of registered kinds below their lists."""
     of_slots = (row for slot in slots(Scenario) for row in _rows(slot))
-    return (Row("schema", "", "whole number", bounds="1"), *of_slots, *_of_numbers(), *_of_signals())
+    return (GrammarRow("schema", "", "whole number", bounds="1"), *of_slots, *_of_numbers(), *_of_signals())
 
 
-def _of_numbers() -> Iterator[Row]:
+def _of_numbers() -> Iterator[GrammarRow]:
     """Words of tables that no field of a scenario holds."""
-    yield Row("plugins.need", "", "list of texts", meaning="plugins that must be loaded")
-    yield Row("numbers", "", "table of numbers by path", meaning="applied last")
+    yield GrammarRow("plugins.need", "", "list of texts", meaning="plugins that must be loaded")
+    yield GrammarRow("numbers", "", "table of numbers by path", meaning="applied last")
 
 
-def _of_signals() -> Iterator[Row]:
+def _of_signals() -> Iterator[GrammarRow]:
     """Words of the signals that are records, and the kinds of all."""
-    yield Row("SIGNAL.kind", "", _one_of(names("signal")), meaning="of every signal that is a table")
+    yield GrammarRow("SIGNAL.kind", "", _one_of(names("signal")), meaning="of every signal that is a table")
     for named in names("signal"):
         kind = find("signal", named)
         if isinstance(kind, type):
             yield from _of_record(kind, "SIGNAL", WHEN["always"], named)
 
 
-def _rows(slot: Slot) -> Iterator[Row]:
+def _rows(slot: Slot) -> Iterator[GrammarRow]:
     at = f"{slot.path}[]" if _is_list(slot) else slot.path
     varies = WHEN[slot.word.varies]
     unit, entry = slot.unit, _slot_entry(slot)
@@ -126,11 +127,13 @@ def _rows(slot: Slot) -> Iterator[Row]:
         when = f"its numbers {varies}"
     if slot.word.whole:
         when = f"{WHOLE}; {when}" if slot.word.varies == "always" else WHOLE
-    yield Row(at, "", entry, unit.unit, _bounds(unit), when, slot.word.whole, unit.meaning)
+    yield GrammarRow(at, "", entry, unit.unit, _bounds(unit), when, slot.word.whole, unit.meaning)
     if slot.word.kind:
-        known = [named for each in slot.word.kind.split() for named in names(each)]
+        kinds = [named for each in slot.word.kind.split() for named in names(each)]
         usual = f" ({slot.word.usual} if left out)" if slot.word.usual else ""
-        yield Row(f"{at}.{'mode' if slot.path == 'environment.wind' else 'kind'}", "", f"{_one_of(known)}{usual}")
+        yield GrammarRow(
+            f"{at}.{'mode' if slot.path == 'environment.wind' else 'kind'}", "", f"{_one_of(kinds)}{usual}"
+        )
         for each in slot.word.kind.split():
             for named in names(each):
                 kind = find(each, named)
@@ -156,110 +159,118 @@ def _slot_entry(slot: Slot) -> str:
     return "list of tables" if _is_list(slot) else "table" if slot.path != slot.table else _entry(slot.type)
 
 
-def _of_record(kind: type, at: str, varies: str, named: str, called: Mapping[str, str] | None = None) -> Iterator[Row]:
+def _of_record(
+    kind: type, at: str, varies: str, named: str, called: Mapping[str, str] | None = None
+) -> Iterator[GrammarRow]:
     """Words of a record's fields below a table, and those of the records in them.
 
     Args:
-        kind: of the record.
+        kind: class of the record.
         at: path of the table.
-        varies: when its numbers may change.
+        varies: times at which its numbers may change.
         named: kind of the registry.
         called: fields that the record around it calls otherwise.
     """
     words = {**words_of_fields(kind), **(called or {})}
-    lifted, known = lifted_fields(kind), declared_fields(kind)
+    lifted, declared = lifted_fields(kind), declared_fields(kind)
     bases = [each.__name__ for each in kind.__mro__]
     inside: set[tuple[str, type]] = set()
-    for name, (wanted, unit) in known.items():
+    for name, (annotation, unit) in declared.items():
         if any((base, name) in NO_WORDS for base in bases):
             continue
         word = words.get(name, name)
-        lists = "[]" if typing.get_origin(wanted) is tuple and _records_in(wanted) and word == name else ""
-        if words.get(name) not in known:  # else it is another spelling of that field's word
+        lists = "[]" if typing.get_origin(annotation) is tuple and _records_in(annotation) and word == name else ""
+        if words.get(name) not in declared:  # else it is another spelling of that field's word
             when = f"where {lifted[name]} is stated" if name in lifted else "never" if unit.fixed else varies
-            when = when if wanted not in SHAPING and "'" not in _entry(wanted) else "never"
+            when = when if annotation not in SHAPING and "'" not in _entry(annotation) else "never"
             more = (CHOICES[base, name] for base in bases if (base, name) in CHOICES)
-            entry = next((_one_of(each) for each in more), _entry(wanted))
+            entry = next((_one_of(each) for each in more), _entry(annotation))
             entry = next((OTHERWISE[base, name] for base in bases if (base, name) in OTHERWISE), entry)
-            yield Row(f"{at}.{word}{lists}", named, entry, unit.unit, _bounds(unit), when, False, unit.meaning)
-        for each in _records_in(wanted):
+            yield GrammarRow(f"{at}.{word}{lists}", named, entry, unit.unit, _bounds(unit), when, False, unit.meaning)
+        for each in _records_in(annotation):
             if (word, each) not in inside and each is not kind:
                 inside.add((word, each))
                 peak = {"peak": kind.blows} if each is Gust and hasattr(kind, "blows") else None
                 yield from _of_record(each, f"{at}.{word}{lists}", varies, named, peak)
-                yield from (Row(f"{at}.{word}.{row.path}", named, *row[2:]) for row in MORE.get(each.__name__, ()))
+                yield from (
+                    GrammarRow(f"{at}.{word}.{row.path}", named, *row[2:]) for row in MORE.get(each.__name__, ())
+                )
 
 
-MORE: Mapping[str, tuple[Row, ...]] = {
-    "Reach": (Row("after", "", "number", "s", "at least 0", WHEN["always"], meaning="earliest instant"),),
+MORE: Mapping[str, tuple[GrammarRow, ...]] = {
+    "Reach": (GrammarRow("after", "", "number", "s", "at least 0", WHEN["always"], meaning="earliest instant"),),
     Dryden.__name__: (
-        Row("altitude", "", "number", "m"),
-        Row("wind_20ft", "", "number", "m/s"),
-        Row("minimum_airspeed", "", "number", "m/s"),
+        GrammarRow("altitude", "", "number", "m"),
+        GrammarRow("wind_20ft", "", "number", "m/s"),
+        GrammarRow("minimum_airspeed", "", "number", "m/s"),
     ),
 }
 """Words that a record's class reads beside those of its fields."""
 
 
-def _of_truth(path: str, truth: object) -> Iterator[Row]:
+def _of_truth(path: str, truth: object) -> Iterator[GrammarRow]:
     """Words of [plant] and [model], whose vehicle is a file of its own."""
     always = WHEN["always"]
     gravity = declared_units(truth)["gravity"][1] if truth is not None else Unit("m/s^2", low=0.0)
-    yield Row(f"{path}.vehicle", "", "text", meaning="name of a shipped vehicle, or a path")
-    yield Row(f"{path}.gravity", "", "number", gravity.unit, _bounds(gravity), always, False, gravity.meaning)
+    yield GrammarRow(f"{path}.vehicle", "", "text", meaning="name of a shipped vehicle, or a path")
+    yield GrammarRow(f"{path}.gravity", "", "number", gravity.unit, _bounds(gravity), always, False, gravity.meaning)
     yield from _of_record(Payload, f"{path}.payload", always, "")
-    known = declared_fields(Joint)
+    declared = declared_fields(Joint)
     for name in JOINT_NUMBERS:
-        unit = known[name][1]
+        unit = declared[name][1]
         words = "number, or one for each joint"
-        yield Row(f"{path}.joints.{name}", "", words, unit.unit, _bounds(unit), always, False, unit.meaning)
+        yield GrammarRow(f"{path}.joints.{name}", "", words, unit.unit, _bounds(unit), always, False, unit.meaning)
 
 
-def _of_controller() -> Iterator[Row]:
+def _of_controller() -> Iterator[GrammarRow]:
     """Words of [controller]: presets, laws and autopilots, the options of each, and the layers around them."""
-    yield Row("controller.preset", "", _one_of(PRESETS), varies=WHOLE)
-    yield Row("controller.law", "", _one_of(LAWS), varies=WHOLE)
-    yield Row("controller.autopilot", "", _one_of(AUTOPILOTS))
-    yield Row("controller.tuned", "", "true or false, or the path of a file of gains", varies=WHOLE)
-    yield Row("controller.servos", "", "true or false", varies=WHOLE)
-    yield Row("controller.safety", "", "true or false, or a table", varies=WHOLE)
+    yield GrammarRow("controller.preset", "", _one_of(PRESETS), varies=WHOLE)
+    yield GrammarRow("controller.law", "", _one_of(LAWS), varies=WHOLE)
+    yield GrammarRow("controller.autopilot", "", _one_of(AUTOPILOTS))
+    yield GrammarRow("controller.tuned", "", "true or false, or the path of a file of gains", varies=WHOLE)
+    yield GrammarRow("controller.servos", "", "true or false", varies=WHOLE)
+    yield GrammarRow("controller.safety", "", "true or false, or a table", varies=WHOLE)
     yield from _of_record(Limits, "controller.safety", WHEN["always"], "")
-    yield Row("controller.safety.stow", "", "list of numbers", "rad or m", varies=WHOLE)
+    yield GrammarRow("controller.safety.stow", "", "list of numbers", "rad or m", varies=WHOLE)
     for law in (*LAWS, *AUTOPILOTS):
         kinds = declared_units(Options) | declared_units(entry_of(law).function())
         for word, option in option_words(law).items():
-            wanted, unit = kinds.get(option, (None, NUMBER))
-            entry = "as the law takes it" if wanted is None else _entry(wanted)
-            yield Row(f"controller.{word}", law, entry, unit.unit, _bounds(unit), WHOLE, False, unit.meaning)
-            for each in _records_in(wanted):
+            annotation, unit = kinds.get(option, (None, NUMBER))
+            entry = "as the law takes it" if annotation is None else _entry(annotation)
+            yield GrammarRow(f"controller.{word}", law, entry, unit.unit, _bounds(unit), WHOLE, False, unit.meaning)
+            for each in _records_in(annotation):
                 yield from _of_record(each, f"controller.{word}", WHEN["always"], law)
 
 
-def _of_reference() -> Iterator[Row]:
+def _of_reference() -> Iterator[GrammarRow]:
     """Words of [reference] but of the tables that are read by hand: motions by kind, signals."""
     always = f"{WHOLE}; its numbers {WHEN['always']}"
-    yield Row("reference.base", "", "table, or a list of them: a motion", varies=always, whole=True)
-    yield Row("reference.base.kind", "", _one_of(names("motion")))
+    yield GrammarRow("reference.base", "", "table, or a list of them: a motion", varies=always, whole=True)
+    yield GrammarRow("reference.base.kind", "", _one_of(names("motion")))
     for named in names("motion"):
         make = find("motion", named)
         if not takes_table(make) and "setting" not in declared_units(make):
-            for name, (wanted, unit) in declared_units(make).items():
+            for name, (annotation, unit) in declared_units(make).items():
                 if name != "return":
-                    yield Row(f"reference.base.{name}", named, _entry(wanted), unit.unit, _bounds(unit), WHEN["always"])
-    yield Row("reference.yaw", "", SIGNAL, "rad", varies=always, whole=True)
-    yield Row("reference.joints[]", "", SIGNAL, "rad or m", varies=always, whole=True, meaning="one for each joint")
-    yield Row("reference.tip", "", "table", meaning="motion of the tip, from which base and joints follow")
-    yield Row("reference.push", "", "table", meaning="force of the tip on a surface")
-    yield Row("reference.load", "", SIGNAL, "kg", meaning="mass that the task carries")
+                    yield GrammarRow(
+                        f"reference.base.{name}", named, _entry(annotation), unit.unit, _bounds(unit), WHEN["always"]
+                    )
+    yield GrammarRow("reference.yaw", "", SIGNAL, "rad", varies=always, whole=True)
+    yield GrammarRow(
+        "reference.joints[]", "", SIGNAL, "rad or m", varies=always, whole=True, meaning="one for each joint"
+    )
+    yield GrammarRow("reference.tip", "", "table", meaning="motion of the tip, from which base and joints follow")
+    yield GrammarRow("reference.push", "", "table", meaning="force of the tip on a surface")
+    yield GrammarRow("reference.load", "", SIGNAL, "kg", meaning="mass that the task carries")
 
 
-def _of_start() -> Iterator[Row]:
+def _of_start() -> Iterator[GrammarRow]:
     """Words of [initial]."""
     yield from _of_record(State, "initial", WHEN["between"], "")
-    yield Row("initial.standing", "", "true or false", meaning="at rest on what is below")
+    yield GrammarRow("initial.standing", "", "true or false", meaning="at rest on what is below")
 
 
-SPECIAL: Mapping[str, Callable[[], Iterator[Row]]] = {
+SPECIAL: Mapping[str, Callable[[], Iterator[GrammarRow]]] = {
     "controller": _of_controller,
     "reference": _of_reference,
     "initial": _of_start,
@@ -272,34 +283,39 @@ def _is_list(slot: Slot) -> bool:
     return slot.path == slot.table and typing.get_origin(slot.type) is tuple
 
 
-def _records_in(wanted: object) -> tuple[type, ...]:
+def _records_in(annotation: object) -> tuple[type, ...]:
     """Classes of the records, tables in a file, that a field of a type holds; a vehicle is a file of its own."""
-    options = typing.get_args(wanted)
+    options = typing.get_args(annotation)
     if options:
-        return tuple(found for each in options for found in _records_in(each))
-    if not isinstance(wanted, type) or field_names(wanted) is None or _in_words(wanted) or wanted is Vehicle:
+        return tuple(record for each in options for record in _records_in(each))
+    if (
+        not isinstance(annotation, type)
+        or field_names(annotation) is None
+        or _in_words(annotation)
+        or annotation is Vehicle
+    ):
         return ()
-    return () if issubclass(wanted, Signal) else (wanted,)
+    return () if issubclass(annotation, Signal) else (annotation,)
 
 
-def _in_words(wanted: object) -> str:
+def _in_words(annotation: object) -> str:
     """Words for the file entry of a type that is no table of its fields; empty for a table."""
-    return ENTRIES.get(wanted) or ENTRIES.get(getattr(wanted, "__name__", ""), "")
+    return ENTRIES.get(annotation) or ENTRIES.get(getattr(annotation, "__name__", ""), "")
 
 
-def _entry(wanted: object) -> str:
+def _entry(annotation: object) -> str:
     """Type of an entry in words."""
-    options = [each for each in typing.get_args(wanted) if each is not type(None)]
-    if found := _in_words(wanted):
-        return found
-    if typing.get_origin(wanted) is typing.Literal:
+    options = [each for each in typing.get_args(annotation) if each is not type(None)]
+    if words := _in_words(annotation):
+        return words
+    if typing.get_origin(annotation) is typing.Literal:
         return _one_of(options)
-    if typing.get_origin(wanted) is tuple:
+    if typing.get_origin(annotation) is tuple:
         inner = _entry(options[0])
         return {"number": "list of numbers", "table": "list of tables"}.get(inner, f"list of {inner}")
-    if options and len(options) < len(typing.get_args(wanted)):
+    if options and len(options) < len(typing.get_args(annotation)):
         return _entry(options[0])
-    return SIGNAL if isinstance(wanted, type) and issubclass(wanted, Signal) else "table"
+    return SIGNAL if isinstance(annotation, type) and issubclass(annotation, Signal) else "table"
 
 
 def _one_of(texts: typing.Iterable[object]) -> str:

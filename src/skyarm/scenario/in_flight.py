@@ -24,7 +24,7 @@ from skyarm.records.words import Slot, slots
 from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import readers
-from skyarm.scenario.document import Part
+from skyarm.scenario.document import PartDocument
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
 from skyarm.scenario.paths import delay_words, is_below, place_of_delay, roots, variable_words
 from skyarm.scenario.readers import LAW
@@ -35,20 +35,20 @@ from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_
 @cache
 def whole_parts() -> dict[str, Slot]:
     """Paths of parts that a change replaces as a whole, in the words that a scenario file has for them."""
-    found = dict[str, Slot]()
+    by_path = dict[str, Slot]()
     for slot in slots(Scenario):
         if slot.word.whole:
-            found |= {slot.path: slot} | {f"{slot.path}.{entry}": slot for entry, _ in slot.word.entries}
-    return found
+            by_path |= {slot.path: slot} | {f"{slot.path}.{entry}": slot for entry, _ in slot.word.entries}
+    return by_path
 
 
 def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     """Scenario with one whole section of its file, such as [controller] or the wind, replaced.
 
     Args:
-        scenario: whose model and clocks a new law is made for.
+        scenario: scenario with the model and clocks of a new law.
         path: one of :func:`whole_parts`.
-        value: as a scenario file has it there: tables are dicts, lists lists.
+        value: entry of a scenario file in its place: tables are dicts, lists lists.
 
     Raises:
         ValueError: one line with the path, the value and what is allowed.
@@ -64,7 +64,7 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
 def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place, object]:
     """Scenario fields by place that result from a table of a scenario file in place of a section, such as the wind."""
     slot = whole_parts()[path]
-    document = Part(slot.path, value, scenario)
+    document = PartDocument(slot.path, value, scenario)
     if path == LAW:
         return {slot.field: readers.law(scenario, value)}
     if path != slot.path:
@@ -73,8 +73,8 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place,
         if fixed:
             raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
         entry = path.removeprefix(f"{slot.path}.")
-        found = trajectory_from({entry: value}, scenario.plant.vehicle.n, "reference", document.setting)
-        return {(*slot.field, name): getattr(found, name) for name in dict(slot.word.entries)[entry]}
+        trajectory = trajectory_from({entry: value}, scenario.plant.vehicle.n, "reference", document.setting)
+        return {(*slot.field, name): getattr(trajectory, name) for name in dict(slot.word.entries)[entry]}
     return document.planned_fields()
 
 
@@ -83,7 +83,7 @@ class Overrides:
     """Replacements made by scheduled changes so far: pairs of parameter path, such as plant.gravity, and value.
 
     Attributes:
-        parts: whole parts, as a file has them. numbers: by path.
+        parts: whole parts, as a file has them. numbers: changed numbers by path.
     """
 
     parts: tuple[tuple[str, object], ...] = ()
@@ -93,8 +93,8 @@ class Overrides:
         """Changed parameter values after one more scheduled change; it replaces one of the same parameter."""
         path, value = change.path, change.table
         if not is_part(path, value):
-            kept = tuple(pair for pair in self.numbers if pair[0] != path)
-            return Overrides(self.parts, (*kept, (path, value)))
+            others = tuple(pair for pair in self.numbers if pair[0] != path)
+            return Overrides(self.parts, (*others, (path, value)))
         parts = tuple(pair for pair in self.parts if not _replaces(path, pair[0]))
         numbers = tuple(pair for pair in self.numbers if not _replaces(path, pair[0]))
         return Overrides((*parts, (path, value)), numbers)
@@ -103,8 +103,8 @@ class Overrides:
         """Overrides in a canonical order, equal for sequences of changes whose order has no effect.
 
         Args:
-            scenario: as the flight began.
-            paths: whose numbers are read too where nothing holds in their place, as far as there are any.
+            scenario: scenario at the beginning of the flight.
+            paths: paths whose numbers are read too where nothing holds in their place, as far as there are any.
         """
         parts, numbers = self.parts_of(scenario), dict(self.numbers)
         for path in paths:
@@ -163,7 +163,7 @@ class Stretch:
     """Interval of control periods between two scheduled changes.
 
     Attributes:
-        start: index of the first control period. overrides: in force during the interval.
+        start: index of the first control period. overrides: changed values of the interval.
     """
 
     start: int
@@ -175,17 +175,17 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
 
     Changes after the end of the flight are ignored.
     """
-    rate, found = scenario.rates.control, [Stretch(0, Overrides())]
+    rate, intervals = scenario.rates.control, [Stretch(0, Overrides())]
     for change in in_order(scenario.changes, rate):
         tick = change.tick(rate)
         if tick >= scenario.steps:
             break
-        following = Stretch(tick, found[-1].overrides.with_change(change))
-        if tick == found[-1].start and len(found) > 1:
-            found[-1] = following
+        following = Stretch(tick, intervals[-1].overrides.with_change(change))
+        if tick == intervals[-1].start and len(intervals) > 1:
+            intervals[-1] = following
         else:
-            found.append(following)
-    return tuple(found)
+            intervals.append(following)
+    return tuple(intervals)
 
 
 def is_traceable(scenario: Scenario) -> bool:
@@ -201,9 +201,9 @@ def overrides_at(scenario: Scenario, tick: int) -> Overrides:
 
 def sources(scenario: Scenario, tick: int) -> dict[str, int]:
     """For each parameter changed up to a control period: index of the scheduled change that set it."""
-    rate, held = scenario.rates.control, dict(overrides_at(scenario, tick).numbers)
+    rate, numbers = scenario.rates.control, dict(overrides_at(scenario, tick).numbers)
     made = sorted((change.tick(rate), i, change.path) for i, change in enumerate(scenario.changes))
-    return {path: i for at, i, path in made if at <= tick and path in held}
+    return {path: i for at, i, path in made if at <= tick and path in numbers}
 
 
 @cache
@@ -225,24 +225,24 @@ def require_changes(scenario: Scenario) -> None:
     )
 
 
-def try_coming(begun: Scenario, now: Scenario, held: Overrides, coming: Sequence[Change]) -> None:
+def try_coming(begun: Scenario, now: Scenario, overrides: Overrides, coming: Sequence[Change]) -> None:
     """Raise an error if a change made now would make a later scheduled change invalid.
 
     Args:
-        begun: as the flight began.
-        now: as it is.
-        held: what holds now.
+        begun: scenario at the beginning of the flight.
+        now: present scenario.
+        overrides: values changed until now.
         coming: changes to come.
 
     Raises:
         ScenarioError: one line.
     """
     _try_in_order(
-        begun, now, held, [(f"after this the change at {each.at:g} s cannot be made", each) for each in coming]
+        begun, now, overrides, [(f"after this the change at {each.at:g} s cannot be made", each) for each in coming]
     )
 
 
-def _try_in_order(begun: Scenario, now: Scenario, held: Overrides, changes: Sequence[tuple[str, Change]]) -> None:
+def _try_in_order(begun: Scenario, now: Scenario, overrides: Overrides, changes: Sequence[tuple[str, Change]]) -> None:
     """Test scheduled changes in order of time, those of one control period together."""
     rate = begun.rates.control
 
@@ -250,24 +250,24 @@ def _try_in_order(begun: Scenario, now: Scenario, held: Overrides, changes: Sequ
         return named[1].tick(rate)
 
     for _, group in itertools.groupby(sorted(changes, key=tick), key=tick):
-        held, now = try_changes(begun, now, held, list(group))
+        overrides, now = try_changes(begun, now, overrides, list(group))
 
 
 def try_changes(
-    begun: Scenario, now: Scenario, held: Overrides, changes: Sequence[tuple[str, Change]]
+    begun: Scenario, now: Scenario, overrides: Overrides, changes: Sequence[tuple[str, Change]]
 ) -> tuple[Overrides, Scenario]:
     """Apply simultaneous changes; return the new overrides and the resulting scenario.
 
     Args:
-        begun: as the flight began.
-        now: as it is before them.
-        held: what holds before them.
+        begun: scenario at the beginning of the flight.
+        now: scenario before them.
+        overrides: values changed before them.
         changes: (what messages call it, change), in order.
 
     Raises:
         ScenarioError: one line.
     """
-    following = held
+    following = overrides
     for where, change in changes:
         with _name_change_in_errors(where):
             _require_changeable(begun, change.path)
@@ -352,18 +352,18 @@ def _held_throughout(scenario: Scenario) -> dict[str, object]:
     vehicle, delays, model = scenario.plant.vehicle, scenario.delays, scenario.controller.par.model
     if delays.longest_command is not None:  # those of the commands vary within a queue of that length
         delays = dataclasses.replace(delays, command=0.0, rotors=0, joints=0)
-    found: dict[str, object] = {
+    settings: dict[str, object] = {
         **{"rates": scenario.rates, "duration": scenario.duration},
         **{"plant.kind": scenario.kind, "plant.integrator": scenario.integrator},
         **{"delays": delays, "joints": vehicle.n, "rotors": len(vehicle.rotors)},
     }
     for named in scenario.sensors:
-        found |= {f"sensors.{named.name}.{each}": getattr(named.sensor, each) for each in ("frequency", "latency")}
+        settings |= {f"sensors.{named.name}.{each}": getattr(named.sensor, each) for each in ("frequency", "latency")}
     for root, links, drives in (
         ("plant", vehicle.links, scenario.all_drives),
         ("model", model.vehicle.links, believed_drives(model)),
     ):
         for link, drive in zip(links, drives, strict=False):
             if hasattr(drive, "latency"):
-                found[f"{root}.drives.{link.joint.name}.latency"] = drive.latency
-    return found
+                settings[f"{root}.drives.{link.joint.name}.latency"] = drive.latency
+    return settings

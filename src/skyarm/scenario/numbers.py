@@ -106,15 +106,15 @@ def number_at(scenario: Scenario, path: str) -> float:
 
 
 def _number(scenario: Scenario, path: str, target: Target) -> float:
-    found = part(scenario, target.places[0])
+    value = part(scenario, target.places[0])
     if target.view is not None:
-        seen: Viewed = found
+        seen: Viewed = value
         return seen.number_of_view(target.view.name)
-    if isinstance(found, bool) or not isinstance(found, (int, float)):
-        raise ScenarioError(f"path = {path!r}: must lead to a number, not to {type(found).__name__}")
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ScenarioError(f"path = {path!r}: must lead to a number, not to {type(value).__name__}")
     if target.places[0][:2] != INITIAL and _declaration(scenario, target.places[0]).fixed:
         raise ScenarioError(f"path = {path!r}: must be equal in all episodes and throughout a flight")
-    return float(found)
+    return float(value)
 
 
 def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
@@ -126,7 +126,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
     wrong in these numbers, not how it would be tuned for them.
 
     Args:
-        scenario: as it is.
+        scenario: scenario to change.
         values: path -> number.
 
     Raises:
@@ -160,11 +160,11 @@ def _replace_numbers(
     record: Record, fields: Mapping[Place, Scalar], views: Mapping[Place, Mapping[str, Scalar]]
 ) -> Record:
     """Record with the numbers in some fields, and then some that follow from several fields, replaced."""
-    found: Record = replace_at(record, fields) if fields else record
+    changed: Record = replace_at(record, fields) if fields else record
     for place, numbers in views.items():
-        viewed: Viewed = part(found, place)
-        found = replace_at(found, {place: viewed.with_views(numbers)})
-    return found
+        viewed: Viewed = part(changed, place)
+        changed = replace_at(changed, {place: viewed.with_views(numbers)})
+    return changed
 
 
 def _require_numbers(values: object) -> None:
@@ -189,22 +189,22 @@ def _start_with(
     """Initial state with some numbers replaced: the stated one, else the hover trim of the changed vehicle.
 
     Args:
-        started: as it was, with an initial state.
-        changed: with all other numbers replaced.
+        started: scenario before the change, with an initial state.
+        changed: scenario with all other numbers replaced.
         fields: place -> number, of the initial state.
-        angles: of the attitude, by name, rad.
+        angles: angles of the attitude by name, rad.
     """
     inside = {place[len(INITIAL) :]: value for place, value in fields.items()}
     joints = {int(place[1]): value for place, value in inside.items() if place[0] == "joints"}
-    held = changed.initial
-    if held is None and changed.plant is started.plant and changed.reference is started.reference and not joints:
-        held = started.initial
-    if held is None:
+    initial = changed.initial
+    if initial is None and changed.plant is started.plant and changed.reference is started.reference and not joints:
+        initial = started.initial
+    if initial is None:
         at = changed.reference.at(0.0)
         posture = tuple(joints.get(i, data(q)) for i, q in enumerate(at.joints))
         trim = trimmed_state(changed.plant, at.position, data(at.yaw), posture)
-        held = first_state(changed.with_initial(trim))  # with plain numbers, as any initial state has them
-    state = _replace_numbers(held, inside, {(): angles} if angles else {})
+        initial = first_state(changed.with_initial(trim))  # with plain numbers, as any initial state has them
+    state = _replace_numbers(initial, inside, {(): angles} if angles else {})
     if angles or not any(place[0] == "quaternion" for place in inside):
         return state
     q, length = state.quaternion, state.quaternion.norm()
@@ -243,19 +243,19 @@ def declared_at(scenario: Scenario, path: str) -> Unit:
 
 def _declaration(record: object, place: Place) -> Unit:
     """Unit declaration of the innermost field on the way to a parameter that has a declaration."""
-    found = Unit()
+    unit = Unit()
     for name in place:
         if isinstance(record, tuple):
             record = record[int(name)]
             continue
         said = units(type(record)).get(name)
         if said is not None and said.meaning != "in the unit of the signal":
-            found = said
+            unit = said
         slides = getattr(record, "kind", "revolute") == "prismatic"
-        if " or " in found.unit and hasattr(record, "kind"):
-            found = dataclasses.replace(found, unit=found.unit.split(" or ")[1 if slides else 0])
+        if " or " in unit.unit and hasattr(record, "kind"):
+            unit = dataclasses.replace(unit, unit=unit.unit.split(" or ")[1 if slides else 0])
         record = getattr(record, name)
-    return found
+    return unit
 
 
 def words_of(path: str) -> str:
@@ -266,14 +266,14 @@ def words_of(path: str) -> str:
         words = words[1:]
     if words[0] == "sensors" and len(words) == 2:
         return f"noise of {words[1].replace('_', ' ')}"
-    found: list[str] = []
+    terms: list[str] = []
     for word in words:
-        if word.isdecimal() and found:
-            one = found[-1] if found[-1].endswith("ss") else found[-1].removesuffix("s")
-            found[-1] = f"{one} {int(word) + 1}"
+        if word.isdecimal() and terms:
+            one = terms[-1] if terms[-1].endswith("ss") else terms[-1].removesuffix("s")
+            terms[-1] = f"{one} {int(word) + 1}"
         else:
-            found.append(word.removesuffix("_W").removesuffix("_B").replace("_", " "))
-    return " ".join(found) + (f" ({whose})" if whose else "")
+            terms.append(word.removesuffix("_W").removesuffix("_B").replace("_", " "))
+    return " ".join(terms) + (f" ({whose})" if whose else "")
 
 
 def axis_label(words: str, unit: str) -> str:

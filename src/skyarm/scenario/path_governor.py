@@ -33,7 +33,7 @@ from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.signals import Derivatives
 from skyarm.reference.task_records import TaskEvent
 from skyarm.reference.trajectory import Reference, Trajectory
-from skyarm.scenario.path_plan import Ceilings, Judge, Plan, plan
+from skyarm.scenario.path_plan import Ceilings, Judge, PathPlan, plan
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 JUMP = 1e-9
@@ -59,7 +59,7 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
     A reference that is feasible as commanded is not changed.
 
     Args:
-        scenario: whose reference, and whose law's belief.
+        scenario: scenario with the reference and the law's model.
         options: reserve, tilt, turning, joint_speed, as ``[reference.governor]`` of a scenario file has them.
 
     Raises:
@@ -67,10 +67,10 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
     """
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario")
-    known = field_names(GovernorOptions) or ()
+    names = field_names(GovernorOptions) or ()
     for name in options:
-        if name not in known:
-            raise ScenarioError(f"{name}: is no option of a governor; there are {', '.join(known)}")
+        if name not in names:
+            raise ScenarioError(f"{name}: is no option of a governor; there are {', '.join(names)}")
     with errors_as(ScenarioError):
         return governed_scenario(scenario, GovernorOptions(**options))
 
@@ -79,9 +79,9 @@ def governed_by_table(scenario: Scenario, table: object, events: Sequence[TaskEv
     """Scenario with the path governor that [reference.governor] describes.
 
     Args:
-        scenario: whose reference is slowed.
+        scenario: scenario with the reference to slow.
         table: true, or limits.
-        events: of the reference's phases.
+        events: events of the reference's phases.
 
     Raises:
         ValueError: one line.
@@ -101,14 +101,14 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions, events: Sequ
     bare = dataclasses.replace(scenario, agent=dataclasses.replace(scenario.agent, path_time=None))
     for reason in _reasons_against(bare, events):
         raise ValueError(f"reference.governor: must be left out {reason}")
-    found = plan_of(bare, options)
-    if found.beyond > MISSED:
-        name = Limits(bare.controller.par.model, options).names()[found.limit]
-        line = f"asks for {found.beyond:.3g} times its limit of {name} at {found.at:.3g} s of the path, however slow"
+    plan = plan_of(bare, options)
+    if plan.beyond > MISSED:
+        name = PathLimits(bare.controller.par.model, options).names()[plan.limit]
+        line = f"asks for {plan.beyond:.3g} times its limit of {name} at {plan.at:.3g} s of the path, however slow"
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
-    if found.path_time is None:
+    if plan.path_time is None:
         return bare
-    return dataclasses.replace(bare, agent=dataclasses.replace(bare.agent, path_time=found.path_time))
+    return dataclasses.replace(bare, agent=dataclasses.replace(bare.agent, path_time=plan.path_time))
 
 
 def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterator[str]:
@@ -131,9 +131,9 @@ def _switches(scenario: Scenario) -> list[float]:
     return [t for t in scenario.reference.switch_times() if 0.0 < t < scenario.duration]
 
 
-def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
+def plan_of(scenario: Scenario, options: GovernorOptions) -> PathPlan:
     """Plan the time law along a scenario's reference with the nominal model of its control law."""
-    trajectory, limits = scenario.reference, Limits(scenario.controller.par.model, options)
+    trajectory, limits = scenario.reference, PathLimits(scenario.controller.par.model, options)
     ceilings = Ceilings(duration=float(scenario.duration), stops=_corners(trajectory, scenario))
 
     def motion(s: Derivatives, time: Array) -> MotionSamples:
@@ -145,12 +145,12 @@ def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
 
 def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
     """Times (s) at which the path has a corner, or starts with nonzero speed from rest."""
-    found = []
+    corners = []
     first = trajectory.at(0.0)
     rest = dataclasses.replace(first, velocity=ZERO3, joint_rates=(0.0,) * len(first.joint_rates))
     if scenario.initial is None and _is_corner(rest, first):
-        found.append(0.0)
-    return [*found, *(t for t in _switches(scenario) if _is_corner(trajectory.at(t - JUMP), trajectory.at(t)))]
+        corners.append(0.0)
+    return [*corners, *(t for t in _switches(scenario) if _is_corner(trajectory.at(t - JUMP), trajectory.at(t)))]
 
 
 def _is_corner(before: Reference, after: Reference) -> bool:
@@ -188,11 +188,11 @@ class GovernorOptions:
             raise ValueError(f"reference.governor.tilt = {self.tilt!r}: must be at most 1.5")
 
 
-class Limits:
+class PathLimits:
     """Vehicle limits for the path governor, and the demands of a motion as fractions of these limits.
 
     Args:
-        model: of the law. options: of the governor.
+        model: law's model. options: governor's options.
     """
 
     def __init__(self, model: Model, options: GovernorOptions) -> None:
@@ -206,9 +206,9 @@ class Limits:
         efforts = [float(link.joint.effort_limit) or math.inf for link in model.vehicle.links]
         self._efforts = np.array(efforts)[:, None]
         named = {each.name: each.drive for each in model.vehicle.drives}
-        found = [(i, named.get(link.joint.name)) for i, link in enumerate(model.vehicle.links)]
+        drives = [(i, named.get(link.joint.name)) for i, link in enumerate(model.vehicle.links)]
         self._tip = model.vehicle.end_effector if model.vehicle.n else ""
-        self._servos = [(i, drive) for i, drive in found if isinstance(drive, Servo)]
+        self._servos = [(i, drive) for i, drive in drives if isinstance(drive, Servo)]
         for i, servo in self._servos:
             self._efforts[i] = min(float(self._efforts[i, 0]), float(servo.largest_effort()))
 
@@ -229,19 +229,19 @@ class Limits:
         """Demands of a motion as fractions of the vehicle's limits, (limits, K): above 1 is infeasible."""
         settled = self._window_means(motion.time)
         demand = demand_of_motion(self._vehicle, self._gravity, motion, settled)
-        found = self._shares(demand)
+        shares = self._shares(demand)
         if self._tip:
             # a law may hold the tip or the base: the vehicle must be able to do both
             motion = dataclasses.replace(motion, acceleration=motion.acceleration + self._shift(motion, settled))
             demand = demand_of_motion(self._vehicle, self._gravity, motion, settled)
-            found = np.maximum(found, self._shares(demand))
-        return found
+            shares = np.maximum(shares, self._shares(demand))
+        return shares
 
     def _shift(self, motion: MotionSamples, settled: Callable[[Array], Array]) -> Array:
         """Extra acceleration of a base that tilts while its tip stays where a level base has it, (3, K), m/s^2."""
         force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
-        held = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
-        arm = np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(motion.time)) for c in held])
+        tip = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
+        arm = np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(motion.time)) for c in tip])
         c, s = np.cos(motion.yaw), np.sin(motion.yaw)
         level = np.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], arm[2]])
         off = level - np.einsum("ijk,jk->ik", attitude(settled(force), motion.yaw), arm)

@@ -86,13 +86,13 @@ class Ceilings:
             index = min(round(stop / GRID), len(square) - 1)
             square[index] = 0.0
         gain = 2.0 * GRID * self.acceleration
-        found = square.tolist()
+        squares = square.tolist()
         rise = gain.tolist()
-        for i in range(len(found) - 2, -1, -1):
-            found[i] = min(found[i], found[i + 1] + rise[i])
-        for i in range(1, len(found)):
-            found[i] = min(found[i], found[i - 1] + rise[i])
-        return np.array(found)
+        for i in range(len(squares) - 2, -1, -1):
+            squares[i] = min(squares[i], squares[i + 1] + rise[i])
+        for i in range(1, len(squares)):
+            squares[i] = min(squares[i], squares[i - 1] + rise[i])
+        return np.array(squares)
 
 
 def follow(ceilings: Ceilings, duration: float) -> PathTime:
@@ -134,7 +134,7 @@ def _first_rate(square: Array) -> float:
 
 
 @immutable
-class Plan:
+class PathPlan:
     """Result of planning: time law of the reference, and the largest remaining demand on the vehicle.
 
     Attributes:
@@ -173,12 +173,12 @@ class Judge:
         """Ratio of demand to allowed demand, (limits, K); the static demand of a posture is always allowed."""
         with np.errstate(all="ignore"):
             motion = self.motion(s, time)
-            found = np.asarray(self.shares(motion) / np.maximum(1.0, self.at_rest(motion)))
-        sound = np.isfinite(found).all(axis=0)
+            ratios = np.asarray(self.shares(motion) / np.maximum(1.0, self.at_rest(motion)))
+        sound = np.isfinite(ratios).all(axis=0)
         if not sound.all():
             at = float(s[0][int(np.argmin(sound))])
             raise ValueError(f"reference: asks for what is not finite at {at:.3g} s; must have a motion to plan for")
-        return found
+        return ratios
 
 
 def even_rates(judge: Judge, ceilings: Ceilings) -> None:
@@ -195,27 +195,29 @@ def even_rates(judge: Judge, ceilings: Ceilings) -> None:
             ceilings.lower(ceilings.rate, path[open_], np.full(int(open_.sum()), rate * RATES[1]), SLOWEST, rate)
 
 
-def plan(judge: Judge, ceilings: Ceilings) -> Plan:
+def plan(judge: Judge, ceilings: Ceilings) -> PathPlan:
     """Plan the time law: lower the bounds until the motion, with its speed changes, satisfies all limits."""
     duration = ceilings.duration
     time = np.arange(0.0, duration + BEYOND + 0.5 * LOOK, LOOK)
     inside = time < duration + 0.5 * LOOK
     even_rates(judge, ceilings)
-    kept = Plan(path_time=None, beyond=math.inf, limit=0, at=0.0)
+    best = PathPlan(path_time=None, beyond=math.inf, limit=0, at=0.0)
     for _ in range(ROUNDS):
-        found = follow(ceilings, duration)
-        s = found.derivatives(time)
+        path_time = follow(ceilings, duration)
+        s = path_time.derivatives(time)
         over = judge.over(s, time)[:, inside]
         s = s[0][inside], s[1][inside], s[2], s[3], s[4]
         worst = float(over.max())
-        if worst < kept.beyond:
+        if worst < best.beyond:
             i, k = np.unravel_index(int(np.argmax(over)), over.shape)
             as_commanded = float(np.abs(s[0] - time[inside]).max()) < NOTHING
-            kept = Plan(path_time=None if as_commanded else found, beyond=worst, limit=int(i), at=float(s[0][k]))
+            best = PathPlan(
+                path_time=None if as_commanded else path_time, beyond=worst, limit=int(i), at=float(s[0][k])
+            )
         if worst <= SLACK:
             break
         _calm(ceilings, s, over.max(axis=0))
-    return kept
+    return best
 
 
 def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:

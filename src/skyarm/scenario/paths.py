@@ -13,7 +13,7 @@ from skyarm.algebra.scalars import Scalar
 from skyarm.records.files import did_you_mean
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Place, part
-from skyarm.records.path_names import Names, View, path_names
+from skyarm.records.path_names import Names, NumberView, path_names
 from skyarm.records.words import EACH, Slot, lifted_fields, slots
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -35,7 +35,7 @@ class Target:
     """
 
     places: tuple[Place, ...]
-    view: View | None = None
+    view: NumberView | None = None
 
     @property
     def names(self) -> tuple[Place, ...]:
@@ -58,8 +58,8 @@ def target_of(scenario: Scenario, path: str) -> Target:
     Raises:
         ScenarioError: a field that does not exist (with those that do), or one that is structure.
     """
-    if (held := place_of_delay(scenario, path)) is not None:
-        return Target((held,))
+    if (delay := place_of_delay(scenario, path)) is not None:
+        return Target((delay,))
     for slot in slots(Scenario):
         if slot.word.varies == "never" and is_below(path, slot.path):
             raise ScenarioError(f"path = {path!r}: {slot.path} is structure, {OF_STUDIES}")
@@ -72,9 +72,11 @@ def target_of(scenario: Scenario, path: str) -> Target:
     for root, start in roots(scenario).items():
         if path.startswith(f"{root}."):
             return _follow(scenario, path, start, path[len(root) + 1 :].split("."))
-    known = variable_words()
-    near = did_you_mean(".".join(path.split(".")[:2]), known) or did_you_mean(path.split(".", maxsplit=1)[0], known)
-    raise ScenarioError(f"path = {path!r}: {near}must start with one of {', '.join(known)}")
+    beginnings = variable_words()
+    near = did_you_mean(".".join(path.split(".")[:2]), beginnings) or did_you_mean(
+        path.split(".", maxsplit=1)[0], beginnings
+    )
+    raise ScenarioError(f"path = {path!r}: {near}must start with one of {', '.join(beginnings)}")
 
 
 def path_of(scenario: Scenario, place: Place) -> str:
@@ -135,34 +137,34 @@ def place_of_delay(scenario: Scenario, path: str) -> Place | None:
 def roots(scenario: Scenario) -> dict[str, Place]:
     """Beginnings of parameter paths, such as plant or sensors.imu, with the scenario fields that they denote."""
     carried = ("agent", "plant", "vehicle", "drives")
-    found: dict[str, Place] = {
+    places: dict[str, Place] = {
         f"plant.drives.{each.name}": (*carried, str(i), "drive") for i, each in enumerate(scenario.plant.vehicle.drives)
     }
     for slot in slots(Scenario):
         if EACH in slot.path:
             inside = slot.place[len(slot.record) + 1 :]
             for i, each in enumerate(part(scenario, slot.record)):
-                found[f"{slot.table}.{each.name}"] = (*slot.record, str(i), *inside)
-    return {**found, **variable_words()}
+                places[f"{slot.table}.{each.name}"] = (*slot.record, str(i), *inside)
+    return {**places, **variable_words()}
 
 
 def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> Target:
     places: tuple[Place, ...] = (start,)
     tree: Names | None = None
-    view: View | None = None
+    view: NumberView | None = None
     whole = True
     for word in words:
         options: Names = {} if view is not None else path_names(part(scenario, places[0])) if tree is None else tree
         if word not in options:
             at_word = whole and start in variable_words().values()
-            known = [*options, *(_named_sensors_and_drives(scenario, path) if at_word else ())]
-            there = f"{did_you_mean(word, known)}there are {', '.join(known) or 'no fields'}"
+            names = [*options, *(_named_sensors_and_drives(scenario, path) if at_word else ())]
+            there = f"{did_you_mean(word, names)}there are {', '.join(names) or 'no fields'}"
             raise ScenarioError(f"path = {path!r}: no {word!r} here; {there}")
-        found, whole = options[word], False
-        view = found if isinstance(found, View) else None
-        tree = None if isinstance(found, (tuple, View)) else found
-        if isinstance(found, tuple):
-            places = tuple((*head, *tail) for head in places for tail in found)
+        denoted, whole = options[word], False
+        view = denoted if isinstance(denoted, NumberView) else None
+        tree = None if isinstance(denoted, (tuple, NumberView)) else denoted
+        if isinstance(denoted, tuple):
+            places = tuple((*head, *tail) for head in places for tail in denoted)
     if view is not None:
         return Target(((*places[0], *view.inside),), view)
     if tree is not None:

@@ -49,25 +49,25 @@ def with_model_changes(
     Those of waiting phases, whose instants are unknown, keep ``believed``: the loop follows them.
 
     Args:
-        payloads: of the flight.
-        trajectory: with its waiting phases.
-        duration: of the flight, s; changes after its end are left out.
-        rate: of control, Hz.
+        payloads: payloads of the flight.
+        trajectory: reference with its waiting phases.
+        duration: duration of the flight, s; changes after its end are left out.
+        rate: control rate, Hz.
     """
     waiting = {name for guard in trajectory.guards for name in guard.loads}
-    known = [each for each in payloads if each.believed and each.name not in waiting]
-    found: list[Change] = []
-    for frame in dict.fromkeys(payload.frame for payload in known):
-        here = [payload for payload in known if payload.frame == frame]
+    believed = [each for each in payloads if each.believed and each.name not in waiting]
+    mass_changes: list[Change] = []
+    for frame in dict.fromkeys(payload.frame for payload in believed):
+        here = [payload for payload in believed if payload.frame == frame]
         path = f"model.payload.{frame}.mass" if frame else "model.payload.mass"
         instants = sorted({float(t) for each in here for t in (each.pick, each.drop) if math.isfinite(t)})
         for t in instants:
             mass = math.fsum(float(each.mass) for each in here if each.pick <= t < each.drop)
-            found.append(Change(at=t, path=path, value=mass))
+            mass_changes.append(Change(at=t, path=path, value=mass))
     steps = duration * rate  # of an absurd duration, which is refused later, infinity
     last = round(steps) if math.isfinite(steps) else steps
-    changes = sorted((each for each in found if each.tick(rate) < last), key=lambda change: change.at)
-    marked = (dataclasses.replace(each, believed=False) if each in known else each for each in payloads)
+    changes = sorted((each for each in mass_changes if each.tick(rate) < last), key=lambda change: change.at)
+    marked = (dataclasses.replace(each, believed=False) if each in believed else each for each in payloads)
     return tuple(marked), tuple(changes)
 
 
@@ -80,8 +80,8 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
     """Payload tables with pick and drop times filled in from the phases of a task.
 
     Args:
-        tables: as in the file.
-        events: of the phases.
+        tables: payload tables of the file.
+        events: events of the phases.
         control_rate: Hz; instants are whole control periods.
 
     Raises:
@@ -89,9 +89,9 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
     """
     if not events or not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         return tables  # nothing to add, or not what the reader of payloads takes
-    found = [dict(table) for table in tables]
+    filled = [dict(table) for table in tables]
     named: dict[str, int] = {}
-    for i, name in enumerate(table.get("name") for table in found):
+    for i, name in enumerate(table.get("name") for table in filled):
         if isinstance(name, str) and named.setdefault(name, i) != i:
             raise ValueError(f"payloads[{i}].name = {shown(name)}: must differ from that of payloads[{named[name]}]")
     seen: dict[tuple[str, str], str] = {}
@@ -100,7 +100,7 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
         if event.payload not in named:
             near, there = did_you_mean(event.payload, named), ", ".join(named) or "none"
             raise ValueError(f"{at}: {near}must be the name of one of [[payloads]]; there are {there}")
-        table, field, same = found[named[event.payload]], FIELD[event.kind], (event.payload, event.kind)
+        table, field, same = filled[named[event.payload]], FIELD[event.kind], (event.payload, event.kind)
         if same in seen:
             raise ValueError(f"{at}: must be the name of another payload: {seen[same]} {event.kind}s it already")
         if event.kind == "pick" and (event.payload, "place") in seen:
@@ -110,7 +110,7 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
             own = f"payloads[{named[event.payload]}].{field} = {shown(table[field])}"
             raise ValueError(f"{own}: must be left out, {event.where} says when")
         table[field] = _whole_period(event.time, control_rate)
-    return found
+    return filled
 
 
 def with_commands(
@@ -119,8 +119,8 @@ def with_commands(
     """Contact model whose grippers close and open in the task phases that name them.
 
     Args:
-        world: as read; None without one.
-        events: of the phases that name a gripper.
+        world: contact model of the file; None without one.
+        events: events of the phases that name a gripper.
         control_rate: Hz; instants are whole control periods.
 
     Raises:
@@ -137,8 +137,8 @@ def with_commands(
             raise ValueError(f"{at}: must be a gripper without a command of its own (closed)")
     if world is None or not events:
         return world
-    found = tuple(_with_task_windows(each, events, control_rate) for each in grippers.values())
-    return replace_at(world, {("grippers",): found})
+    commanded = tuple(_with_task_windows(each, events, control_rate) for each in grippers.values())
+    return replace_at(world, {("grippers",): commanded})
 
 
 def _with_task_windows(gripper: Gripper, events: Sequence[TaskEvent], rate: float) -> Gripper:

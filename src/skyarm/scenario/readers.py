@@ -1,6 +1,6 @@
 """Readers of those words of a scenario file whose records have other fields than their tables.
 
-Each takes the entry of its word, the word's path and a :class:`Reading` of all others.
+Each takes the entry of its word, the word's path and a :class:`ScenarioWords` of all others.
 """
 
 from __future__ import annotations
@@ -19,11 +19,13 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.plant.interface import Truth
 from skyarm.records.field_rules import accept_scalar, rules
 from skyarm.records.files import Fields, errors_as, number, shown
+from skyarm.records.files.fields import list_of_tables
+from skyarm.records.files.toml import Entry
 from skyarm.records.leaves import Place, Tree, replace_at
-from skyarm.records.read_table import record_from, registered_from, registered_value, value_from
+from skyarm.records.read_table import record_from, registered_from, registered_values
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
-from skyarm.records.units import NUMBER, units
+from skyarm.records.units import units
 from skyarm.reference import Trajectory
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting, TaskEvent
@@ -45,11 +47,11 @@ if TYPE_CHECKING:
 LAW = "controller.law"
 
 
-class Reading(Protocol):
+class ScenarioWords(Protocol):
     """Source of the other words of a scenario, for the reader of one.
 
     Attributes:
-        folder: where paths of files begin.
+        folder: folder where paths of files begin.
         law: name of a law, or file of gains, in place of what [controller] says; None for none.
     """
 
@@ -70,18 +72,18 @@ class Reading(Protocol):
         ...
 
 
-def wind(entry: object, path: str, reading: Reading) -> Component[Tree]:
+def wind(entry: object, path: str, reading: ScenarioWords) -> Component[Tree]:
     """Read [environment.wind]."""
     return wind_from(entry, path)
 
 
-def plant(entry: object, path: str, reading: Reading) -> Truth:
+def plant(entry: object, path: str, reading: ScenarioWords) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
     carrier, gravity = _vehicle_and_gravity(Fields(entry, path), reading, beside=("kind", "integrator", "drives"))
     return Truth(vehicle=carrier, gravity=gravity)
 
 
-def model(entry: object, path: str, reading: Reading) -> Model:
+def model(entry: object, path: str, reading: ScenarioWords) -> Model:
     """Read [model], of the controller; left out: the plant's vehicle and gravity, without payload or joint values."""
     if entry is None:
         return Model(vehicle=reading.vehicle("plant"), gravity=reading.word("plant").gravity)
@@ -100,26 +102,26 @@ def vehicle(named: object, at: str, folder: Path) -> Vehicle:
         raise ValueError(f"{at} = {shown(named)}: {words}") from None
 
 
-def _vehicle_and_gravity(fields: Fields, reading: Reading, beside: Sequence[str] = ()) -> tuple[Vehicle, float]:
+def _vehicle_and_gravity(fields: Fields, reading: ScenarioWords, beside: Sequence[str] = ()) -> tuple[Vehicle, float]:
     """Vehicle of [plant] or [model] with the payload, drives and joint values that the table states, and gravity."""
-    found = reading.vehicle(fields.where)
+    vehicle = reading.vehicle(fields.where)
     fields.take("vehicle")
     if "payload" in fields.table:
         try:
-            found = record_from(Payload, fields.inner("payload")).held_by(found)
+            vehicle = record_from(Payload, fields.inner("payload")).held_by(vehicle)
         except ValueError as error:
             words, at = str(error), fields.at("payload")
             raise ValueError(words if words.startswith(at) else f"{at}: {words}") from None
     if fields.where == "model" and "drives" in fields.table:
         drives = fields.inner("drives").table
-        found = dataclasses.replace(found, drives=mounted_drives(drives, fields.at("drives")))
-    found = _with_joint_numbers(found, fields.inner("joints"))
+        vehicle = dataclasses.replace(vehicle, drives=mounted_drives(drives, fields.at("drives")))
+    vehicle = _with_joint_numbers(vehicle, fields.inner("joints"))
     gravity = fields.number("gravity", 9.81, low=0.0)
     fields.done(beside)
-    return found, gravity
+    return vehicle, gravity
 
 
-def controller(entry: object, path: str, reading: Reading) -> Controller:
+def controller(entry: object, path: str, reading: ScenarioWords) -> Controller:
     """Read [controller]: a law for the model, with layers around it."""
     fields, believed = Fields(entry, path), reading.word("model")
     facts = loop_facts(reading.word("rates"), reading.word("delays"))
@@ -138,54 +140,54 @@ def law(scenario: Scenario, name: object) -> Controller:
         raise ValueError(str(error).replace("controller = ", f"{LAW} = ", 1)) from None
 
 
-def _with_joint_numbers(found: Vehicle, table: Fields) -> Vehicle:
+def _with_joint_numbers(vehicle: Vehicle, table: Fields) -> Vehicle:
     """Vehicle with joint values replaced, such as damping: one value for all joints, or a list with one for each."""
     numbers: dict[Place, float] = {}
     for name in JOINT_NUMBERS:
         value, at = table.take(name, None), table.at(name)
-        if isinstance(value, list) and len(value) != found.n:
-            raise ValueError(f"{at} = {shown(value)}: must be a number, or {found.n} numbers, one for each joint")
-        for i in range(found.n if value is not None else 0):
+        if isinstance(value, list) and len(value) != vehicle.n:
+            raise ValueError(f"{at} = {shown(value)}: must be a number, or {vehicle.n} numbers, one for each joint")
+        for i in range(vehicle.n if value is not None else 0):
             given, where = (value[i], f"{at}[{i}]") if isinstance(value, list) else (value, at)
-            held = number(given, where, low=0.0, strict=name == "coulomb_rate")
-            accept_scalar(where, held, units(Joint)[name])
+            joint_number = number(given, where, low=0.0, strict=name == "coulomb_rate")
+            accept_scalar(where, joint_number, units(Joint)[name])
             # a stop of exactly no stiffness is none
-            numbers["links", str(i), "joint", name] = 0 if name == "stop_stiffness" and held == 0.0 else held
+            numbers["links", str(i), "joint", name] = (
+                0 if name == "stop_stiffness" and joint_number == 0.0 else joint_number
+            )
     table.done()
-    changed: Vehicle = replace_at(found, numbers) if numbers else found
-    return changed
+    return replace_at(vehicle, numbers) if numbers else vehicle
 
 
-def world(entry: object, path: str, reading: Reading) -> Component[Tree] | None:
+def world(entry: Entry | None, path: str, reading: ScenarioWords) -> Component[Tree] | None:
     """Read [world]: surfaces, objects, grippers and contact points, with the commands of a task's phases."""
-    found: Component[Tree] | None = None
+    component: Component[Tree] | None = None
     if entry is not None:
-        found = registered_from("world", Component, with_files(entry, path, reading.folder), path, "contact")
+        component = registered_from("world", Component, with_files(entry, path, reading.folder), path, "contact")
     events = [event for event in _events(reading) if event.gripper]
-    return with_commands(found, events, reading.word("rates").control) if events else found
+    return with_commands(component, events, reading.word("rates").control) if events else component
 
 
-def payloads(entry: object, path: str, reading: Reading) -> tuple[TimedPayload, ...]:
+def payloads(entry: object, path: str, reading: ScenarioWords) -> tuple[TimedPayload, ...]:
     """Read [[payloads]], with the instants at which the phases of a task take and leave them."""
     events = [event for event in _events(reading) if not event.gripper]
     tables = with_instants(entry, events, reading.word("rates").control) if events else entry
-    found: tuple[TimedPayload, ...] = registered_value("payload", tuple[TimedPayload, ...], tables, path, "rigid")
-    return found
+    return registered_values("payload", TimedPayload, tables, path, "rigid")
 
 
-def _events(reading: Reading) -> Sequence[TaskEvent]:
+def _events(reading: ScenarioWords) -> Sequence[TaskEvent]:
     """Events of the task that the reference flies."""
     reading.word("reference")
     return reading.setting.events
 
 
-def with_files(table: object, where: str, folder: Path) -> object:
+def with_files(table: Entry, where: str, folder: Path) -> Entry:
     """Tables of [reference] or [world] with paths of sample and mesh files made absolute.
 
     Args:
-        table: plain, of a file.
+        table: plain table of a file.
         where: its place in the file.
-        folder: of the file.
+        folder: folder of the file.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -203,55 +205,54 @@ def with_files(table: object, where: str, folder: Path) -> object:
     return _with_paths(table, where, absolute)
 
 
-def _with_paths(table: object, where: str, other: Callable[[str, str, str], str]) -> object:
+def _with_paths(table: Entry, where: str, other: Callable[[str, str, str], str]) -> Entry:
     """Tables of [reference] or [world] with paths of files replaced by a function of word, path and place."""
     if isinstance(table, list):
         return [_with_paths(each, f"{where}[{i}]", other) for i, each in enumerate(table)]
     if not isinstance(table, Mapping):
         return table
-    found = {name: _with_paths(each, f"{where}.{name}", other) for name, each in table.items()}
+    entries = {name: _with_paths(each, f"{where}.{name}", other) for name, each in table.items()}
     words = ("file", "mesh") if table.get("kind") == "samples" else ("mesh",)
     paths = {word: path for word in words if isinstance(path := table.get(word), str) and path}
-    return found | {word: other(word, path, where) for word, path in paths.items()}
+    return entries | {word: other(word, path, where) for word, path in paths.items()}
 
 
 NAMED_FILES = ("plant", "vehicle"), ("model", "vehicle"), ("controller", "tuned")
 """Tables and their words that are the path of a file, or a name of the library."""
 
 
-def with_other_paths(tables: Mapping[str, Any], other: Callable[[str], str]) -> dict[str, Any]:
+def with_other_paths(tables: Mapping[str, Entry], other: Callable[[str], str]) -> dict[str, Entry]:
     """Tables of a scenario with all paths of files that begin in its folder replaced.
 
     Args:
-        tables: plain, of a file.
-        other: from a path of a vehicle, of gains, samples or a mesh to what stands in its place.
+        tables: plain tables of a file.
+        other: function from a path of a vehicle, of gains, samples or a mesh to the path in its place.
     """
-    found = dict(tables)
+    replaced = dict(tables)
     for name, word in NAMED_FILES:
         table = tables.get(name)
         if isinstance(table, Mapping) and isinstance(entry := table.get(word), str) and entry not in list_vehicles():
-            found[name] = {**table, word: other(entry)}
-    files = (name for name in ("reference", "world") if name in found)
-    return found | {name: _with_paths(found[name], name, lambda _, path, __: other(path)) for name in files}
+            replaced[name] = {**table, word: other(entry)}
+    files = (name for name in ("reference", "world") if name in replaced)
+    return replaced | {name: _with_paths(replaced[name], name, lambda _, path, __: other(path)) for name in files}
 
 
-def changes(entry: object, path: str, reading: Reading) -> tuple[Change, ...]:
+def changes(entry: object, path: str, reading: ScenarioWords) -> tuple[Change, ...]:
     """Read [[changes]], whose values hold what their files do: a change is read again in flight, without a folder."""
-    read: Any = value_from(tuple[Change, ...], NUMBER, Fields({path: entry}, ""), path)
-    found: tuple[Change, ...] = read
+    read = [record_from(Change, table) for table in list_of_tables(entry, path)]
     return tuple(
         dataclasses.replace(each, value=_without_files(each.table, f"{path}[{i}].value", reading.folder))
-        for i, each in enumerate(found)
+        for i, each in enumerate(read)
     )
 
 
-def _without_files(table: Any, where: str, folder: Path) -> Any:
+def _without_files(table: Entry, where: str, folder: Path) -> Entry:
     """Value of a change with samples in the place of their file, and the whole path of a file of gains.
 
     Args:
-        table: plain, of a file.
+        table: plain table of a file.
         where: its place in the file.
-        folder: of the file.
+        folder: folder of the file.
     """
     if isinstance(table, list):
         return [_without_files(each, f"{where}[{i}]", folder) for i, each in enumerate(table)]
@@ -259,8 +260,8 @@ def _without_files(table: Any, where: str, folder: Path) -> Any:
         return str((folder / table).absolute())
     if not isinstance(table, dict):
         return table
-    if table.get("kind") == "samples" and isinstance(table.get("file"), str):
-        return samples_as_spline(Fields(table | {"file": str(folder / table["file"])}, where))
+    if table.get("kind") == "samples" and isinstance(file := table.get("file"), str):
+        return samples_as_spline(Fields(table | {"file": str(folder / file)}, where))
     return {name: _without_files(each, f"{where}.{name}", folder) for name, each in table.items()}
 
 
@@ -278,7 +279,7 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
     return feasibility(scenario.reference, setting_of(scenario.plant, scenario.duration))
 
 
-def reference(entry: object, path: str, reading: Reading) -> Trajectory:
+def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
     """Read [reference], whose task leaves its events in the setting."""
     joints = reading.word("plant").vehicle.n
     return reference_from(with_files(entry, path, reading.folder), joints, path, reading.setting)

@@ -17,7 +17,7 @@ from typing import Any
 from skyarm.control.catalogue import AUTOPILOTS, PRESETS, TUNED
 from skyarm.records.files import PathLike, errors_as, file_name, output_file, shown, taken_back
 from skyarm.records.files.names import read_named
-from skyarm.records.files.toml import toml_key, toml_value
+from skyarm.records.files.toml import Entry, toml_key, toml_value
 from skyarm.records.files.writing import write_atomically
 from skyarm.records.identity import DRAWN, identity
 from skyarm.records.leaves import Place, is_leaf, mismatch, part, walk
@@ -46,7 +46,7 @@ Tables = dict[str, Any]
 
 
 def save_scenario(
-    path: PathLike, scenario: Scenario, base: PathLike | Mapping[str, Any], controller: PathLike | None = None
+    path: PathLike, scenario: Scenario, base: PathLike | Mapping[str, Entry], controller: PathLike | None = None
 ) -> Path:
     """Write a scenario as a file that :func:`skyarm.load_scenario` reads as the same flight.
 
@@ -55,8 +55,8 @@ def save_scenario(
     the file they come first.
 
     Args:
-        path: of the .toml file to write.
-        scenario: to be written.
+        path: path of the .toml file to write.
+        scenario: scenario to write.
         base: shipped name, path or tables of the scenario that it was made from: what both have is written as there.
         controller: name of its law as of :func:`skyarm.load_scenario`; left out, the base's [controller] if the law is
             of that name, or the catalogue's law of its name.
@@ -81,71 +81,71 @@ def save_scenario(
         with errors_as(ScenarioError):
             output_file(str(path), "path", SUFFIX)
         with errors_as(ScenarioError, f"{file}: ", (ValueError, TypeError)):
-            found = tables_of(scenario, _from_folder(tables, folder, file.parent), file.parent, law)
-            return write_atomically(file, scenario_text(found).encode())
+            document = tables_of(scenario, _from_folder(tables, folder, file.parent), file.parent, law)
+            return write_atomically(file, scenario_text(document).encode())
 
 
 def tables_of(
-    scenario: Scenario, tables: Mapping[str, Any], folder: PathLike = "", controller: str | None = None
+    scenario: Scenario, tables: Mapping[str, Entry], folder: PathLike = "", controller: str | None = None
 ) -> Tables:
     """Tables that a scenario is read from, made of those of another one.
 
     Args:
-        scenario: to be written.
-        tables: of the scenario that it was made from.
-        folder: where paths in the tables begin.
-        controller: as of :func:`save_scenario`.
+        scenario: scenario to write.
+        tables: tables of the scenario that it was made from.
+        folder: folder where paths in the tables begin.
+        controller: name of its law as of :func:`save_scenario`.
 
     Raises:
         ScenarioError: as :func:`save_scenario`.
     """
-    wanted = _until_end(scenario)
+    target = _until_end(scenario)
     stated = {name: each for name, each in tables.items() if name != "numbers"}
-    law = wanted.controller.name
+    law = target.controller.name
     if controller is not None:
-        return _tables_from(wanted, _under_law(stated, controller, folder), folder)
+        return _tables_from(target, _under_law(stated, controller, folder), folder)
     if law != scenario_from(stated, folder).controller.name:
-        return _tables_from(wanted, _under_law(stated, law, folder), folder)
+        return _tables_from(target, _under_law(stated, law, folder), folder)
     try:
-        return _tables_from(wanted, stated, folder)
+        return _tables_from(target, stated, folder)
     except ScenarioError as error:
         with suppress(ValueError):  # the law of this name may have other options than the base's
-            return _tables_from(wanted, _under_law(stated, law, folder), folder)
+            return _tables_from(target, _under_law(stated, law, folder), folder)
         raise error from None
 
 
-def _tables_from(wanted: Scenario, stated: Tables, folder: PathLike) -> Tables:
+def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
     """Tables that a scenario is read from, under the law of those that are given.
 
     Raises:
         ScenarioError: one line: they are read as another one.
     """
     begun = scenario_from(stated, folder)
-    found = _with_changes(_with_entries(begun, wanted, stated), folder, wanted)
-    read, rate = scenario_from(found, folder), wanted.rates.control
-    if in_order(read.changes, rate) == in_order(wanted.changes, rate):
-        wanted = dataclasses.replace(wanted, changes=read.changes)
-    numbers = _numbers(read, wanted)
-    written = found | ({"numbers": numbers} if numbers else {})
+    tables = _with_changes(_with_entries(begun, target, stated), folder, target)
+    read, rate = scenario_from(tables, folder), target.rates.control
+    if in_order(read.changes, rate) == in_order(target.changes, rate):
+        target = dataclasses.replace(target, changes=read.changes)
+    numbers = _numbers(read, target)
+    written = tables | ({"numbers": numbers} if numbers else {})
     made = scenario_from(written, folder)
-    if identity(made) != identity(wanted):
-        raise ScenarioError(f"base: {_difference(made, wanted)}")
+    if identity(made) != identity(target):
+        raise ScenarioError(f"base: {_difference(made, target)}")
     return written
 
 
-def _difference(made: Scenario, wanted: Scenario) -> str:
+def _difference(made: Scenario, target: Scenario) -> str:
     """Message on what a file does not say of a scenario: the first value that is read otherwise."""
-    found = scenario_differences(plain(wanted), plain(made))
-    if any(path.startswith(GOVERNOR) for path in found):
+    differences = scenario_differences(plain(target), plain(made))
+    if any(path.startswith(GOVERNOR) for path in differences):
         return f"must have the [{GOVERNOR}] that planned the scenario's time: no file states a plan by its numbers"
-    flown = {path: pair for path, pair in found.items() if not {*path.split(".")} & {*DRAWN}}
+    flown = {path: pair for path, pair in differences.items() if not {*path.split(".")} & {*DRAWN}}
     if not flown:
-        return f"must be of the same classes as the scenario in {', '.join(sorted(_different_words(made, wanted)))}"
+        return f"must be of the same classes as the scenario in {', '.join(sorted(_different_words(made, target)))}"
     # numbers differ, too, where others of another structure keep them from being written
     path = min(flown, key=lambda each: all(isinstance(value, float) for value in flown[each]))
-    held, other = (value if value == ABSENT else shown(value) for value in flown[path])
+    own, other = (value if value == ABSENT else shown(value) for value in flown[path])
     but = "which words and numbers do not change; choose the base it was made from, and its law by controller"
-    return f"must have {path.removeprefix('agent.')} = {held} like the scenario, not {other}, {but}"
+    return f"must have {path.removeprefix('agent.')} = {own} like the scenario, not {other}, {but}"
 
 
 def law_entry(name: str) -> Tables:
@@ -173,7 +173,7 @@ def _until_end(scenario: Scenario) -> Scenario:
     return dataclasses.replace(scenario, windows=scenario.windows.within(scenario.duration), changes=coming)
 
 
-def _tables_of(base: PathLike | Mapping[str, Any]) -> tuple[Tables, Path]:
+def _tables_of(base: PathLike | Mapping[str, Entry]) -> tuple[Tables, Path]:
     """Tables of the scenario that another one was made from, and the folder where their paths begin."""
     if isinstance(base, Mapping):
         return dict(base), Path()
@@ -203,12 +203,12 @@ def _different_words(one: Scenario, other: Scenario) -> dict[str, Slot]:
 
 def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables:
     """Tables with the entries of parts that differ in more than numbers, or whose words are numbers themselves."""
-    found = tables
+    document = tables
     for slot in _different_words(begun, scenario).values():
         before, after = part(begun, slot.record), part(scenario, slot.record)
         numbers_alone = slot.word.varies == "always" and _alike(before, after)
         if after is None:
-            found = _without_entry(found, slot.table.split("."))
+            document = _without_entry(document, slot.table.split("."))
             continue
         if slot.word.reader in WITHOUT_ENTRY or slot.path == "changes" or numbers_alone:
             continue
@@ -217,20 +217,20 @@ def _with_entries(begun: Scenario, scenario: Scenario, tables: Tables) -> Tables
         if slot.path == "payloads":
             entry = _without_instants(entry, tables.get("payloads", []))
         if slot.table == "sensors":  # of the full state its numbers stand there, of others tables by their names
-            beside = found.get("sensors", {}).items()
+            beside = document.get("sensors", {}).items()
             entry = {name: each for name, each in beside if isinstance(each, dict) is (slot.path == slot.table)} | entry
-        found = _with_entry(found, slot.table.split("."), entry)
-    return found
+        document = _with_entry(document, slot.table.split("."), entry)
+    return document
 
 
 def _without_instants(entry: list[Tables], stated: list[Tables]) -> list[Tables]:
     """Entry of payloads without instants that the base's table of a payload leaves to the phases of a task."""
-    known = {each.get("name", str(i)): each for i, each in enumerate(stated)}
+    by_name = {each.get("name", str(i)): each for i, each in enumerate(stated)}
     return [
         {
             word: value
             for word, value in each.items()
-            if word not in INSTANTS or word in known.get(each.get("name", str(i)), INSTANTS)
+            if word not in INSTANTS or word in by_name.get(each.get("name", str(i)), INSTANTS)
         }
         for i, each in enumerate(entry)
     ]
@@ -264,15 +264,15 @@ def _entry(slot: Slot, value: Any) -> Any:
     if slot.path != slot.table:  # named items, each a table: NAME = { kind = ..., ... }
         inner = slot.place[slot.place.index(EACH) + 1]
         return {each.name: entry_of(getattr(each, inner)) for each in value}
-    found = entry_of(value)
-    if slot.path == "sensors" and isinstance(found, dict):
-        found.pop("kind")
-    if slot.path == "environment.wind" and isinstance(found, dict):
-        return {"mode": found.pop("kind"), **found}
-    return found
+    entry = entry_of(value)
+    if slot.path == "sensors" and isinstance(entry, dict):
+        entry.pop("kind")
+    if slot.path == "environment.wind" and isinstance(entry, dict):
+        return {"mode": entry.pop("kind"), **entry}
+    return entry
 
 
-def _with_entry(tables: Tables, path: list[str], entry: Any) -> Tables:
+def _with_entry(tables: Tables, path: list[str], entry: Entry) -> Tables:
     """Tables with the entry at a path replaced."""
     first, *rest = path
     inner = tables.get(first, {})
@@ -306,7 +306,7 @@ def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
     return numbers
 
 
-def scenario_text(document: Mapping[str, Any]) -> str:
+def scenario_text(document: Mapping[str, Entry]) -> str:
     """Text of a scenario file: a list's entries on lines of their own."""
     lines = list[str]()
     for name, entry in sorted(document.items(), key=lambda each: isinstance(each[1], Mapping)):
@@ -315,7 +315,7 @@ def scenario_text(document: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _table_lines(name: str, table: Mapping[str, Any]) -> list[str]:
+def _table_lines(name: str, table: Mapping[str, Entry]) -> list[str]:
     """Lines of a table: plain values, then the tables in it that have no kind."""
     inner = {k: v for k, v in table.items() if isinstance(v, Mapping) and any(isinstance(x, list) for x in v.values())}
     lines = ["", f"[{name}]"]
@@ -327,7 +327,7 @@ def _table_lines(name: str, table: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _value_lines(begin: str, value: Any, indent: str) -> list[str]:
+def _value_lines(begin: str, value: Entry, indent: str) -> list[str]:
     """Lines of a value; the entries of a list that holds tables or lists stand below each other."""
     if not isinstance(value, list) or not any(isinstance(each, (Mapping, list)) for each in value):
         return [f"{indent}{begin}{toml_value(value)}"]

@@ -71,7 +71,7 @@ def rule(*reads: str, numbers: bool = True) -> Callable[[Callable[[Scenario], No
 
     Args:
         reads: words of a scenario's file, or paths below them, that the function reads.
-        numbers: as of :class:`Rule`.
+        numbers: numbers as of :class:`Rule`.
     """
 
     def add(check: Callable[[Scenario], None]) -> Callable[[Scenario], None]:
@@ -85,7 +85,7 @@ def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None,
     """Raise an error if the plant, law, sensors, clocks and other settings of a scenario are inconsistent.
 
     Args:
-        scenario: to be checked.
+        scenario: scenario to check.
         changed: fields that differ from a scenario that was checked: only rules that read them run; None for all.
         numbers: True if nothing but numbers differs.
 
@@ -111,13 +111,15 @@ def touches(each: Rule, changed: Collection[Place]) -> bool:
 @cache
 def read_places(word: str) -> tuple[Place, ...]:
     """Fields that hold a word of a scenario's file, or what a path below a word leads to."""
-    found = []
+    places = []
     for slot in slots(Scenario):
         if is_below(word, slot.table):
-            found.append((*slot.record, *word[len(slot.table) + 1 :].split(".")) if word != slot.table else slot.record)
+            places.append(
+                (*slot.record, *word[len(slot.table) + 1 :].split(".")) if word != slot.table else slot.record
+            )
         elif is_below(slot.table, word):
-            found.append(slot.record)
-    return tuple(found)
+            places.append(slot.record)
+    return tuple(places)
 
 
 @rule("controller", numbers=False)
@@ -172,9 +174,9 @@ def times_are_whole(scenario: Scenario) -> None:
     for name in ("rotors", "joints", "command") if concrete(delays.command) else ():
         own = getattr(delays, name)
         # of a delay of 0 the sum is the command's own, which is named by itself
-        if concrete(own) and (held := own if name == "command" else own and own + delays.command) > longest:
+        if concrete(own) and (total := own if name == "command" else own and own + delays.command) > longest:
             what = "" if name == "command" else " with delays.command"
-            raise ValueError(f"delays.{name} = {held!r}{what}: must not exceed delays.longest_command = {longest!r}")
+            raise ValueError(f"delays.{name} = {total!r}{what}: must not exceed delays.longest_command = {longest!r}")
 
 
 def require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
@@ -212,9 +214,9 @@ def reference_fits(scenario: Scenario) -> None:
             )
     if scenario.path_time is not None:
         scenario.path_time.check(scenario.duration, bool(scenario.reference.guards))
-    found, joints = len(scenario.reference.joints), scenario.plant.vehicle.n
-    if found != joints:
-        raise ValueError(f"reference.joints = {found} signals: must be {joints}, one for each joint")
+    count, joints = len(scenario.reference.joints), scenario.plant.vehicle.n
+    if count != joints:
+        raise ValueError(f"reference.joints = {count} signals: must be {joints}, one for each joint")
 
 
 @rule("sensors", "rates", "plant.vehicle", "plant.drives", "controller", "reference", "world", "estimator")
@@ -234,10 +236,10 @@ def sensors_suffice(scenario: Scenario) -> None:
         require_whole(f"{where}.latency", delay, rates.control, "control periods")
         with errors_as(ValueError, f"{where}."):
             each.sensor.require_vehicle(vehicle)
-    par, held = scenario.controller.par, tuple(sensors.items())
+    par, named_sensors = scenario.controller.par, tuple(sensors.items())
     if senses_force(par):
-        _require_tip_sensor("controller", held, vehicle)
-    _check_guards(scenario.reference, held, vehicle)
+        _require_tip_sensor("controller", named_sensors, vehicle)
+    _check_guards(scenario.reference, named_sensors, vehicle)
     grippers = () if scenario.world is None else scenario.world.grippers
     reported = any(each.frame in ("", vehicle.end_effector) for each in grippers)
     if learns_load(par) and scenario.reference.load is None and not reported:

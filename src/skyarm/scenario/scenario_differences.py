@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, get_origin
+from typing import get_origin
 
 from skyarm.log.log_differences import more_lines
 from skyarm.records.files import shown
+from skyarm.records.plain import Plain
 from skyarm.records.words import EACH, Slot, slots
 from skyarm.scenario.paths import matches
 from skyarm.scenario.scenario_record import Scenario
@@ -20,23 +21,23 @@ FOR_PEOPLE = ("title", "sources", "notes", "type")
 Words = tuple[str, ...]
 
 
-def scenario_differences(a: object, b: object) -> dict[str, tuple[Any, Any]]:
+def scenario_differences(a: object, b: object) -> dict[str, tuple[Plain, Plain]]:
     """Values that differ between two scenarios, as a dict from parameter path to pair of values.
 
     Args:
         a: plain data of a scenario (``log.info["scenario_record"]``); anything else counts as empty.
         b: plain data of the other scenario.
     """
-    ours, theirs = (dict(_leaves(each, ())) if isinstance(each, Mapping) else {} for each in (a, b))
-    found = {}
+    ours, theirs = (dict(_leaves(dict(each), ())) if isinstance(each, Mapping) else {} for each in (a, b))
+    differences = {}
     for words in {**ours, **theirs}:
         pair = ours.get(words, ABSENT), theirs.get(words, ABSENT)
         if type(pair[0]) is not type(pair[1]) or pair[0] != pair[1]:
-            found[_path(words)] = pair
-    return found
+            differences[_path(words)] = pair
+    return differences
 
 
-def _leaves(data: object, words: Words) -> Iterator[tuple[Words, Any]]:
+def _leaves(data: Plain, words: Words) -> Iterator[tuple[Words, Plain]]:
     """Field names and value of each number, text or flag in a scenario's plain data."""
     inner = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
     if not inner:
@@ -74,11 +75,13 @@ MOST_FIELDS = 20
 """Fields that a terminal shows; ``--json`` has all."""
 
 
-def changed_field_lines(found: dict[str, tuple[object, object]], laws: list[str]) -> list[str]:
+def changed_field_lines(differences: Mapping[str, tuple[Plain, Plain]], laws: list[str]) -> list[str]:
     """Text of the scenario fields in which two logs differ."""
-    lines = ["the scenarios differ in"] if found else []
-    if any(path.startswith("controller.law.") for path in found):
+    lines = ["the scenarios differ in"] if differences else []
+    if any(path.startswith("controller.law.") for path in differences):
         lines.append("  controller: " + " and ".join(map(shown, laws)))
-        found = {path: pair for path, pair in found.items() if not path.startswith("controller.")}
-    lines += [f"  {path}: {shown(ours)} and {shown(theirs)}" for path, (ours, theirs) in found.items()][:MOST_FIELDS]
-    return lines + more_lines(len(found) - MOST_FIELDS, "fields")
+        differences = {path: pair for path, pair in differences.items() if not path.startswith("controller.")}
+    lines += [f"  {path}: {shown(ours)} and {shown(theirs)}" for path, (ours, theirs) in differences.items()][
+        :MOST_FIELDS
+    ]
+    return lines + more_lines(len(differences) - MOST_FIELDS, "fields")

@@ -88,7 +88,7 @@ def load_scenario(
         name_or_path: a name of :func:`list_scenarios`, or the path of a .toml file or of a log of a flight.
         plant: "rigid_body" or "mujoco".
         controller: name of a preset or a law, or ``LAW_tuned`` (:mod:`skyarm.control.catalogue`).
-        seed: of the noise.
+        seed: seed of the noise.
         duration: s.
 
     Warns of parts without effect on the flight (:class:`skyarm.scenario.without_effect.WithoutEffectWarning`).
@@ -179,7 +179,7 @@ def scenario_from(
 
     Args:
         document: plain tables, as read from TOML.
-        folder: where its vehicle paths start.
+        folder: folder where its vehicle paths start.
         replaced: "plant", "controller", "seed", "duration" in place of the document's.
 
     Raises:
@@ -257,15 +257,15 @@ def _by_its_path(scenario: Scenario, numbers: Mapping[str, Scalar], words: str) 
     """Error in numbers that a file states by path, which names the path where a record's field was named.
 
     Args:
-        scenario: without the numbers.
-        numbers: by path.
-        words: of the error in all of them.
+        scenario: scenario without the numbers.
+        numbers: numbers by path.
+        words: message of the error in all of them.
     """
     for path, value in numbers.items() if not words.startswith("path = ") else ():
         try:
             with_numbers(scenario, {path: value})
         except ValueError as error:
-            found, texts = str(error), (shown(value), f"{value}.0")  # as it is and as a record holds a whole number
-            why = next((tail for each in texts if (tail := found.partition(f" = {each}: ")[2])), found)
+            message, texts = str(error), (shown(value), f"{value}.0")  # as it is and as a record holds a whole number
+            why = next((tail for each in texts if (tail := message.partition(f" = {each}: ")[2])), message)
             return ScenarioError(f"{path} = {shown(value)}: {why}")
     return ScenarioError(words.replace(OF_STUDIES, "must be written in its table"))

@@ -160,7 +160,7 @@ class Change:
 
     Attributes:
         at: s.
-        path: of a number, or of a part as a whole.
+        path: path of a number, or of a part as a whole.
         value: the number, or what a scenario file would hold in the part's place: text, true or false, lists (held as
             tuples) or tables.
     """
@@ -259,7 +259,7 @@ class Environment:
     """Surroundings shared by all vehicles: wind, other air motion, forces, ground and contact model.
 
     Attributes:
-        wind: of the air. air, forces: further components (:mod:`skyarm.world.component`).
+        wind: motion of the air. air, forces: further components (:mod:`skyarm.world.component`).
         ground: end the episode when the lowest point reaches z = 0.
         world: surfaces, and the vehicle's points that touch them (:mod:`skyarm.world.contact`); None for free flight.
     """
@@ -289,9 +289,9 @@ class Agent:
         tracking_start: s; before it the law receives the initial reference at rest. Errors always refer to the running
             reference. An int of 0 is structure: the law tracks from the first instant.
         path_time: planned time of the reference (:func:`skyarm.govern`); None for none.
-        noise: of the full state. sensors: in addition to it.
-        estimator: from all readings to the measurement that the law receives.
-        drives: of joints whose setpoint is not the torque.
+        noise: noise of the full state. sensors: sensors in addition to it.
+        estimator: estimator from all readings to the measurement that the law receives.
+        drives: drives of joints whose setpoint is not the torque.
         delays: dead times of the loop.
         initial: state at t = 0; None is hover trim of the truth at the reference, as far as its rotors can turn.
         faults: losses of single actuators.
@@ -370,20 +370,20 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
     Raises:
         TypeError: a field is missing, or there is no such field or word.
     """
-    found: dict[str, Any] = {name: words.pop(name) for name in defaults(kind) if name in words}
-    for group, held in groups(kind).items() if words else ():
-        if inner := {word: words.pop(word) for word in field_names(held) or () if word in words}:
-            if group not in found:
-                found[group] = held(**inner)
-            elif isinstance(found[group], held):  # what is not is refused as the group
-                found[group] = dataclasses.replace(found[group], **inner)
+    fields: dict[str, Any] = {name: words.pop(name) for name in defaults(kind) if name in words}
+    for group, group_kind in groups(kind).items() if words else ():
+        if inner := {word: words.pop(word) for word in field_names(group_kind) or () if word in words}:
+            if group not in fields:
+                fields[group] = group_kind(**inner)
+            elif isinstance(fields[group], group_kind):  # what is not is refused as the group
+                fields[group] = dataclasses.replace(fields[group], **inner)
     for name, usual in defaults(kind).items():
-        if usual is dataclasses.MISSING and name not in found:
+        if usual is dataclasses.MISSING and name not in fields:
             raise TypeError(f"{kind.__name__}: {name} is missing")
     if words:
         meant = did_you_mean(next(iter(words)), field_names(Agent) or ())
         raise TypeError(f"{kind.__name__}: {meant}has no field {', '.join(words)}")
-    return found
+    return fields
 
 
 @words_as_keywords
@@ -398,7 +398,7 @@ class Scenario:
         name: short name. title: one-line description.
         duration: s.
         solver: simulation of the plant. agent: the vehicle with its law. environment: surroundings.
-        endings: what ends the episode in addition to the library's endings (:mod:`skyarm.scenario.endings`).
+        endings: conditions that end the episode in addition to the library's endings (:mod:`skyarm.scenario.endings`).
         windows: spans of time of its metrics; those that end after a shortened flight are general in it.
         changes: scheduled changes (:mod:`skyarm.scenario.in_flight`); those after the end of a shortened flight are
             left out.
@@ -440,8 +440,8 @@ class Scenario:
 
     def under(self, controller: Controller) -> Scenario:
         """Scenario with another law, and without scheduled changes of the present law."""
-        kept = tuple(each for each in self.changes if not each.of_law)
-        return dataclasses.replace(self, changes=kept, agent=dataclasses.replace(self.agent, controller=controller))
+        changes = tuple(each for each in self.changes if not each.of_law)
+        return dataclasses.replace(self, changes=changes, agent=dataclasses.replace(self.agent, controller=controller))
 
     def with_controller(self, controller: Controller) -> Scenario:
         """Scenario with another law; scheduled changes of it stay (:meth:`under` leaves them out)."""
@@ -654,10 +654,10 @@ def check_name(name: str) -> None:
 
 def noise_key(field: str, value: object) -> int:
     """Check a key of the noise generator (seed or episode): a whole number from 0 to 2**32 - 1."""
-    held = whole(value)
-    if held is None or not 0 <= held < 2**32:
+    key = whole(value)
+    if key is None or not 0 <= key < 2**32:
         raise ScenarioError(f"{field} = {shown(value)}: must be a whole number from 0 to 2**32 - 1")
-    return held
+    return key
 
 
 def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: tuple[Scalar, ...]) -> State:
@@ -689,11 +689,11 @@ def first_state(scenario: Scenario) -> State:
 
 
 def _as_data(state: State) -> State:
-    """State whose numbers are all floats, inputs of compiled code, with a normalized quaternion."""
+    """State whose numbers are all floats, inputs of compiled code, with a normalised quaternion."""
 
     def as_data(value: Any) -> Any:
         numbers = (data(each) for each in value)
         return tuple(numbers) if isinstance(value, tuple) else type(value)(*numbers)
 
-    held = {name: as_data(value) for name, value in leaves.parts(state).items()}
-    return State(**held | {"quaternion": coerce.near_unit_quaternion(held["quaternion"])})
+    fields = {name: as_data(value) for name, value in leaves.parts(state).items()}
+    return State(**fields | {"quaternion": coerce.near_unit_quaternion(fields["quaternion"])})

@@ -74,10 +74,10 @@ def part_warnings(scenario: Scenario) -> tuple[str, ...]:
     vehicle, step = scenario.plant.vehicle, 1.0 / scenario.rates.physics
     lines = list[str]()
     for where, part in scenario.placed_components:
-        found = part.warnings(vehicle, step)
-        listed = isinstance(found, Iterable) and not isinstance(found, str)
-        require_result(part.warnings, found, listed, "a list of texts")
-        lines += [f"{where}: {line}" for line in found]
+        texts = part.warnings(vehicle, step)
+        listed = isinstance(texts, Iterable) and not isinstance(texts, str)
+        require_result(part.warnings, texts, listed, "a list of texts")
+        lines += [f"{where}: {line}" for line in texts]
     return (*lines, *without_effect(scenario))
 
 
@@ -93,8 +93,8 @@ def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
 
 def plan_warnings(scenario: Scenario) -> tuple[str, ...]:
     """Warnings about limits of the vehicle that the tip's reference exceeds."""
-    found = feasibility_of(scenario)
-    return tuple(found.warnings()) if found is not None else ()
+    feasibility = feasibility_of(scenario)
+    return tuple(feasibility.warnings()) if feasibility is not None else ()
 
 
 def unlikely_in_vehicle(vehicle: Vehicle) -> tuple[str, ...]:
@@ -106,10 +106,10 @@ def unlikely_in_vehicle(vehicle: Vehicle) -> tuple[str, ...]:
 
 def _unusual(record: object, where: str) -> Iterator[str]:
     """Warnings about values beyond the usual range that their dataclass fields declare, one for each field."""
-    found: dict[tuple[type, str], list[str]] = {}
+    by_field: dict[tuple[type, str], list[str]] = {}
     for key, line in _unusual_fields(record, where):
-        found.setdefault(key, []).append(line)
-    for lines in found.values():
+        by_field.setdefault(key, []).append(line)
+    for lines in by_field.values():
         more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
         yield f"{lines[0]}{more}"
 
@@ -167,8 +167,8 @@ def _reference(scenario: Scenario) -> Iterator[str]:
 def _model(scenario: Scenario) -> Iterator[str]:
     truth, model = scenario.plant.vehicle, scenario.controller.par.model.vehicle
     if model != truth:
-        known = set(unlikely_in_vehicle(truth))
-        yield from (f"model: {line}" for line in unlikely_in_vehicle(model) if line not in known)
+        truth_lines = set(unlikely_in_vehicle(truth))
+        yield from (f"model: {line}" for line in unlikely_in_vehicle(model) if line not in truth_lines)
     ours, theirs = float(truth.mass), float(model.mass)
     if not ours < LOADED * theirs or not theirs < LOADED * ours:
         yield f"plant.vehicle of {ours:g} kg, model.vehicle of {theirs:g} kg: differ; kg, not g (payload)?"

@@ -60,11 +60,11 @@ def without_effect(scenario: Scenario) -> tuple[str, ...]:
 
     A part that cannot be evaluated is not judged: the flight states its fault.
     """
-    found = list[str]()
+    lines = list[str]()
     for judge in (_idle_components, _unread_sensors):
         with suppress(Exception):
-            found += judge(scenario)
-    return tuple(found)
+            lines += judge(scenario)
+    return tuple(lines)
 
 
 def _idle_components(scenario: Scenario) -> Iterator[str]:
@@ -117,7 +117,7 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
     return set()
 
 
-def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -> Any:
+def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -> Tree:
     """First memory of a component; of one that draws random numbers, with each number of its memory at ``noise``."""
     draws = [0.5] * 2 * min(component.uniforms, MOST_UNIFORMS)  # more are refused before the flight
     memory = component.start(1.0 / scenario.rates.control, draws)
@@ -166,11 +166,11 @@ class _Readings(UserDict[str, object]):
 def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, object]:
     """Readings of all sensors by name, of a vehicle without acceleration and by random numbers of 0.5."""
     vehicle, period = scenario.plant.vehicle, 1.0 / scenario.rates.control
-    found: dict[str, object] = {FULL_STATE: measurement_of(state, WEIGHT)}
+    readings: dict[str, object] = {FULL_STATE: measurement_of(state, WEIGHT)}
     for named in scenario.sensors:
         sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
-        found[named.name] = sensor.take(sensor.start(vehicle), t, state, WEIGHT, NO_PUSH, middle, period)[1]
-    return found
+        readings[named.name] = sensor.take(sensor.start(vehicle), t, state, WEIGHT, NO_PUSH, middle, period)[1]
+    return readings
 
 
 def _unread_sensors(scenario: Scenario) -> Iterator[str]:

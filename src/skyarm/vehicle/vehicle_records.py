@@ -19,7 +19,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.notebook import notebook_html
-from skyarm.records.path_names import Names, View
+from skyarm.records.path_names import Names, NumberView
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.vehicle.battery import Battery
@@ -256,7 +256,7 @@ class Vehicle:
 
     def load_names(self) -> Names:
         """Names of point masses on top of the vehicle, in a parameter path: at the tip, and at each frame."""
-        masses = {frame.name: {"mass": View(frame.name, LOAD, ("vehicle",), adds=True)} for frame in self.frames}
+        masses = {frame.name: {"mass": NumberView(frame.name, LOAD, ("vehicle",), adds=True)} for frame in self.frames}
         return {**masses[self.end_effector], **masses} if self.end_effector else dict(masses)
 
     def number_of_view(self, name: str) -> float:

@@ -18,7 +18,7 @@ from skyarm.links.autopilots.angle_control import (
     angles_of,
     rotate,
 )
-from skyarm.links.autopilots.autopilot import Goal
+from skyarm.links.autopilots.autopilot import BaseGoal
 
 GRAVITY = 9.8
 ORIGIN = (0.0, 0.0, 0.0)
@@ -30,8 +30,8 @@ def wxyz(rotation: Rotation) -> tuple[float, ...]:
     return w, x, y, z
 
 
-def goal(position=ORIGIN, velocity=ORIGIN, acceleration=ORIGIN, yaw=0.0) -> Goal:
-    return Goal(position, velocity, acceleration, yaw)
+def goal(position=ORIGIN, velocity=ORIGIN, acceleration=ORIGIN, yaw=0.0) -> BaseGoal:
+    return BaseGoal(position, velocity, acceleration, yaw)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -26,7 +26,7 @@ import skyarm
 from skyarm.links import mavlink
 from skyarm.links.autopilots import ardupilot
 from skyarm.links.autopilots.ardupilot import SURPLUS, ArduPilot, ArduPilotLink, physics_line
-from skyarm.links.autopilots.autopilot import Goal, Instant, LinkError
+from skyarm.links.autopilots.autopilot import BaseGoal, LinkError, SensedInstant
 from skyarm.links.autopilots.flight import planned_scenario
 from skyarm.links.transcript import SENT, WORDS, rows_of
 from skyarm.reference import hover
@@ -338,9 +338,13 @@ def test_a_packet_of_32_pulse_widths_is_taken_as_one_of_16():
     tap = Tap()
     link = ArduPilotLink(ArduPilot(), planned_scenario(scenario()), tap)
     tap.packets = [struct.pack("<HHI32H", 29569, 1, 1, *[1100, 1200, 1300, 1400], *[1000] * 28)]
-    signals = link.exchange(Instant(1 / 800, {"imu": IMU}, STATE), Goal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0))
+    signals = link.exchange(
+        SensedInstant(1 / 800, {"imu": IMU}, STATE), BaseGoal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0)
+    )
     tap.packets = [struct.pack("<HHI16H", 18458, 1, 2, *[1100, 1200, 1300, 1400], *[1000] * 12)]
-    again = link.exchange(Instant(2 / 800, {"imu": IMU}, STATE), Goal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0))
+    again = link.exchange(
+        SensedInstant(2 / 800, {"imu": IMU}, STATE), BaseGoal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0)
+    )
     assert sorted(signals) == pytest.approx((0.1, 0.2, 0.3, 0.4))
     assert signals == again
 
@@ -351,7 +355,7 @@ def test_fuzzed_packets_are_refused_or_taken(packets):
     rng = random.Random(20260)
     tap = Tap()
     link = ArduPilotLink(ArduPilot(), planned_scenario(scenario()), tap)
-    goal = Goal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0)
+    goal = BaseGoal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0)
     taken, frame = 0, 0
     for step in range(packets):
         packet = bytearray(struct.pack("<HHI16H", 18458, 800, frame + 1, *[1500] * 16))
@@ -362,7 +366,7 @@ def test_fuzzed_packets_are_refused_or_taken(packets):
         tap.packets = [bytes(packet)]
         tap.stream = rng.randbytes(rng.randrange(200)) if step % 7 == 0 else b""
         try:
-            signals = link.exchange(Instant(step / 800, {"imu": IMU}, STATE), goal)
+            signals = link.exchange(SensedInstant(step / 800, {"imu": IMU}, STATE), goal)
         except LinkError as error:
             assert "\n" not in str(error)
             frame = link.facts["answered"]
@@ -387,7 +391,7 @@ class Talk:
         self.link = ArduPilotLink(ArduPilot(climb=0.5), planned_scenario(scenario()), self.tap)
         self.mode, self.armed, self.flags, self.shift, self.system = 0, False, 831, (2.0, -1.0, 3.0), 1
 
-    def fly(self, seconds: float, place: tuple[float, float, float], goal: Goal) -> list[mavlink.Message]:
+    def fly(self, seconds: float, place: tuple[float, float, float], goal: BaseGoal) -> list[mavlink.Message]:
         """Messages that the link sends in some seconds at a true place."""
         self.tap.sent.clear()
         for _ in range(round(seconds * 800)):
@@ -405,14 +409,14 @@ class Talk:
                     for i, (name, fields) in enumerate(said.items())
                 )
             self.tap.packets = [struct.pack("<HHI16H", 18458, 800, self.frame, *[1500] * 16)]
-            self.link.exchange(Instant(self.step / 800, {"imu": IMU}, (*place, *STATE[3:])), goal)
+            self.link.exchange(SensedInstant(self.step / 800, {"imu": IMU}, (*place, *STATE[3:])), goal)
         return list(self.tap.sent)
 
 
 START = first_state(scenario()).position
 STAND = (float(START.x), float(START.y), float(START.z) - 0.5)
 AIR = (STAND[0], STAND[1], STAND[2] + 0.5)
-GOAL = Goal((1.5, 2.5, 1.25), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7)
+GOAL = BaseGoal((1.5, 2.5, 1.25), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7)
 
 
 def commands(sent: list[mavlink.Message]) -> list[int]:

@@ -26,8 +26,8 @@ from scipy.spatial.transform import Rotation
 from skyarm.control.controller import ControllerError
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.links.autopilots import betaflight, betaflight_process
-from skyarm.links.autopilots.angle_control import Attitude
-from skyarm.links.autopilots.autopilot import Goal, LinkError
+from skyarm.links.autopilots.angle_control import AttitudeCommand
+from skyarm.links.autopilots.autopilot import BaseGoal, LinkError
 from skyarm.links.autopilots.betaflight import make_betaflight
 from skyarm.links.autopilots.betaflight_process import GUARDED_PORTS
 from skyarm.links.autopilots.betaflight_settings import (
@@ -143,10 +143,15 @@ def test_sticks_at_their_ends_are_the_limits_of_the_settings():
     vehicle = load_vehicle("pelican_arm2")
     numbers = settings(vehicle)
     sticks = Sticks(vehicle, GRAVITY)
-    most = Attitude(math.radians(numbers["angle_limit"]), 0.0, -math.radians(10.0 * numbers["yaw_rc_rate"]), 1e3)
+    most = AttitudeCommand(math.radians(numbers["angle_limit"]), 0.0, -math.radians(10.0 * numbers["yaw_rc_rate"]), 1e3)
     assert sticks.channels(most) == (2000, 1500, 2000, 2000)
-    assert sticks.channels(Attitude(0.99 * most.roll, 0.0, 0.99 * most.yaw_rate, 0.0)) == (1995, 1500, 1050, 1995)
-    assert sticks.channels(Attitude(-9.0, -9.0, 9.0, 0.0)) == (1000, 1000, 1050, 1000)
+    assert sticks.channels(AttitudeCommand(0.99 * most.roll, 0.0, 0.99 * most.yaw_rate, 0.0)) == (
+        1995,
+        1500,
+        1050,
+        1995,
+    )
+    assert sticks.channels(AttitudeCommand(-9.0, -9.0, 9.0, 0.0)) == (1000, 1000, 1050, 1000)
 
 
 def test_the_slope_of_the_thrust_in_hover_is_its_derivative():
@@ -166,7 +171,7 @@ def test_the_slope_of_the_thrust_in_hover_is_its_derivative():
 def test_throttle_stick_gives_the_thrust_through_betaflights_curve(name):
     vehicle = load_vehicle(name)
     mass = float(vehicle.mass)
-    roll, pitch, stick, yaw = Sticks(vehicle, GRAVITY).channels(Attitude(0.1, -0.05, 0.3, GRAVITY))
+    roll, pitch, stick, yaw = Sticks(vehicle, GRAVITY).channels(AttitudeCommand(0.1, -0.05, 0.3, GRAVITY))
     assert (roll, pitch, yaw) == (
         round(1500 + 500 * math.degrees(0.1) / 30), round(1500 - 500 * math.degrees(0.05) / 30),
         round(1500 - 500 * math.degrees(0.3) / 120),
@@ -481,9 +486,9 @@ def test_the_state_after_a_late_answer_keeps_its_distance_from_the_answer(monkey
 
 def test_a_process_is_halted_only_when_its_time_is_over(monkeypatch):
     sent = []
-    monkeypatch.setattr(betaflight_process.Guard, "_kill", lambda self, what: sent.append(what))
+    monkeypatch.setattr(betaflight_process.ProcessGuard, "_kill", lambda self, what: sent.append(what))
     monkeypatch.setattr(betaflight_process, "HALT", 0.03)
-    guard = betaflight_process.Guard(0)
+    guard = betaflight_process.ProcessGuard(0)
     assert not guard.wake(0.3)
     time.sleep(0.1)
     assert sent == []
@@ -498,11 +503,11 @@ def test_a_process_is_halted_only_when_its_time_is_over(monkeypatch):
 def test_it_is_asked_to_arm_takes_off_and_follows_from_halfway_up():
     link = linked()
     wanted, level, quaternion = [], (1500, 1500, 1000, 1500), (1.0, 0.0, 0.0, 0.0)
-    goal = Goal((1.0, 2.0, 9.0), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7)
+    goal = BaseGoal((1.0, 2.0, 9.0), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7)
 
     def note(position, velocity, attitude, goal, dt, *, flying):
         wanted.append((goal, flying))
-        return Attitude(0.0, 0.0, 0.0, GRAVITY)
+        return AttitudeCommand(0.0, 0.0, 0.0, GRAVITY)
 
     link._control.command = note
     stand = link._filter.position = (0.0, 0.0, link._stand)
@@ -511,9 +516,9 @@ def test_it_is_asked_to_arm_takes_off_and_follows_from_halfway_up():
     link._armed, link._armed_at = True, 7.0
     channels = link._channels(7.5, quaternion, goal)
     assert channels[4:] == (2000, 2000, *(1000,) * 10)
-    assert wanted[-1] == (Goal((1.0, 2.0, stand[2] + 0.2), (0.0, 0.0, 0.4), (0.0, 0.0, 0.0), 0.7), False)
+    assert wanted[-1] == (BaseGoal((1.0, 2.0, stand[2] + 0.2), (0.0, 0.0, 0.4), (0.0, 0.0, 0.0), 0.7), False)
     link._channels(1000.0, quaternion, goal)
-    assert wanted[-1][0] == Goal((1.0, 2.0, 9.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.7)
+    assert wanted[-1][0] == BaseGoal((1.0, 2.0, 9.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.7)
     link._filter.position = (0.0, 0.0, link._stand + 0.24)
     link._channels(8.0, quaternion, goal)
     assert wanted[-1][1]

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from skyarm.links.autopilots import betaflight, betaflight_process
-from skyarm.links.autopilots.autopilot import Goal, Instant, LinkError
+from skyarm.links.autopilots.autopilot import BaseGoal, LinkError, SensedInstant
 from skyarm.links.autopilots.betaflight import Betaflight, BetaflightLink
 from skyarm.links.autopilots.betaflight_process import LONGEST_ANSWER, VERSION_ANSWER, await_boot, set_up
 from skyarm.links.autopilots.betaflight_settings import MOTORS
@@ -26,7 +26,7 @@ QUICKLY = [1000, pytest.param(20_000, marks=pytest.mark.thorough)]
 
 ODD = (float("nan"), float("inf"), -float("inf"), 3e38, -1.0, 0.0, 999.9, 2000.1)
 
-GOAL = Goal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0)
+GOAL = BaseGoal((0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, 0.0)
 
 
 class Wire(Tape):
@@ -93,7 +93,7 @@ def test_fuzzed_motors_end_as_one_line_or_are_passed_over(link: BetaflightLink, 
             peer.sendto(packet, place)
             readings = {"imu": (0.0,) * 6 + (9.8,), "pose": (step * 0.004, 0.0, 0.0, -5.0, 1.0, 0.0, 0.0, 0.0)}
             try:
-                signals = link.exchange(Instant(step * 0.004, readings, ()), GOAL)
+                signals = link.exchange(SensedInstant(step * 0.004, readings, ()), GOAL)
             except LinkError as error:
                 assert "\n" not in str(error)
                 assert means is None

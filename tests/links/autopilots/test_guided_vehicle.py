@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from skyarm.links import mavlink
-from skyarm.links.autopilots.autopilot import Goal, LinkError
+from skyarm.links.autopilots.autopilot import BaseGoal, LinkError
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
 
 PX4, ARDUPILOT = 12, 3
@@ -61,7 +61,7 @@ def test_its_rise_is_none_before_its_origin_is_known() -> None:
 def test_a_set_point_is_north_east_down_about_its_origin() -> None:
     vehicle, sent = guided()
     vehicle.origin = (10.0, 20.0, 30.0)
-    vehicle.send_goal(1.25, Goal((0.5, -0.3, 1.5), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7))
+    vehicle.send_goal(1.25, BaseGoal((0.5, -0.3, 1.5), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7))
     (told,) = sent
     place = [told[f] for f in ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw")]
     assert place == pytest.approx([10.5, -19.7, -31.5, 0.1, -0.2, -0.3, 0.4, -0.5, -0.6, -0.7], rel=1e-6)
@@ -73,7 +73,7 @@ def test_a_set_point_that_mavlink_cannot_carry_is_a_link_error() -> None:
     vehicle, _ = guided(ARDUPILOT, GUIDED)
     vehicle.origin = (0.0, 0.0, 0.0)
     with pytest.raises(LinkError, match="a set point cannot be sent to ArduPilot: "):
-        vehicle.send_goal(0.0, Goal((1e300, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, 0.0))
+        vehicle.send_goal(0.0, BaseGoal((1e300, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, 0.0))
 
 
 @pytest.mark.parametrize(

@@ -26,9 +26,9 @@ from skyarm.links.autopilots import ardupilot, betaflight, flight, px4
 from skyarm.links.autopilots.angle_control import AngleGains
 from skyarm.links.autopilots.autopilot import (
     Autopilot,
-    Goal,
-    Instant,
-    Link,
+    BaseGoal,
+    SensedInstant,
+    SimulatorLink,
     controller_with,
     model_of,
     move_arm,
@@ -342,19 +342,19 @@ class Resting(Autopilot):
     def outside_ports(self) -> tuple[int, int]:
         return 0, 0
 
-    def connect(self, scenario: Scenario, tape: Tape) -> Link:
+    def connect(self, scenario: Scenario, tape: Tape) -> SimulatorLink:
         return RestingLink()
 
 
-class RestingLink(Link):
+class RestingLink(SimulatorLink):
     """Link that notes what it is given."""
 
     following = True
 
     def __init__(self) -> None:
-        self.seen, self.signals, self.asked, self.closed = list[tuple[Instant, Goal]](), (0.0,) * 4, 0, 0
+        self.seen, self.signals, self.asked, self.closed = list[tuple[SensedInstant, BaseGoal]](), (0.0,) * 4, 0, 0
 
-    def exchange(self, now: Instant, goal: Goal) -> tuple[float, ...]:
+    def exchange(self, now: SensedInstant, goal: BaseGoal) -> tuple[float, ...]:
         self.seen.append((now, goal))
         return self.signals
 

@@ -16,7 +16,7 @@ from px4_flights import QUIET, READINGS, Fixed, free_instance, make_program, rec
 
 from skyarm.links import mavlink
 from skyarm.links.autopilots import px4, px4_ports
-from skyarm.links.autopilots.autopilot import Goal, Instant, LinkError
+from skyarm.links.autopilots.autopilot import BaseGoal, LinkError, SensedInstant
 from skyarm.links.autopilots.flight import PilotedSession, planned_scenario
 from skyarm.links.autopilots.px4 import PX4Link
 from skyarm.links.autopilots.px4_ports import open_ports
@@ -26,7 +26,7 @@ from skyarm.simulate.session import open_session
 TOLD: list[tuple[float, float]] = []
 """What the session last begun has told of its take-off."""
 
-GOAL = Goal((0.5, -0.3, 1.5), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7)
+GOAL = BaseGoal((0.5, -0.3, 1.5), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7)
 
 
 @pytest.fixture(autouse=True)
@@ -302,7 +302,7 @@ class Peer:
             t = (self.stamp - 1) * 1e-6 + 0.004
             self.stamp = round(t * 1e6) + 1
             fix = (t, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0)
-            self.link.exchange(Instant(t, READINGS | {"gnss": fix}, ()), GOAL)
+            self.link.exchange(SensedInstant(t, READINGS | {"gnss": fix}, ()), GOAL)
         sent = b"".join(data for channel, data in self.tape.sent if channel == "onboard")
         return {m.name: m for m in self.parser.feed(sent)}
 

@@ -11,7 +11,7 @@ from tab import Tab
 
 import skyarm
 from scenes_without_browser import Scene
-from skyarm.flight_data.motion import Motion, PredictedMotion, join_motions
+from skyarm.flight_data.motion import PoseSeries, PredictedMotion, join_motions
 from skyarm.view.studio.replay import RATE, PredictionReplay, mean_error
 from skyarm.view.studio.replay_page import ReplayPage, ReplayPicture
 from skyarm.view.studio.server import AccessGuard, close_server, listening_socket, open_server
@@ -26,11 +26,11 @@ LANDED = 0.5
 """s at both ends without a prediction."""
 
 
-def motion(first: float, last: float, begin: float, drift: float = 0.0, turn: float = 0.0) -> Motion:
+def motion(first: float, last: float, begin: float, drift: float = 0.0, turn: float = 0.0) -> PoseSeries:
     """Flight along x at 1 m/s that is left from ``begin`` on along z, and by a rotation about x."""
     time = START + np.linspace(first, last, round((last - first) * 50) + 1)
     zero, age = 0.0 * time, time - START - begin
-    return Motion(
+    return PoseSeries(
         time=time,
         position=np.stack([time - START, zero, 1.0 + drift * age], axis=1),
         quaternion=np.stack([np.cos(0.5 * turn * age), np.sin(0.5 * turn * age), zero, zero], axis=1),

@@ -13,7 +13,7 @@ from typing import Annotated
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.geometric import yaw_of
-from skyarm.links.autopilots.autopilot import Goal
+from skyarm.links.autopilots.autopilot import BaseGoal
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 
@@ -25,7 +25,8 @@ class AngleGains:
     """Gains and limits of the position loop.
 
     Attributes:
-        position, velocity, integral: of the errors of position and velocity, and of the position error's integral.
+        position, velocity, integral: gains of the errors of position and velocity, and of the position error's
+            integral.
         height: factor of the three for the vertical, where no attitude has to turn first.
         yaw: yaw rate per yaw error. tilt: largest angle of the thrust from the vertical.
         reach: largest position error that is acted upon; drift: largest acceleration of the integral.
@@ -51,7 +52,7 @@ class AngleGains:
 
 
 @immutable(kw_only=False)
-class Attitude:
+class AttitudeCommand:
     """Set point of an autopilot in angle mode: roll, pitch (rad), yaw rate (rad/s) and thrust per mass (m/s^2)."""
 
     roll: float
@@ -118,11 +119,11 @@ class AngleControl:
         position: Iterable[float],
         velocity: Iterable[float],
         quaternion: Sequence[float],
-        goal: Goal,
+        goal: BaseGoal,
         dt: float,
         *,
         flying: bool,
-    ) -> Attitude:
+    ) -> AttitudeCommand:
         """Set point for a set point of the base; the integral goes on while the vehicle is ``flying``."""
         gains = self._gains
         error = [a - b for a, b in zip(goal.position, position, strict=True)]
@@ -149,7 +150,7 @@ class AngleControl:
         now = float(yaw_of(Quaternion(*quaternion)))
         roll, pitch = angles_of((x, y, z), now)
         turn = math.remainder(goal.yaw - now, math.tau)
-        return Attitude(roll, pitch, gains.yaw * turn, max(x * up[0] + y * up[1] + z * up[2], 0.0))
+        return AttitudeCommand(roll, pitch, gains.yaw * turn, max(x * up[0] + y * up[1] + z * up[2], 0.0))
 
 
 def angles_of(thrust: Sequence[float], yaw: float) -> tuple[float, float]:

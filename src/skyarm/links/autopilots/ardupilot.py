@@ -15,7 +15,7 @@ import struct
 import time
 from collections.abc import Mapping
 from itertools import chain
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.control.blocks.geometric import yaw_of
@@ -25,20 +25,21 @@ from skyarm.links.autopilots.autopilot import (
     FLIGHT_IMU,
     Autopilot,
     AutopilotMaker,
-    Goal,
-    Instant,
+    BaseGoal,
     LinkError,
     Numbers,
     Preparation,
+    SensedInstant,
     model_of,
 )
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
 from skyarm.links.autopilots.program import ProgramLink, find_program
 from skyarm.links.autopilots.px4_ports import JOINT_PORT, ONBOARD_PORT
 from skyarm.links.mavlink_vehicle import ARDUPILOT_NUMBER, ARM, TAKE_OFF
-from skyarm.links.sockets import drain
+from skyarm.links.sockets import Address, drain
 from skyarm.links.transcript import Tape
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -172,7 +173,7 @@ class ArduPilotLink(ProgramLink):
         parameters |= {"SIM_RATE_HZ": rate, "LOG_BACKEND_TYPE": 0}
         parameters |= (OUTSIDE_PARAMETERS if record.outside else {}) | dict(record.parameters)
         self._udp: socket.socket | None = None
-        self._peer: Any = None
+        self._peer: Address | None = None
         with self._starting():
             if not tape.plays:
                 self._start(parameters, heading % 360.0, rate)
@@ -206,7 +207,7 @@ class ArduPilotLink(ProgramLink):
         self._leaves = True
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Plain]:
         """Frames that were answered, those that were repeated, and the last warning."""
         return {
             "steps": self._steps,
@@ -217,7 +218,7 @@ class ArduPilotLink(ProgramLink):
             "bad_frames": self._vehicle.parser.bad,
         }
 
-    def exchange(self, now: Instant, goal: Goal) -> Numbers:
+    def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
         """Answer the frame that ArduPilot waits in, and wait for the signals of its next one."""
         self._steps += 1
         if self._steps % self._goal_every == 0:
@@ -304,7 +305,7 @@ class ArduPilotLink(ProgramLink):
             if time.monotonic() > until:
                 raise LinkError(f"ArduPilot has not answered for {self._record.patience:g} s{self._ending}")
 
-    def _talk(self, now: Instant, goal: Goal) -> None:
+    def _talk(self, now: SensedInstant, goal: BaseGoal) -> None:
         """Read ArduPilot's state, send the set point, and ask for what is next."""
         vehicle, t = self._vehicle, now.time
         for message in vehicle.parser.feed(self._tape.receive("mavlink", self._stream)):
@@ -350,18 +351,18 @@ class ArduPilotLink(ProgramLink):
         """Bytes of the MAVLink stream that have arrived; empty if none."""
         assert self._tcp is not None
         try:
-            found = [data for data, _ in drain(self._tcp)]
+            pieces = [data for data, _ in drain(self._tcp)]
         except OSError as error:
             raise self._port_error(error) from None
-        if found and not found[-1]:
+        if pieces and not pieces[-1]:
             raise self._closing_error()
-        return b"".join(found)
+        return b"".join(pieces)
 
     def _find_origin(self) -> None:
         """Find where ArduPilot's local origin lies: the mean difference of its position and the stand's."""
-        found = self._vehicle.compare_place(self._planned, self._ready and not self._vehicle.armed)
-        if found * self._goal_every * self._period >= SETTLED:
-            self._vehicle.find_origin(found - found // 2)
+        count = self._vehicle.compare_place(self._planned, self._ready and not self._vehicle.armed)
+        if count * self._goal_every * self._period >= SETTLED:
+            self._vehicle.find_origin(count - count // 2)
             self._next = 0.0
 
     def _carry(self, frame: bytes) -> None:

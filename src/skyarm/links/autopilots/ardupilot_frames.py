@@ -30,11 +30,11 @@ UPRIGHT = math.cos(math.radians(10.0))
 
 
 @immutable(kw_only=False)
-class Frame:
+class ArduPilotFrame:
     """Layout of rotors, one of those that ArduPilot mixes for.
 
     Attributes:
-        name: in words.
+        name: name in words.
         number: ``FRAME_CLASS``.
         form: ``FRAME_TYPE``.
         motors: angle (deg) and spin of each motor, in the order of its numbers.
@@ -47,21 +47,21 @@ class Frame:
 
 
 FRAMES = (
-    Frame("quadrotor +", 1, 0, _RIGHT_HAND),
-    Frame("quadrotor X", 1, 1, _DIAGONAL),
-    Frame("quadrotor + with reversed spins", 1, 6, tuple((angle, -spin) for angle, spin in _RIGHT_HAND)),
-    Frame("quadrotor X with reversed spins", 1, 18, ((135, 1), (45, -1), (-135, -1), (-45, 1))),
-    Frame("hexarotor +", 2, 0, _HEXA),
-    Frame("hexarotor X", 2, 1, ((90, -1), (-90, 1), (-30, -1), (150, 1), (30, 1), (-150, -1))),
-    Frame("octorotor +", 3, 0, _OCTA),
-    Frame("octorotor X", 3, 1, tuple((angle + 22.5, spin) for angle, spin in _OCTA)),
-    Frame("coaxial octorotor +", 4, 0, _COAXIAL),
-    Frame("coaxial octorotor X", 4, 1, tuple((angle + 45, spin) for angle, spin in _COAXIAL)),
+    ArduPilotFrame("quadrotor +", 1, 0, _RIGHT_HAND),
+    ArduPilotFrame("quadrotor X", 1, 1, _DIAGONAL),
+    ArduPilotFrame("quadrotor + with reversed spins", 1, 6, tuple((angle, -spin) for angle, spin in _RIGHT_HAND)),
+    ArduPilotFrame("quadrotor X with reversed spins", 1, 18, ((135, 1), (45, -1), (-135, -1), (-45, 1))),
+    ArduPilotFrame("hexarotor +", 2, 0, _HEXA),
+    ArduPilotFrame("hexarotor X", 2, 1, ((90, -1), (-90, 1), (-30, -1), (150, 1), (30, 1), (-150, -1))),
+    ArduPilotFrame("octorotor +", 3, 0, _OCTA),
+    ArduPilotFrame("octorotor X", 3, 1, tuple((angle + 22.5, spin) for angle, spin in _OCTA)),
+    ArduPilotFrame("coaxial octorotor +", 4, 0, _COAXIAL),
+    ArduPilotFrame("coaxial octorotor X", 4, 1, tuple((angle + 45, spin) for angle, spin in _COAXIAL)),
 )  # fmt: skip
 """Frames that are looked for, in this order."""
 
 
-def fitting_frame(vehicle: Vehicle) -> tuple[Frame, tuple[int, ...]]:
+def fitting_frame(vehicle: Vehicle) -> tuple[ArduPilotFrame, tuple[int, ...]]:
     """Frame of a vehicle's rotors, and for each rotor the place of its motor among ArduPilot's.
 
     A rotor fits a motor if it turns the same way and its angle about the middle of the rotors differs by less than
@@ -72,16 +72,16 @@ def fitting_frame(vehicle: Vehicle) -> tuple[Frame, tuple[int, ...]]:
     """
     rotors = vehicle.rotors
     middle = [sum(float(rotor.position[axis]) for rotor in rotors) / max(len(rotors), 1) for axis in (0, 1)]
-    found = []
+    angles = []
     for rotor in rotors:
         x, y = float(rotor.position.x) - middle[0], float(rotor.position.y) - middle[1]
-        found.append((math.degrees(math.atan2(-y, x)), 1 if float(rotor.direction) > 0.0 else -1))
+        angles.append((math.degrees(math.atan2(-y, x)), 1 if float(rotor.direction) > 0.0 else -1))
     if all(float(rotor.axis.z) >= UPRIGHT for rotor in rotors):
         for frame in FRAMES:
-            places = _places(found, frame.motors)
+            places = _places(angles, frame.motors)
             if places is not None:
                 return frame, places
-    shown = ", ".join(f"{angle:.0f} deg {'cw' if spin < 0 else 'ccw'}" for angle, spin in found)
+    shown = ", ".join(f"{angle:.0f} deg {'cw' if spin < 0 else 'ccw'}" for angle, spin in angles)
     names = "; ".join(frame.name for frame in FRAMES)
     raise ScenarioError(
         f"plant.vehicle: rotors at {shown} (clockwise from the front): must be upright and those of a frame of "
@@ -89,10 +89,10 @@ def fitting_frame(vehicle: Vehicle) -> tuple[Frame, tuple[int, ...]]:
     )
 
 
-def _places(found: list[tuple[float, int]], motors: Motors) -> tuple[int, ...] | None:
+def _places(angles: list[tuple[float, int]], motors: Motors) -> tuple[int, ...] | None:
     """Place of the motor of each rotor; None unless every rotor has one of its own."""
     places = []
-    for angle, spin in found:
+    for angle, spin in angles:
         near = [i for i, (at, way) in enumerate(motors) if way == spin and abs(_turn(angle - at)) < ANGLE_TOLERANCE]
         if len(near) != 1:
             return None
@@ -135,12 +135,16 @@ def rate_bandwidths(vehicle: Vehicle) -> tuple[float, float, float]:
 
 def rate_gains(vehicle: Vehicle) -> dict[str, float]:
     """Gains of ArduPilot's rate loop: P = bandwidth J / torque of a full command, I and D in its default ratios."""
-    found: dict[str, float] = {}
+    parameters: dict[str, float] = {}
     gains = proportional_gains(vehicle, torque_of_signal(vehicle), rate_bandwidths(vehicle))
     for name, gain in zip(("RLL", "PIT", "YAW"), gains, strict=True):
         integral, slope = (1.0, 0.0267) if name != "YAW" else (0.1, 0.0)
-        found |= {f"ATC_RAT_{name}_P": gain, f"ATC_RAT_{name}_I": integral * gain, f"ATC_RAT_{name}_D": slope * gain}
-    return found
+        parameters |= {
+            f"ATC_RAT_{name}_P": gain,
+            f"ATC_RAT_{name}_I": integral * gain,
+            f"ATC_RAT_{name}_D": slope * gain,
+        }
+    return parameters
 
 
 def thrust_curve(vehicle: Vehicle) -> float:
@@ -149,8 +153,8 @@ def thrust_curve(vehicle: Vehicle) -> float:
     Least squares over the range of the signal and the rotors; e is limited to -1 to 1, as ArduPilot limits it.
     """
     signals = [k / 50.0 for k in range(1, 50)]
-    found = sum(square_share(rotor, signals) for rotor in vehicle.rotors) / len(vehicle.rotors)
-    return min(max(round(found, 6), -1.0), 1.0)
+    exponent = sum(square_share(rotor, signals) for rotor in vehicle.rotors) / len(vehicle.rotors)
+    return min(max(round(exponent, 6), -1.0), 1.0)
 
 
 def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:

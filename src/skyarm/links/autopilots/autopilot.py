@@ -13,12 +13,13 @@ from skyarm.algebra import ZERO3, Motion
 from skyarm.algebra.scalars import Scalar, add
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import joint_pd
-from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.controller import Controller, ControllerError, Memory
 from skyarm.control.law_maker import default_joint_gains, fitting_mixer
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics.actuators import Command, Mixer
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import ScenarioError
@@ -52,7 +53,7 @@ class LinkError(Exception):
 
 
 @immutable(kw_only=False)
-class Goal:
+class BaseGoal:
     """Set point of the base: position (m), velocity (m/s), acceleration (m/s^2) in world axes, yaw (rad)."""
 
     position: Numbers
@@ -62,12 +63,12 @@ class Goal:
 
 
 @immutable(kw_only=False)
-class Instant:
+class SensedInstant:
     """Sensor readings and true state at an instant, for a link.
 
     Attributes:
         time: since the link was made, s.
-        readings: of each sensor, by name: its numbers, of which the first is the time of the reading.
+        readings: numbers of each sensor by name, of which the first is the time of the reading.
         state: numbers of the true state, in the order of :class:`skyarm.dynamics.State`: only for a program that
             makes its own sensor readings from the state, as ArduPilot does.
     """
@@ -77,14 +78,14 @@ class Instant:
     state: Numbers
 
 
-class Link(ABC):
+class SimulatorLink(ABC):
     """Connection to a running autopilot, from its start to its end."""
 
     following: bool = False
     """True once the vehicle is in the air and follows the set points."""
 
     @abstractmethod
-    def exchange(self, now: Instant, goal: Goal) -> Numbers:
+    def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
         """Send the readings of an instant and the set point; return the rotors' signals, 0 to 1, that answer them.
 
         Raises:
@@ -107,7 +108,7 @@ class Link(ABC):
         """End the program and free its ports; a second call does nothing."""
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Plain]:
         """Counts and version of the exchange so far, for the log."""
         return {}
 
@@ -169,11 +170,11 @@ class Autopilot(ABC):
         raise ScenarioError(f"controller.outside: must be left out for {self.title}, whose link keeps the set points")
 
     @abstractmethod
-    def connect(self, scenario: Scenario, tape: Tape) -> Link:
+    def connect(self, scenario: Scenario, tape: Tape) -> SimulatorLink:
         """Start the program and connect to it.
 
         Args:
-            scenario: that is flown, with the sensors and the control rate of the link.
+            scenario: scenario to fly, with the sensors and the control rate of the link.
             tape: records what is exchanged, or plays it back in the program's place.
 
         Raises:
@@ -193,8 +194,8 @@ class AutopilotParameters:
 
 
 def move_arm(
-    memory: Any, measurement: Measurement, reference: Reference, dt: Scalar, *, par: AutopilotParameters
-) -> tuple[Any, Command]:
+    memory: Memory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: AutopilotParameters
+) -> tuple[Memory, Command]:
     """Computed torque of the joints on a base that another controller flies; the rotors' speeds are zero.
 
     tau = inverse dynamics of the arm for the joint accelerations of PD and feed-forward, on a base with the measured
@@ -264,8 +265,8 @@ class AutopilotMaker:
 
 def model_of(scenario: Scenario) -> Model:
     """Model of the vehicle from which an autopilot's parameters follow; the plant may differ from it."""
-    found: Model = scenario.controller.par.model
-    return found
+    model: Model = scenario.controller.par.model
+    return model
 
 
 def require_rotors(vehicle: Vehicle, model: Vehicle, title: str) -> None:

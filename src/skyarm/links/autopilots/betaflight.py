@@ -21,7 +21,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -30,19 +30,19 @@ from skyarm.links.autopilots.autopilot import (
     FLIGHT_IMU,
     Autopilot,
     AutopilotMaker,
-    Goal,
-    Instant,
+    BaseGoal,
     LinkError,
     Numbers,
     Patience,
     Preparation,
+    SensedInstant,
     model_of,
 )
 from skyarm.links.autopilots.betaflight_process import (
     HALT,
     RADIO_PORT,
     STATE_PORT,
-    Guard,
+    ProcessGuard,
     SilentStartError,
     await_boot,
     open_port,
@@ -60,9 +60,10 @@ from skyarm.links.autopilots.betaflight_settings import (
     vehicle_loops,
 )
 from skyarm.links.autopilots.program import Child, ProgramLink
-from skyarm.links.sockets import drain
+from skyarm.links.sockets import Address, drain
 from skyarm.links.transcript import Tape
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.channel import Channel
 from skyarm.sensing.sensor import Sensor
@@ -85,7 +86,7 @@ class Betaflight(Autopilot):
     """Betaflight on our plant: mixer, thrust curve and gains by its command line, states and radio channels over UDP.
 
     Attributes:
-        gains: of the position loop that moves the sticks, for a vehicle as quick as a 0.8 kg quadrotor.
+        gains: gains of the position loop that moves the sticks, for a vehicle as quick as a 0.8 kg quadrotor.
     """
 
     patience: Patience = 5.0
@@ -158,9 +159,9 @@ class BetaflightLink(ProgramLink):
         self._late: list[float] = []
         self._apart: deque[float] = deque(maxlen=RECENT)
         self._waits: list[float] = []
-        self._guard: Guard | None = None
+        self._guard: ProcessGuard | None = None
         self._motors: socket.socket | None = None
-        self._peer: Any = None
+        self._peer: Address | None = None
         self._out: socket.socket | None = None
         if not tape.plays:
             self._start(console_lines(vehicle, gravity, dict(record.parameters)))
@@ -176,7 +177,7 @@ class BetaflightLink(ProgramLink):
             until = time.monotonic() + START_TIME * self._record.patience
             self._repeat(partial(self._set_up, command, folder, lines), until)
             child = self._repeat(partial(self._boot, command, folder), until)
-            self._guard = Guard(child.pid)
+            self._guard = ProcessGuard(child.pid)
             self._held.callback(self._guard.close)
 
     def _repeat(self, start: Callable[[], Child], until: float) -> Child:
@@ -232,7 +233,7 @@ class BetaflightLink(ProgramLink):
         return answered > 0.25 * count
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Plain]:
         """States sent and answered, and how late they went out and were answered by the wall clock."""
         late, waits = (np.percentile(np.array(each or [0.0]) * 1e3, (50, 99)) for each in (self._late, self._waits))
         return {
@@ -246,7 +247,7 @@ class BetaflightLink(ProgramLink):
             "halts": 0 if self._guard is None else self._guard.halts,
         }
 
-    def exchange(self, now: Instant, goal: Goal) -> Numbers:
+    def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
         """Send the readings and the sticks of an instant, when it is due, and wait for the motors that answer."""
         imu, pose = now.readings["imu"], now.readings["pose"]
         quaternion = tuple(pose[4:8])
@@ -267,20 +268,20 @@ class BetaflightLink(ProgramLink):
             self._take(answer)
         return self._signals
 
-    def _channels(self, t: float, quaternion: Numbers, goal: Goal) -> tuple[int, ...]:
+    def _channels(self, t: float, quaternion: Numbers, goal: BaseGoal) -> tuple[int, ...]:
         """Radio channels at a time: at rest, asking to arm, taking off, or following the set point."""
         rise = self._filter.position[2] - self._stand
         if not self._armed:
-            wanted = t >= self._asked
+            arming = t >= self._asked
             if t > self._asked + 0.5:  # refused: the switch must go back before it is asked again
                 self._asked = t + 0.5
-            return (*LEVEL, ON if wanted else OFF, ON, *(OFF,) * 10)
+            return (*LEVEL, ON if arming else OFF, ON, *(OFF,) * 10)
         if not self.following:
             height = min(self._stand + RISE * (t - self._armed_at), goal.position[2])
             climbing = RISE if height < goal.position[2] else 0.0
             place, velocity = (*goal.position[:2], height), (0.0, 0.0, climbing)
             self.following = rise > 0.5 * self._record.climb
-            goal = Goal(place, velocity, (0.0, 0.0, 0.0), goal.yaw)
+            goal = BaseGoal(place, velocity, (0.0, 0.0, 0.0), goal.yaw)
         attitude = self._control.command(
             self._filter.position, self._filter.velocity, quaternion, goal, self._period, flying=rise > 0.02
         )
@@ -330,39 +331,39 @@ class BetaflightLink(ProgramLink):
 
     def _read(self) -> bytes:
         """Newest motor message, empty if none comes in time."""
-        found, now = self._await_motors(self._sent + ANSWER), time.monotonic()
+        message, now = self._await_motors(self._sent + ANSWER), time.monotonic()
         self._heard = now
         if self._guard is not None:
             self._guard.wake()
-        if found:
+        if message:
             self._waits.append(now - self._sent)
             self._silent_since = now
         else:
             self._check_alive(now)
-        return found
+        return message
 
     def _await_motors(self, until: float) -> bytes:
         """Newest motor message; empty if none comes by a time of the monotonic clock."""
         assert self._motors is not None
-        found, left = b"", 1.0
-        while not found and left > 0.0:
+        message, left = b"", 1.0
+        while not message and left > 0.0:
             left = until - time.monotonic()
             with contextlib.suppress(TimeoutError, BlockingIOError, ConnectionError):
                 self._motors.settimeout(max(left, 1e-4))
                 first = self._motors.recvfrom(2048)
-                found = (self._motors_of([first, *drain(self._motors)]) or [b""])[-1]
-        return found
+                message = (self._motors_of([first, *drain(self._motors)]) or [b""])[-1]
+        return message
 
-    def _motors_of(self, datagrams: Sequence[tuple[bytes, Any]]) -> list[bytes]:
+    def _motors_of(self, datagrams: Sequence[tuple[bytes, Address | None]]) -> list[bytes]:
         """Motor messages among datagrams; the first one's sender is Betaflight, and others are not listened to."""
-        found = []
+        messages = []
         for data, sender in datagrams:
             if len(data) != MOTORS.size or self._peer not in (None, sender):
                 self._bad += 1
                 continue
             self._peer = sender
-            found.append(data)
-        return found
+            messages.append(data)
+        return messages
 
     def _check_alive(self, now: float) -> None:
         """Raise an error if the program has ended, or has been silent for too long."""

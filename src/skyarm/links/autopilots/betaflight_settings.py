@@ -13,7 +13,7 @@ import numpy as np
 
 from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.dynamics.actuators.rotor import push
-from skyarm.links.autopilots.angle_control import Attitude
+from skyarm.links.autopilots.angle_control import AttitudeCommand
 from skyarm.links.autopilots.autopilot import Numbers
 from skyarm.links.autopilots.effectiveness import inertias, turning_inertia, unit_wrenches
 from skyarm.records.arrays import Array
@@ -109,24 +109,24 @@ def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[Array, dict[str, in
     slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
     fast = min(QUICKEST_RATE, 0.4 / max(slowest, 1e-3))
     (_, locked), turning = inertias(vehicle), turning_inertia(vehicle)
-    found: dict[str, int] = {}
+    settings: dict[str, int] = {}
     angle = fast
-    for i, (name, wanted, boost) in enumerate(
+    for i, (name, bandwidth, boost) in enumerate(
         (("roll", fast, 1.0), ("pitch", fast, 1.0), ("yaw", min(QUICKEST_YAW, fast), 2.5))
     ):
         inertia = turning[i]
-        slow = wanted * inertia / locked[i]
-        gain = wanted * inertia / torques[i] * 1e3 * math.pi / 180.0  # thousandths per deg/s
+        slow = bandwidth * inertia / locked[i]
+        gain = bandwidth * inertia / torques[i] * 1e3 * math.pi / 180.0  # thousandths per deg/s
         grow = max(gain / UNITS["P"] / 200.0, 1.0)
         mix[:, i + 1] *= grow
         gain /= grow
         integral = slow / (3.0 if name != "yaw" else 4.0)
-        found[f"p_{name}"] = max(round(gain / UNITS["P"]), 1)
-        found[f"i_{name}"] = min(round(integral * gain / (UNITS["I"] * boost)), 250)
-        found |= {f"d_{name}": 0, f"d_max_{name}": 0, f"f_{name}": 0}
+        settings[f"p_{name}"] = max(round(gain / UNITS["P"]), 1)
+        settings[f"i_{name}"] = min(round(integral * gain / (UNITS["I"] * boost)), 250)
+        settings |= {f"d_{name}": 0, f"d_max_{name}": 0, f"f_{name}": 0}
         angle = min(angle, slow / 3.0) if name != "yaw" else angle
-    found["angle_p_gain"] = round(10.0 * angle)
-    return mix, found
+    settings["angle_p_gain"] = round(10.0 * angle)
+    return mix, settings
 
 
 def console_lines(vehicle: Vehicle, gravity: float, parameters: Mapping[str, float]) -> list[str]:
@@ -166,7 +166,7 @@ class Sticks:
         self._throttles = np.linspace(0.0, 1.0, 201)
         self._thrusts = np.array([thrust_of(vehicle, mix_of(float(t)) * share).sum() for t in self._throttles])
 
-    def channels(self, attitude: Attitude) -> tuple[int, ...]:
+    def channels(self, attitude: AttitudeCommand) -> tuple[int, ...]:
         """Roll, pitch, throttle and yaw sticks; yaw turns right with the stick."""
         throttle = float(np.interp(self._mass * attitude.thrust, self._thrusts, self._throttles))
         return (

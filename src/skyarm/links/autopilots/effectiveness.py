@@ -45,9 +45,9 @@ def hover_share(vehicle: Vehicle, gravity: float, title: str, most: float) -> fl
     """Weight of a vehicle as a share of what its rotors lift at their highest speeds.
 
     Args:
-        vehicle: in question.
+        vehicle: vehicle to hover.
         gravity: m/s^2.
-        title: of the autopilot, for the message.
+        title: name of the autopilot, for the message.
         most: share that is too much.
 
     Raises:

@@ -15,7 +15,15 @@ from skyarm.algebra import Vec3
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
-from skyarm.links.autopilots.autopilot import Autopilot, Goal, Instant, Link, LinkError, model_of, require_rotors
+from skyarm.links.autopilots.autopilot import (
+    Autopilot,
+    BaseGoal,
+    LinkError,
+    SensedInstant,
+    SimulatorLink,
+    model_of,
+    require_rotors,
+)
 from skyarm.links.joint_port import JointPortError, JointServer
 from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.log.flight_log import Log
@@ -77,8 +85,8 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     added = tuple(NamedSensor(name=name, sensor=each) for name, each in needed.items() if name not in there)
     for each in scenario.sensors:
         if each.name in needed and type(each.sensor) is not type(needed[each.name]):
-            wanted = type(needed[each.name]).__name__
-            raise ScenarioError(f"sensors.{each.name}: must be a {wanted} for {autopilot.title}")
+            kind = type(needed[each.name]).__name__
+            raise ScenarioError(f"sensors.{each.name}: must be a {kind} for {autopilot.title}")
     rates, sensors = scenario.rates, (*scenario.sensors, *added)
     slow = [rates.reference, *(round(each.sensor.frequency) for each in sensors if each.sensor.frequency)]
     common = math.lcm(*slow)
@@ -174,9 +182,9 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
     )
 
 
-def goal_of(reference: Reference) -> Goal:
+def goal_of(reference: Reference) -> BaseGoal:
     """Set point of the base by a reference."""
-    return Goal(
+    return BaseGoal(
         position=tuple(float(c) for c in reference.position),
         velocity=tuple(float(c) for c in reference.velocity),
         acceleration=tuple(float(c) for c in reference.acceleration),
@@ -191,8 +199,8 @@ def goal_columns(inputs: EpisodeInputs) -> Array | None:
     """
     if inputs.waits.guards:
         return None
-    held, steps = inputs.held_reference, inputs.scenario.steps
-    columns = (*held.position, *held.velocity, *held.acceleration, held.yaw)
+    reference, steps = inputs.held_reference, inputs.scenario.steps
+    columns = (*reference.position, *reference.velocity, *reference.acceleration, reference.yaw)
     return np.stack([np.broadcast_to(np.asarray(column, dtype=float), (steps,)) for column in columns], axis=1)
 
 
@@ -210,9 +218,9 @@ class PilotedSession(Session):
     autopilot holds the start, and set points of base and arm come over its own port and the joints' port.
 
     Args:
-        scenario: whose controller is one of an autopilot.
-        paths: as of :class:`skyarm.Session`.
-        machine_code: as of :class:`skyarm.Session`.
+        scenario: scenario with the controller of an autopilot.
+        paths: paths as of :class:`skyarm.Session`.
+        machine_code: choice as of :class:`skyarm.Session`.
         progress: called with simulated seconds of the take-off and the longest it may last; equal at the hand-over.
 
     Raises:
@@ -236,7 +244,7 @@ class PilotedSession(Session):
         self._autopilot: Autopilot = autopilot_of(planned.controller)
         self._tape = Tape(self._autopilot.transcript, self._autopilot.replayed, self._autopilot.name)
         self._seconds, self._prepared = 0.0, 0.0
-        self._link: Link | None = None
+        self._link: SimulatorLink | None = None
         self._joint_port: JointServer | None = None
         self._joint_server: JointServer | None = None  # the port from the hand-over on
         self._wall, self._late = 0.0, 0
@@ -300,7 +308,7 @@ class PilotedSession(Session):
         self._goals: Array | None = goal_columns(engine.inputs)
         self._goal = goal_of(self.reference)
 
-    def _next_goal(self) -> Goal:
+    def _next_goal(self) -> BaseGoal:
         """Set point of the next period."""
         inputs = self._engine.inputs
         if inputs is not self._inputs:
@@ -308,7 +316,7 @@ class PilotedSession(Session):
         if self._goals is None:
             return goal_of(self.reference)
         row = self._goals[self.tick].tolist()
-        return Goal(row[0:3], row[3:6], row[6:9], row[9])
+        return BaseGoal(row[0:3], row[3:6], row[6:9], row[9])
 
     def _take_off(self, progress: Callable[[float, float], object] | None) -> bool:
         """Fly from the stand to the start; False if the flight has ended before.
@@ -373,7 +381,7 @@ class PilotedSession(Session):
         for reading in readings.values():
             reading[0] += self._prepared  # the clock of the link goes on at hand-over
         try:
-            self._signals = self._link.exchange(Instant(self._seconds, readings, self._state), self._goal)
+            self._signals = self._link.exchange(SensedInstant(self._seconds, readings, self._state), self._goal)
             within = [each for each in self._signals if 0.0 <= each <= 1.0]
             if not len(within) == len(self._signals) == len(self._most):
                 raise LinkError(f"{self._autopilot.title} sent rotor signals: must be {len(self._most)} from 0 to 1")
@@ -409,12 +417,12 @@ class PilotedSession(Session):
     @property
     def log(self) -> Log:
         """Log of the flight so far, with name and counts of the autopilot's link."""
-        found = super().log
+        log = super().log
         facts = {} if self._link is None else self._link.facts
         said = {"name": self._autopilot.name, "prepared_s": self._prepared, **facts}
         if self._joint_server is not None:
             said |= {"joints": self._joint_server.facts, "set_back": self._late}
-        return dataclasses.replace(found, info={**found.info, "autopilot": said})
+        return dataclasses.replace(log, info={**log.info, "autopilot": said})
 
     def snapshot(self) -> Snapshot:
         """Refuse to copy the state: the autopilot's cannot be."""
@@ -437,7 +445,7 @@ class PilotedSession(Session):
             self._engine.ended = self.ended or Ended(ENDED, str(error), self.time)
 
 
-def _close(link: Link, tape: Tape) -> None:
+def _close(link: SimulatorLink, tape: Tape) -> None:
     with contextlib.suppress(OSError):
         link.close()
     tape.close()

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from typing import Any
 
 from skyarm.algebra.frames import to_our_axes
 from skyarm.links import mavlink
-from skyarm.links.autopilots.autopilot import Goal, LinkError, Numbers
+from skyarm.links.autopilots.autopilot import BaseGoal, LinkError, Numbers
+from skyarm.links.mavlink_messages import FieldValue
 from skyarm.links.mavlink_vehicle import MODES, MavlinkVehicle
 
 POSITION_MASK = 0b100_000_000_000
@@ -35,11 +35,11 @@ class GuidedVehicle(MavlinkVehicle):
         kind: MAVLink's number of the autopilot.
         carry: called with each frame to send.
         stated: parameters of the user.
-        system: of the autopilot; 0 for that of the first heartbeat.
+        system: number of the autopilot; 0 for that of the first heartbeat.
         datagrams: True where whole frames arrive.
 
     Attributes:
-        origin: of its local frame, less ours, m; None before it is known.
+        origin: origin of its local frame, less ours, m; None before it is known.
         away: departures from the mode for set points from outside.
     """
 
@@ -60,7 +60,7 @@ class GuidedVehicle(MavlinkVehicle):
         self._unread, self._begun, self._requested_at = dict(stated), math.inf, -math.inf
         self._requested: set[str] = set()
 
-    def tell(self, name: str, **fields: Any) -> None:
+    def tell(self, name: str, **fields: FieldValue) -> None:
         """Send a message.
 
         Raises:
@@ -88,7 +88,7 @@ class GuidedVehicle(MavlinkVehicle):
         """Height of its place over a height of ours, m; zero before both are known."""
         return 0.0 if self.place is None or self.origin is None else self.place[2] - self.origin[2] - height
 
-    def send_goal(self, time: float, goal: Goal) -> None:
+    def send_goal(self, time: float, goal: BaseGoal) -> None:
         """Send a set point of position, velocity, acceleration and yaw in its local frame."""
         assert self.origin is not None
         x, y, z = to_our_axes(*(a + b for a, b in zip(goal.position, self.origin, strict=True)))

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 
-from skyarm.links.autopilots.autopilot import Autopilot, Link, LinkError
+from skyarm.links.autopilots.autopilot import Autopilot, LinkError, SimulatorLink
 from skyarm.records.files import shown
 from skyarm.scenario.scenario_record import ScenarioError
 
@@ -35,13 +35,13 @@ def find_program(autopilot: Autopilot, usual: str = "") -> Path:
     stated = autopilot.program or os.environ.get(autopilot.variable, "")
     where = "controller.program" if autopilot.program else autopilot.variable
     if not stated:
-        found = shutil.which(usual) if usual else None
-        if found is None:
+        installed = shutil.which(usual) if usual else None
+        if installed is None:
             raise ScenarioError(
                 f"controller.program: is missing; must be the path of {autopilot.title}'s program, here or in the "
                 f"environment variable {autopilot.variable}"
             )
-        return Path(found).absolute()
+        return Path(installed).absolute()
     path = Path(stated).expanduser().absolute()
     if not path.is_file() or not os.access(path, os.X_OK):
         raise ScenarioError(f"{where} = {shown(stated)}: must be an executable file, {autopilot.title}'s program")
@@ -63,7 +63,7 @@ class Child:
 
     Args:
         command: program and arguments.
-        folder: in which it runs; removed by :meth:`close`.
+        folder: folder in which it runs; removed by :meth:`close`.
         environment: variables on top of this process's own.
         without: beginning of the names of variables of this process that it does not get; empty for none.
 
@@ -76,12 +76,12 @@ class Child:
     ) -> None:
         inherited = {name: each for name, each in os.environ.items() if not (without and name.startswith(without))}
         self.folder, self._output = folder, folder / "output.txt"
-        held, self._pipe = os.pipe()
+        read_end, self._pipe = os.pipe()
         try:
             with self._output.open("wb") as output:
                 self._process = subprocess.Popen(
                     ["/bin/sh", "-c", GUARD, "skyarm", str(folder), *command],
-                    cwd=folder, env={**inherited, **(environment or {})}, stdin=held, stdout=output,
+                    cwd=folder, env={**inherited, **(environment or {})}, stdin=read_end, stdout=output,
                     stderr=subprocess.STDOUT, start_new_session=True,
                 )  # fmt: skip
         except OSError as error:
@@ -89,7 +89,7 @@ class Child:
             shutil.rmtree(folder, ignore_errors=True)
             raise LinkError(f"{command[0]} does not start: {error.strerror}") from None
         finally:
-            os.close(held)
+            os.close(read_end)
 
     @property
     def running(self) -> bool:
@@ -155,11 +155,11 @@ def make_folder(autopilot: Autopilot) -> Path:
     return Path(tempfile.mkdtemp(prefix=f"skyarm_{autopilot.name}_"))
 
 
-class ProgramLink(Link):
+class ProgramLink(SimulatorLink):
     """Link to a program that is started for it: process, folder and sockets, which end with the link.
 
     Args:
-        record: of the autopilot.
+        record: record of the autopilot.
     """
 
     def __init__(self, record: Autopilot) -> None:
@@ -208,9 +208,9 @@ class ProgramLink(Link):
         until = time.monotonic() + self._record.patience
         while True:
             with contextlib.suppress(TimeoutError):
-                found = self._held.enter_context(listener.accept()[0])
-                found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                return found
+                connection = self._held.enter_context(listener.accept()[0])
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                return connection
             if self._child is None or not self._child.running:
                 ending = "" if self._child is None else self._child.ending(self._title)
                 raise LinkError(f"{self._title} ended while it started{ending}")

@@ -15,17 +15,17 @@ import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from skyarm.links import mavlink
 from skyarm.links.autopilots.autopilot import (
     FLIGHT_IMU,
     Autopilot,
     AutopilotMaker,
-    Goal,
-    Instant,
+    BaseGoal,
     LinkError,
     Numbers,
+    SensedInstant,
     model_of,
 )
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
@@ -37,6 +37,7 @@ from skyarm.links.mavlink_vehicle import ARM, ARMED, CRITICAL, PX4_NUMBER
 from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.navigation_sensors import Barometer, Gnss, Magnetometer
 from skyarm.sensing.sensor import Sensor
@@ -134,7 +135,7 @@ class PX4Link(ProgramLink):
 
     Args:
         record: options.
-        scenario: with the sensors and the control rate of the link.
+        scenario: scenario with the sensors and the control rate of the link.
         tape: records the exchange, or plays one back in place of the program.
 
     Raises:
@@ -192,7 +193,7 @@ class PX4Link(ProgramLink):
         self._leaves = True
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Plain]:
         """Sensor messages and those that were answered, departures from offboard mode, failsafes, PX4's last words."""
         return {
             "steps": self._steps,
@@ -204,7 +205,7 @@ class PX4Link(ProgramLink):
             "bad_frames": self._simulator.bad + self._vehicle.parser.bad,
         }
 
-    def exchange(self, now: Instant, goal: Goal) -> Numbers:
+    def exchange(self, now: SensedInstant, goal: BaseGoal) -> Numbers:
         """Send the readings of an instant and the set point; wait for the signals with the same time."""
         stamp = round(now.time * 1e6) + 1
         self._steps += 1
@@ -295,7 +296,7 @@ class PX4Link(ProgramLink):
             raise self._closing_error()
         return data
 
-    def _talk(self, t: float, goal: Goal) -> None:
+    def _talk(self, t: float, goal: BaseGoal) -> None:
         """Read PX4's state, ask for what is next (offboard mode, arming), and send set points at 50 Hz."""
         data, vehicle = self._tape.receive("onboard", self._datagrams), self._vehicle
         for message in vehicle.parser.feed(data) if data else ():
@@ -343,8 +344,8 @@ class PX4Link(ProgramLink):
 
         It is found at a whole second, so that flights begin alike.
         """
-        found = self._vehicle.compare_place(self._sensors.fix, self._ready and not self._armed)
-        if found >= SETTLED * self._rate and self._steps % self._rate == 0:
+        count = self._vehicle.compare_place(self._sensors.fix, self._ready and not self._armed)
+        if count >= SETTLED * self._rate and self._steps % self._rate == 0:
             self._vehicle.find_origin(2 * self._rate)
 
     def _datagrams(self) -> bytes:

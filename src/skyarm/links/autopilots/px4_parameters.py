@@ -64,19 +64,19 @@ def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
     if not 3 <= len(vehicle.rotors) <= MOST_ROTORS:
         raise ScenarioError(f"plant.vehicle: {len(vehicle.rotors)} rotors: must be 3 to {MOST_ROTORS} for PX4")
     com, full = centre_of_mass(vehicle), highest_thrust(vehicle)
-    found: dict[str, float] = {"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": len(vehicle.rotors)}
+    parameters: dict[str, float] = {"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": len(vehicle.rotors)}
     largest = max(full)
     for i, (rotor, thrust) in enumerate(zip(vehicle.rotors, full, strict=True)):
         place = (float(a) - float(b) for a, b in zip(rotor.position, com, strict=True))
         for letter, vector in (("P", place), ("A", map(float, rotor.axis))):
             turned = zip("XYZ", to_our_axes(*vector), strict=True)
-            found |= {f"CA_ROTOR{i}_{letter}{axis}": each for axis, each in turned}
-        found[f"CA_ROTOR{i}_KM"] = float(rotor.moment_coefficient) * float(rotor.direction)
-        found[f"CA_ROTOR{i}_CT"] = DEFAULT_THRUST * thrust / largest
-        found[f"PWM_MAIN_FUNC{i + 1}"] = ROTOR_FUNCTION + i
+            parameters |= {f"CA_ROTOR{i}_{letter}{axis}": each for axis, each in turned}
+        parameters[f"CA_ROTOR{i}_KM"] = float(rotor.moment_coefficient) * float(rotor.direction)
+        parameters[f"CA_ROTOR{i}_CT"] = DEFAULT_THRUST * thrust / largest
+        parameters[f"PWM_MAIN_FUNC{i + 1}"] = ROTOR_FUNCTION + i
     hover = hover_share(vehicle, gravity, "PX4", 0.9)
-    found |= {"THR_MDL_FAC": thrust_factor(vehicle.rotors[0]), "MPC_THR_HOVER": hover}
-    return found | rate_gains(vehicle) | outer_gains(vehicle)
+    parameters |= {"THR_MDL_FAC": thrust_factor(vehicle.rotors[0]), "MPC_THR_HOVER": hover}
+    return parameters | rate_gains(vehicle) | outer_gains(vehicle)
 
 
 DEFAULT_THRUST = 6.5
@@ -86,13 +86,13 @@ DEFAULT_THRUST = 6.5
 def rate_gains(vehicle: Vehicle) -> dict[str, float]:
     """Gains of PX4's rate loop: P = bandwidth J / torque of a full signal; I and D in ratios near PX4's defaults."""
     fast = rate_bandwidth(vehicle)
-    found: dict[str, float] = {}
+    parameters: dict[str, float] = {}
     wide = (fast, fast, min(YAW_BANDWIDTH, fast))
     gains = proportional_gains(vehicle, torque_of_signal(vehicle), wide)
     for name, gain, bandwidth in zip(("ROLL", "PITCH", "YAW"), gains, wide, strict=True):
         integral, slope = (bandwidth / 13.5, 0.02) if name != "YAW" else (bandwidth / 12.0, 0.0)
-        found |= {f"MC_{name}RATE_P": gain, f"MC_{name}RATE_I": integral * gain, f"MC_{name}RATE_D": slope * gain}
-    return found
+        parameters |= {f"MC_{name}RATE_P": gain, f"MC_{name}RATE_I": integral * gain, f"MC_{name}RATE_D": slope * gain}
+    return parameters
 
 
 def outer_gains(vehicle: Vehicle) -> dict[str, float]:

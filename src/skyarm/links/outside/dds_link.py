@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import re
 import time
-from typing import Any
 
 from skyarm.algebra.frames import to_our_attitude, to_our_axes
 from skyarm.links.mavlink_vehicle import MODES, PX4_NUMBER, SET_MODE
@@ -33,7 +32,7 @@ from skyarm.links.outside.px4_topics import (
     OUT,
 )  # fmt: skip
 from skyarm.links.outside.state_frames import AutopilotState
-from skyarm.links.ros.node import RosError
+from skyarm.links.ros.node import Content, RosError
 from skyarm.links.ros.ros2_node import MOST_DOMAIN, Ros2Node
 from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.records.files import errors_as, shown
@@ -153,7 +152,7 @@ class DdsLink(Estimates):
         stamp = self._stamp()
         rest = (math.nan,) * (MOST_MOTORS - len(command.thrusts))  # stopped
         self._send(ALIVE, timestamp=stamp, direct_actuator=1)
-        self._send(MOTORS, timestamp=stamp, timestamp_sample=stamp, control=(*command.thrusts, *rest))
+        self._send(MOTORS, timestamp=stamp, timestamp_sample=stamp, control=(*map(float, command.thrusts), *rest))
 
     def close(self) -> None:
         """Leave the domain."""
@@ -169,24 +168,24 @@ class DdsLink(Estimates):
             source_system=OURS[0], source_component=OURS[1], from_external=1,
         )  # fmt: skip
 
-    def _send(self, topic: str, **values: Any) -> None:
+    def _send(self, topic: str, **values: float | tuple[float, ...]) -> None:
         self._node.send(self._space + topic, encode(IN[topic], DEFINITIONS, values, 1)[0].tobytes())
 
-    def _hear_mode(self, m: dict[str, Any]) -> None:
+    def _hear_mode(self, m: Content) -> None:
         self.modes = self.modes or ModeBits()
         self.mode = OFFBOARD_BIT * m["flag_control_offboard_enabled"] | AUTO_BIT * m["flag_control_auto_enabled"]
         self.armed, self.beaten = bool(m["flag_armed"]), time.monotonic()
 
-    def _hear_landed(self, m: dict[str, Any]) -> None:
+    def _hear_landed(self, m: Content) -> None:
         self.landed = bool(m["landed"])
 
-    def _hear_answer(self, m: dict[str, Any]) -> None:
+    def _hear_answer(self, m: Content) -> None:
         self._take_answer(m["command"], m["result"], (m["target_system"], m["target_component"]), OURS)
 
-    def _hear_inertial(self, m: dict[str, Any]) -> None:
+    def _hear_inertial(self, m: Content) -> None:
         self._keep_force(to_our_axes(*m["accelerometer_m_s2"]))
 
-    def _hear_odometry(self, m: dict[str, Any]) -> None:
+    def _hear_odometry(self, m: Content) -> None:
         """Keep an estimate in a frame that is known."""
         frame, quaternion = m["velocity_frame"], to_our_attitude(*m["q"])
         velocity = to_our_axes(*m["velocity"])

@@ -51,7 +51,7 @@ class ServoBus:
     Attributes:
         device: serial port.
         ids: numbers of the servos, in the order of the vehicle's joints.
-        torque: of each ampere, for setpoints in N m; None for setpoints of position in rad.
+        torque: torque of each ampere, for setpoints in N m; None for setpoints of position in rad.
         most: largest current that is sent.
     """
 
@@ -93,8 +93,8 @@ class DynamixelJoints(JointLink):
     def read(self) -> JointReading | None:
         """Newest reading since the last call; None where the bus is silent."""
         with self._lock:
-            found, self._newest = self._newest, None
-        return found
+            newest, self._newest = self._newest, None
+        return newest
 
     def send(self, setpoints: Sequence[float], at: float) -> None:
         """Hand setpoints to the bus: torques in N m, or positions in rad."""

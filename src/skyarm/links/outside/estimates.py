@@ -19,8 +19,8 @@ class Estimates:
     Attributes:
         state: newest estimate, None before the first; ``fresh`` is True until :meth:`take` has returned it.
         heard: s of the wall clock of the newest state.
-        landed: by the newest message.
-        accepted, refused: whether the requested mode is taken; result of a refused request.
+        landed: True if the newest message says so.
+        accepted, refused: True if the requested mode is taken; result of a refused request.
     """
 
     def __init__(self) -> None:

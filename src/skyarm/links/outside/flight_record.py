@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from skyarm.links.outside.outside_law import OutsideCommand
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
 from skyarm.records.leaves import leaves
+from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Environment, Scenario
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.sensing.measurement import Measurement
@@ -22,13 +22,13 @@ from skyarm.simulate.inputs import episode_inputs
 from skyarm.world import WindSample
 
 
-def percentiles(seconds: Sequence[float]) -> dict[str, float | int]:
+def percentiles(seconds: Sequence[float]) -> dict[str, Plain]:
     """Median, 99th percentile and largest of some times, ms, and how many there are."""
     if not len(seconds):
         return {"count": 0}
     ms = 1e3 * np.asarray(seconds, dtype=float)
-    found = {"p50_ms": np.percentile(ms, 50), "p99_ms": np.percentile(ms, 99), "max_ms": ms.max()}
-    return {"count": len(ms), **{name: round(float(value), 3) for name, value in found.items()}}
+    statistics = {"p50_ms": np.percentile(ms, 50), "p99_ms": np.percentile(ms, 99), "max_ms": ms.max()}
+    return {"count": len(ms), **{name: round(float(value), 3) for name, value in statistics.items()}}
 
 
 @dataclass(slots=True)
@@ -55,7 +55,7 @@ class FlightRecord:
         self.states.append(tuple(leaves((*moving, given.law.rotor_speeds))))
         self.commands.append(tuple(leaves(given.law)))
 
-    def log(self, scenario: Scenario, ended: Ended | None, facts: dict[str, Any]) -> Log:
+    def log(self, scenario: Scenario, ended: Ended | None, facts: Mapping[str, Plain]) -> Log:
         """Log of the flight, as ``skyarm run`` writes one; a missed period has the row before it, or else the first.
 
         The states are the autopilot's estimates, the rotor speeds modelled ones.

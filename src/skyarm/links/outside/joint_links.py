@@ -20,7 +20,7 @@ def open_joints(url: str | None, vehicle: Vehicle) -> JointLink:
     Args:
         url: ``udp://HOST:PORT``; ``dynamixel:DEVICE?ids=1,2&torque=1.8`` with the torque of an ampere, N m, for joints
             that take torques; or ``FILE.py:make``, whose ``make(vehicle)`` returns a :class:`JointLink`.
-        vehicle: of the law.
+        vehicle: law's vehicle.
 
     Raises:
         JointPortError: no address for a vehicle with joints, another form, or a port that cannot be opened.
@@ -59,10 +59,10 @@ def _open_own(file: str, maker: str, vehicle: Vehicle) -> JointLink:
     make = getattr(load_plugin(file), maker, None)
     if not callable(make):
         raise JointPortError(f"--joints = {shown(f'{file}:{maker}')}: {file} must have a function {maker!r}")
-    found = make(vehicle)
-    if not isinstance(found, JointLink):
+    link = make(vehicle)
+    if not isinstance(link, JointLink):
         raise JointPortError(f"--joints = {shown(f'{file}:{maker}')}: {maker} must return a JointLink")
-    return found
+    return link
 
 
 def _servo_bus(url: str, vehicle: Vehicle) -> ServoBus:

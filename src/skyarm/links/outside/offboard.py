@@ -14,7 +14,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.control.controller import autopilot_of
 from skyarm.links.joint_port import JointLink, JointPortError, JointReading
@@ -32,6 +32,7 @@ from skyarm.records.field_rules import checked
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.plain import Plain
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -66,7 +67,7 @@ class OffboardSettings:
     """Settings of a flight outside of the simulator.
 
     Attributes:
-        rate_bandwidth: of an ideal rate loop; None inverts PX4's rate loop by its parameters.
+        rate_bandwidth: bandwidth of an ideal rate loop; None inverts PX4's rate loop by its parameters.
         hover_share: thrust set point in hover; None takes the autopilot's own parameter.
         here: True puts the scenario's start where the vehicle is at take-over; False takes the autopilot's local frame,
             in north, west, up, for the scenario's world.
@@ -87,7 +88,7 @@ class HandBackError(Exception):
     """Cause for which a flight ends early.
 
     Attributes:
-        status: of the flight.
+        status: status of the flight.
     """
 
     def __init__(self, status: str, cause: str) -> None:
@@ -137,9 +138,9 @@ class OffboardFlight:
 
     Args:
         scenario: its law, reference and rates; sensors, delays and environment are those of the real vehicle.
-        link: to the autopilot.
+        link: link to the autopilot.
         arm: port to the joints.
-        settings: of the flight.
+        settings: settings of the flight.
         tell: called with a line of text at each stage.
 
     Attributes:
@@ -200,7 +201,7 @@ class OffboardFlight:
         return Ended(status, cause, self._record.ticks[-1] / self._rate if self._record.ticks else 0.0)
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Plain]:
         """Times and counts of the flight, and how the world lies in the autopilot's local frame."""
         record, frame = self._record, self._frame
         return {
@@ -364,15 +365,15 @@ class OffboardFlight:
         law, link, arm = self._law, self._link, self._joints
         assert arm is not None
         measured = self._frame.measurement(state, arm, tick / self._rate, self._gravity, self._rotors)
-        found = law.step(measured, reference)
-        if not all(map(math.isfinite, leaves(found))):
+        command = law.step(measured, reference)
+        if not all(map(math.isfinite, leaves(command))):
             raise HandBackError(DIVERGED, "the law's command is not finite")
-        link.send(found.base)
+        link.send(command.base)
         if record is None:
             return
-        self._arm.send([float(each) for each in found.law.efforts], state.time)
+        self._arm.send([float(each) for each in command.law.efforts], state.time)
         record.computing.append(time.monotonic() - link.heard)
-        record.add(tick, measured, found)
+        record.add(tick, measured, command)
 
     def _require_alive(self) -> None:
         """Hand back if estimates, heartbeats or joints are silent, or this process stood still meanwhile."""

@@ -12,8 +12,7 @@ import select
 import socket
 import time
 from collections import deque
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
 from urllib.parse import urlsplit
 
 from skyarm.algebra import Quaternion, Vec3
@@ -151,13 +150,13 @@ class OffboardLink(Estimates, MavlinkVehicle):
         select.select([self._socket], [], [], max(seconds, 0.0))
         with contextlib.suppress(ConnectionError):
             for data, sender in drain(self._socket):
-                known = self.modes is not None
-                if known and sender != self._partner:
+                connected = self.modes is not None
+                if connected and sender != self._partner:
                     continue
                 for message in self.parser.feed(data):
                     if self.hear(message) and (reader := _READERS.get(message.name)) is not None:
                         reader(self, message)
-                if not known and self.modes is not None:
+                if not connected and self.modes is not None:
                     self._partner = sender
 
     def beat(self) -> None:
@@ -184,7 +183,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         p, q, r = to_our_axes(*command.rates)
         self.tell_autopilot(
             "SET_ATTITUDE_TARGET", time_boot_ms=round(time.monotonic() * 1e3) & 0xFFFFFFFF, type_mask=NO_ATTITUDE,
-            q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=p, body_pitch_rate=q, body_yaw_rate=r, thrust=command.thrust,
+            q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=p, body_pitch_rate=q, body_yaw_rate=r, thrust=float(command.thrust),
         )  # fmt: skip
 
     def close(self) -> None:
@@ -250,7 +249,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
                 self.round_trips.append(passed)
 
 
-_READERS: Mapping[str, Any] = {
+_READERS: Mapping[str, Callable[[OffboardLink, mavlink.Message], None]] = {
     "ODOMETRY": OffboardLink._hear_odometry,
     "ATTITUDE_QUATERNION": OffboardLink._hear_attitude,
     "LOCAL_POSITION_NED": OffboardLink._hear_position,

@@ -23,6 +23,7 @@ from skyarm.dynamics.actuators import Command, speeds_after
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.links.outside.motor_commands import MotorSettings, SetPoint
 from skyarm.links.outside.rate_commands import RateCommand, RateLoop, rate_command, rotor_wrench
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
@@ -36,10 +37,10 @@ class LoopSettings:
     """Settings of the loop around a law: its period, the autopilot's rate loop, and its thrust.
 
     Attributes:
-        period: of the law.
-        rate_loop: that is inverted.
-        full_thrust: that the autopilot gives at a thrust set point of 1.
-        center: about which the autopilot shares torques among the rotors.
+        period: period of the law.
+        rate_loop: rate loop that is inverted.
+        full_thrust: thrust that the autopilot gives at a thrust set point of 1.
+        center: point about which the autopilot shares torques among the rotors.
     """
 
     period: Annotated[float, Unit("s", low=0.0, strict=True)]
@@ -86,8 +87,8 @@ class OutsideLaw:
     commands.
 
     Args:
-        controller: as it flies in the simulator.
-        settings: of the loop around it.
+        controller: controller as it flies in the simulator.
+        settings: settings of the loop around it.
         begin: reference with whose joint angles it begins; later ones have its structure.
 
     Raises:
@@ -131,8 +132,8 @@ class OutsideLaw:
             self._memory = copy.deepcopy(self._first)
 
         def step(measurement: Measurement, reference: Reference) -> OutsideCommand:
-            self._memory, found = self._period(self._memory, measurement, reference)
-            return found
+            self._memory, command = self._period(self._memory, measurement, reference)
+            return command
 
         self._begin = begin
         return step
@@ -143,7 +144,9 @@ class OutsideLaw:
         row = blank_measurement(vehicle.n, len(vehicle.rotors)), example
         first = np.array(leaves(self._first), dtype=float)
 
-        def period(memory: OutsideMemory, _: Any, given: Any, __: Any) -> tuple[OutsideMemory, OutsideCommand]:
+        def period(
+            memory: OutsideMemory, _: tuple[()], given: tuple[Measurement, Reference], __: tuple[()]
+        ) -> tuple[OutsideMemory, OutsideCommand]:
             return self._period(memory, *given)
 
         loop = trace_loop(period, self._first, (), row, loops=True)
@@ -164,7 +167,7 @@ class OutsideLaw:
         self._begin = begin
         return step
 
-    def _operation_by_operation(self, loop: Loop, first: Any, shape: OutsideCommand) -> Callable[..., OutsideCommand]:
+    def _operation_by_operation(self, loop: Loop, first: Array, shape: OutsideCommand) -> Callable[..., OutsideCommand]:
         program = loop.stepper()
 
         def begin() -> None:

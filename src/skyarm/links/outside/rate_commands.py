@@ -150,12 +150,12 @@ def rate_command(
     """Set point with which a rate loop applies a law's command, and the loop's integral torque after a period.
 
     Args:
-        model: of the law.
-        loop: of the autopilot.
+        model: law's model.
+        loop: rate loop of the autopilot.
         full_thrust: N, that the autopilot gives at a thrust set point of 1.
         center: point about which the autopilot shares torques among the rotors, base axes, m.
         integral: torque of the loop's integral, N m.
-        measurement: of the law in this period.
+        measurement: law's measurement of this period.
         reference: likewise.
         command: likewise.
         dt: s.

@@ -39,26 +39,26 @@ def px4_rate_loop(vehicle: Vehicle, parameters: Mapping[str, float]) -> PidRateL
     """Rate loop of PX4 in torques: each gain times the torque of a full signal.
 
     Args:
-        vehicle: whose rotors PX4's parameters of geometry describe.
-        parameters: as the autopilot has them; those that are missing are the ones that ``skyarm run`` sets.
+        vehicle: vehicle with the rotors that PX4's parameters of geometry describe.
+        parameters: autopilot's parameters; those that are missing are the ones that ``skyarm run`` sets.
 
     Raises:
         RecordError: a parameter that is no finite number, is negative, or is zero where the loop is divided by it.
     """
-    known = {**DEFAULTS, **rate_gains(vehicle), **parameters}
+    values = {**DEFAULTS, **rate_gains(vehicle), **parameters}
     for name in NAMES:
-        if not math.isfinite(known[name]) or known[name] < 0.0 or (known[name] == 0.0 and name[-1] in "KP"):
-            refuse(f"--link: PX4's {name}", known[name], "must be a finite gain, above 0")
+        if not math.isfinite(values[name]) or values[name] < 0.0 or (values[name] == 0.0 and name[-1] in "KP"):
+            refuse(f"--link: PX4's {name}", values[name], "must be a finite gain, above 0")
     torques = torque_of_signal(vehicle)
 
     def row(gain: str) -> Three:
         x, y, z = (
-            known[f"MC_{axis}RATE_K"] * known[f"MC_{axis}RATE_{gain}"] * torque
+            values[f"MC_{axis}RATE_K"] * values[f"MC_{axis}RATE_{gain}"] * torque
             for axis, torque in zip(AXES, torques, strict=True)
         )
         return x, y, z
 
-    x, y, z = (known[LIMITS[axis]] * torque for axis, torque in zip(AXES, torques, strict=True))
+    x, y, z = (values[LIMITS[axis]] * torque for axis, torque in zip(AXES, torques, strict=True))
     return PidRateLoop(proportional=row("P"), integral=row("I"), derivative=row("D"), limit=(x, y, z))
 
 
@@ -70,7 +70,7 @@ class ParameterReader:
     """Reader of an autopilot's parameters, whose heartbeat has come.
 
     Args:
-        link: to it.
+        link: link to it.
         wait: waits so many seconds for messages, at most, and reads them.
     """
 
@@ -105,10 +105,10 @@ def rate_settings(
     """Read what the loop around a law depends on.
 
     Args:
-        reader: of the autopilot.
-        model: of the law.
-        period: of the law, s.
-        bandwidth: of the rate loop, rad/s; None inverts PX4's by its parameters.
+        reader: reader of the autopilot.
+        model: law's model.
+        period: law's period, s.
+        bandwidth: bandwidth of the rate loop, rad/s; None inverts PX4's by its parameters.
         hover_share: thrust set point in hover; None takes the autopilot's own parameter.
 
     Raises:

@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
+from skyarm.links.ros.node import Content
 from skyarm.log.ros.message_bytes import MessageError
 from skyarm.log.ros.scene import WORLD
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.reference.redirection import DURATIONS, FIELDS, Redirected, redirectable, shortest_duration
+from skyarm.reference.signals import Signal
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -53,7 +54,7 @@ def takes_goals(reference: Trajectory) -> bool:
     return type(reference.x) is Redirected
 
 
-def base_goal(message: Mapping[str, Any]) -> dict[str, float]:
+def base_goal(message: Content) -> dict[str, float]:
     """Goals of x, y, z (m) and of the heading (rad) from a PoseStamped message; no heading without a rotation.
 
     Raises:
@@ -73,7 +74,7 @@ def base_goal(message: Mapping[str, Any]) -> dict[str, float]:
     return goals
 
 
-def joint_goal(message: Mapping[str, Any], vehicle: Vehicle) -> dict[str, float]:
+def joint_goal(message: Content, vehicle: Vehicle) -> dict[str, float]:
     """Goals of joints (rad or m), by the words of the reference, from a JointState message with names and positions.
 
     Raises:
@@ -83,24 +84,24 @@ def joint_goal(message: Mapping[str, Any], vehicle: Vehicle) -> dict[str, float]
     joints = [link.joint for link in vehicle.links]
     if len(names) != len(positions) or not names:
         raise MessageError(f"{len(names)} names and {len(positions)} positions: must be as many, and one at least")
-    known, found = [each.name for each in joints], dict[str, float]()
+    joint_names, goals = [each.name for each in joints], dict[str, float]()
     for name, value in zip(names, positions, strict=True):
-        if name not in known:
-            raise MessageError(f"name = {shown(name)}: {must_be_one_of(known, name)}")
-        joint = joints[known.index(name)]
+        if name not in joint_names:
+            raise MessageError(f"name = {shown(name)}: {must_be_one_of(joint_names, name)}")
+        joint = joints[joint_names.index(name)]
         if not (math.isfinite(value) and float(joint.lower) <= value <= float(joint.upper)):
             limits = f"from {float(joint.lower):g} to {float(joint.upper):g}"
             raise MessageError(f"{name} = {value:g}: must be a finite number {limits}")
-        found[f"joints.{known.index(name)}"] = value
-    return found
+        goals[f"joints.{joint_names.index(name)}"] = value
+    return goals
 
 
 def check_reach(reference: Trajectory, time: float, goals: Mapping[str, float]) -> None:
     """Refuse goals so far from the reference of an instant that no motion within the limits reaches them.
 
     Args:
-        reference: which takes goals.
-        time: of the instant, s.
+        reference: reference that takes goals.
+        time: time of the instant, s.
         goals: word of a signal (x, y, z, yaw, joints.0) -> goal.
 
     Raises:
@@ -120,8 +121,8 @@ def changes_to(reference: Trajectory, time: float, goals: Mapping[str, float]) -
     goals change the same ones.
 
     Args:
-        reference: which takes goals.
-        time: of the instant, s.
+        reference: reference that takes goals.
+        time: time of the instant, s.
         goals: word of a signal (x, y, z, yaw, joints.0) -> goal.
     """
     signals = _signals(reference)
@@ -134,9 +135,9 @@ def changes_to(reference: Trajectory, time: float, goals: Mapping[str, float]) -
 
 
 def _signals(reference: Trajectory) -> dict[str, Redirected]:
-    words = {word: getattr(reference, word) for word in (*BASE, HEADING)}
-    every: Mapping[str, Any] = words | {f"joints.{i}": each for i, each in enumerate(reference.joints)}
-    return {word: each for word, each in every.items() if type(each) is Redirected}
+    signals: dict[str, Signal] = {word: getattr(reference, word) for word in (*BASE, HEADING)}
+    signals |= {f"joints.{i}": each for i, each in enumerate(reference.joints)}
+    return {word: each for word, each in signals.items() if type(each) is Redirected}
 
 
 def _move_together(signals: Mapping[str, Redirected], time: float, goals: Mapping[str, float]) -> dict[str, Redirected]:

@@ -57,12 +57,13 @@ class LiveFlight:
     """Result of a flight with live topics.
 
     Attributes:
-        log: of what was flown.
-        version: of ROS.
+        log: log of the flight.
+        version: version of ROS.
         commanded: periods flown under commands from ROS.
         goals: taken from ROS.
         late: s by which it was slower than its pace.
-        interrupted: what ended it from outside (Ctrl-C), to be raised again once the log is written; else None.
+        interrupted: exception that ended it from outside (Ctrl-C), to be raised again once the log is written; else
+            None.
     """
 
     log: Log
@@ -75,15 +76,15 @@ class LiveFlight:
     @property
     def lines(self) -> list[str]:
         """Sentences about the commands and goals of the flight, and about its pace."""
-        rate, found = float(self.log.info["rates_hz"]["control"]), list[str]()
+        rate, lines = float(self.log.info["rates_hz"]["control"]), list[str]()
         if self.commanded:
             seconds = self.commanded / rate
-            found.append(f"ROS {self.version}: commanded from outside for {seconds:g} s, which no scenario repeats")
+            lines.append(f"ROS {self.version}: commanded from outside for {seconds:g} s, which no scenario repeats")
         if self.goals:
-            found.append(f"ROS {self.version}: goals taken: {self.goals}")
+            lines.append(f"ROS {self.version}: goals taken: {self.goals}")
         if self.late > SOON:
-            found.append(f"ROS {self.version}: {self.late:.3g} s behind its pace; --pace makes it slower")
-        return found
+            lines.append(f"ROS {self.version}: {self.late:.3g} s behind its pace; --pace makes it slower")
+        return lines
 
 
 def fly_live(
@@ -99,12 +100,12 @@ def fly_live(
     """Fly a scenario with live topics; closes the node, whatever happens.
 
     Args:
-        scenario: to be flown.
-        node: of ROS.
-        version: of it.
+        scenario: scenario to fly.
+        node: node of ROS.
+        version: version of ROS.
         pace: flight time over wall time; infinite waits for nothing.
         advance: is called with the periods flown and their number some times a second.
-        preparing: as of :func:`skyarm.simulate.session.open_session`.
+        preparing: function as of :func:`skyarm.simulate.session.open_session`.
         warn: is told in one line of a lost master and of messages that are refused.
     """
     interrupted: BaseException | None = None
@@ -141,7 +142,7 @@ def fly_live(
 
 def _fly(link: RosLink, clock: Pace, advance: Callable[[int, int], object], warn: Warn) -> None:
     """Fly a session to its end, or until ROS ends the node."""
-    session, node, told, lost = link.session, link.node, -math.inf, False
+    session, node, reported, lost = link.session, link.node, -math.inf, False
     while session.running:
         clock.wait(session.time)
         link.step()
@@ -151,6 +152,6 @@ def _fly(link: RosLink, clock: Pace, advance: Callable[[int, int], object], warn
         if node.problem and not lost:
             lost = True
             warn(f"at {session.time:g} s: {node.problem}; the flight goes on for those that are connected")
-        if time.perf_counter() - told > TOLD or not session.running:
-            told = time.perf_counter()
+        if time.perf_counter() - reported > TOLD or not session.running:
+            reported = time.perf_counter()
             advance(session.tick, session.scenario.steps)

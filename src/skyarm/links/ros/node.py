@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
 LOOPBACK = "127.0.0.1"
 
 MOST_WAITING = 100
 """Messages that wait for a slow receiver, or for the flight; older ones are dropped."""
+
+Content = dict[str, Any]
+"""Content of a message: field -> number, text, list of these, or content of the message inside."""
 
 
 class RosError(ValueError):
@@ -68,7 +71,7 @@ class Inbox:
 
     def take(self) -> list[bytes]:
         """Remove and return all messages, oldest first."""
-        found = []
+        messages = []
         while self._waiting:
-            found.append(self._waiting.popleft())
-        return found
+            messages.append(self._waiting.popleft())
+        return messages

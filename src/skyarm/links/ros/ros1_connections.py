@@ -78,22 +78,26 @@ class Publication:
         self._outlets: list[_Outlet] = []
 
     @staticmethod
-    def welcome(connection: socket.socket, known: Mapping[str, Publication]) -> None:
+    def welcome(connection: socket.socket, publications: Mapping[str, Publication]) -> None:
         """Answer the header of a subscriber that has connected, and send it the topic from now on."""
         connection.settimeout(PATIENCE)
         try:
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             header = read_header(connection)
-            found = known.get(header.get("topic", ""))
-            problem = "the topic is not published here" if found is None else found.identity.mismatch(header)
-            if found is None or problem:
+            publication = publications.get(header.get("topic", ""))
+            problem = (
+                "the topic is not published here" if publication is None else publication.identity.mismatch(header)
+            )
+            if publication is None or problem:
                 connection.sendall(header_bytes({"error": problem}))
                 connection.close()
                 return
-            if found.count >= MOST_CONNECTIONS:
-                raise ConnectionError(f"{found.identity.topic} has {MOST_CONNECTIONS} subscribers")
-            connection.sendall(header_bytes({**found.identity.fields, "latching": "1" if found._latched else "0"}))
-            found._add(_Outlet(connection))
+            if publication.count >= MOST_CONNECTIONS:
+                raise ConnectionError(f"{publication.identity.topic} has {MOST_CONNECTIONS} subscribers")
+            connection.sendall(
+                header_bytes({**publication.identity.fields, "latching": "1" if publication._latched else "0"})
+            )
+            publication._add(_Outlet(connection))
         except (OSError, ValueError):
             connection.close()
 
@@ -259,7 +263,7 @@ def read_header(connection: socket.socket) -> dict[str, str]:
     (length,) = LENGTH.unpack(read_exactly(connection, LENGTH.size, until))
     if length > LONGEST_HEADER:
         raise ValueError(f"header of {length} bytes: must be at most {LONGEST_HEADER}")
-    content, found = read_exactly(connection, length, until), dict[str, str]()
+    content, fields = read_exactly(connection, length, until), dict[str, str]()
     connection.settimeout(PATIENCE)
     while content:
         if len(content) < LENGTH.size:
@@ -269,8 +273,8 @@ def read_header(connection: socket.socket) -> dict[str, str]:
         name, equals, value = row.partition(b"=")
         if len(row) < size or not equals:
             raise ValueError("header: must be fields KEY=VALUE behind their lengths")
-        found[name.decode(errors="replace")] = value.decode(errors="replace")
-    return found
+        fields[name.decode(errors="replace")] = value.decode(errors="replace")
+    return fields
 
 
 def limit_wait(connection: socket.socket, until: float) -> None:
@@ -291,12 +295,12 @@ def read_exactly(connection: socket.socket, count: int, until: float | None = No
     Raises:
         OSError: the connection broke off, or was too slow.
     """
-    found = bytearray()
-    while len(found) < count:
+    received = bytearray()
+    while len(received) < count:
         if until is not None:
             limit_wait(connection, until)
-        more = connection.recv(count - len(found))
+        more = connection.recv(count - len(received))
         if not more:
             raise ConnectionError("the connection broke off")
-        found += more
-    return bytes(found)
+        received += more
+    return bytes(received)

@@ -17,9 +17,9 @@ import socket
 import threading
 import time
 import xmlrpc.client
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from socketserver import ThreadingMixIn
-from typing import Any
+from typing import Any, TypeAlias
 from urllib.parse import urlsplit
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
@@ -32,6 +32,7 @@ from skyarm.links.ros.ros1_connections import (
     Subscription,
     limit_wait,
 )
+from skyarm.links.sockets import Address
 from skyarm.log.ros.messages import ROS1_DEFINITIONS
 from skyarm.records.files import shown
 
@@ -54,6 +55,12 @@ LONGEST_REQUEST = 1 << 16
 """Bytes of a call of the node's API; no call of a master or a node is longer."""
 
 SUCCESS = 1
+
+Value: TypeAlias = "int | str | Sequence[Value]"
+"""Argument or answer of a call by XML-RPC."""
+
+Request = socket.socket | tuple[bytes, socket.socket]
+"""Connection of a caller, as socketserver hands it on."""
 
 
 class Ros1Node:
@@ -157,11 +164,11 @@ class Ros1Node:
 
     def update(self, topic: str, publishers: list[str]) -> None:
         """Connect to the publishers of a topic that the master lists."""
-        found = self._subscriptions.get(topic)
-        if found is not None and not self._closing.is_set():
-            found.update(publishers)
+        subscription = self._subscriptions.get(topic)
+        if subscription is not None and not self._closing.is_set():
+            subscription.update(publishers)
 
-    def connection_of(self, topic: str) -> list[Any]:
+    def connection_of(self, topic: str) -> list[str | int]:
         """Protocol, host and port at which a published topic is given out; empty for one that is not."""
         return [PROTOCOL, self._host, self._listener.getsockname()[1]] if topic in self._publications else []
 
@@ -181,7 +188,7 @@ class Ros1Node:
                 return host, port
         raise RosError(f"ROS 1 node {publisher}: offers {shown(answer)}, must be {PROTOCOL}, host and port")
 
-    def _ask(self, method: str, *words: Any) -> Any:
+    def _ask(self, method: str, *words: str) -> Any:
         return call(self.master, method, self.name, *words)
 
     def _serve(self) -> None:
@@ -229,8 +236,8 @@ class _Api:
     def __init__(self, node: Ros1Node) -> None:
         self._node = node
 
-    def _dispatch(self, method: str, words: tuple[Any, ...]) -> list[Any]:
-        known: Mapping[str, Callable[..., Any]] = {
+    def _dispatch(self, method: str, words: tuple[Value, ...]) -> list[Value]:
+        methods: Mapping[str, Callable[..., Value]] = {
             "requestTopic": self._request_topic,
             "publisherUpdate": self._publisher_update,
             "shutdown": self._end,
@@ -243,17 +250,17 @@ class _Api:
             "paramUpdate": lambda *_: 0,
         }
         try:
-            return [SUCCESS, "", known[method](*words)]
+            return [SUCCESS, "", methods[method](*words)]
         except KeyError:
             return [-1, f"no method {method}", 0]
         except (TypeError, ValueError) as error:
             return [-1, str(error), 0]
 
-    def _request_topic(self, _caller: str, topic: str, protocols: list[list[str]]) -> list[Any]:
-        found = self._node.connection_of(topic)
-        if not found or not any(each and each[0] == PROTOCOL for each in protocols):
+    def _request_topic(self, _caller: str, topic: str, protocols: list[list[str]]) -> list[str | int]:
+        connection = self._node.connection_of(topic)
+        if not connection or not any(each and each[0] == PROTOCOL for each in protocols):
             raise ValueError(f"{topic}: is not published here by {PROTOCOL}")
-        return found
+        return connection
 
     def _publisher_update(self, _caller: str, topic: str, publishers: list[str]) -> int:
         self._node.update(topic, [str(each) for each in publishers])
@@ -300,7 +307,7 @@ class _Handler(SimpleXMLRPCRequestHandler):
             return
         super().do_POST()
 
-    def log_message(self, *_: Any) -> None:
+    def log_message(self, *_: object) -> None:
         """Print nothing about requests that are none."""
 
 
@@ -317,21 +324,21 @@ class _ApiServer(ThreadingMixIn, SimpleXMLRPCServer):
         self._places = threading.BoundedSemaphore(MOST_CONNECTIONS)
         super().__init__((host, 0), requestHandler=_Handler, logRequests=False, allow_none=True)
 
-    def process_request(self, request: Any, client_address: Any) -> None:
+    def process_request(self, request: Request, client_address: Address) -> None:
         """Answer a caller in a thread of its own, or drop it where there are too many."""
         if self._places.acquire(blocking=False):
             super().process_request(request, client_address)
         else:
             self.shutdown_request(request)
 
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
+    def process_request_thread(self, request: Request, client_address: Address) -> None:
         """Answer a caller, and make room for another."""
         try:
             super().process_request_thread(request, client_address)
         finally:
             self._places.release()
 
-    def handle_error(self, *_: Any) -> None:
+    def handle_error(self, *_: object) -> None:
         """Ignore a caller that breaks off or sends no XML."""
 
 
@@ -340,14 +347,17 @@ class _Transport(xmlrpc.client.Transport):
 
     _answer: http.client.HTTPResponse | None = None
 
-    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+    def make_connection(self, host: tuple[str, dict[str, str]] | str) -> http.client.HTTPConnection:
         """Open a connection with a time limit."""
-        found: Any = super().make_connection(host)
-        found.timeout, found.response_class = PATIENCE, self._begin_answer
-        return found  # type: ignore[no-any-return]
+        connection = super().make_connection(host)
+        connection.timeout = PATIENCE
+        connection.response_class = self._begin_answer  # type: ignore[assignment]
+        return connection
 
-    def _begin_answer(self, *arguments: Any, **options: Any) -> http.client.HTTPResponse:
-        self._answer = http.client.HTTPResponse(*arguments, **options)
+    def _begin_answer(
+        self, connection: socket.socket, debuglevel: int = 0, method: str | None = None, url: str | None = None
+    ) -> http.client.HTTPResponse:
+        self._answer = http.client.HTTPResponse(connection, debuglevel, method, url)
         return self._answer
 
     def close(self) -> None:
@@ -357,7 +367,7 @@ class _Transport(xmlrpc.client.Transport):
         super().close()
 
 
-def call(address: str, method: str, *words: Any) -> Any:
+def call(address: str, method: str, *words: Value) -> Any:
     """Call a method of the master or of a node; returns its value.
 
     Raises:
@@ -366,14 +376,14 @@ def call(address: str, method: str, *words: Any) -> Any:
     try:
         with xmlrpc.client.ServerProxy(address, transport=_Transport()) as proxy:
             answer = getattr(proxy, method)(*words)
-        status, told, value = answer
+        status, message, value = answer
     except OSError as error:
         reason = " ".join((error.strerror or str(error) or type(error).__name__).split())
         raise RosError(f"ROS 1 at {address}: does not answer ({reason}); is roscore running?") from None
     except Exception as error:  # whatever a port of another program answers
         raise RosError(f"ROS 1 at {address}: answers as no master or node does ({type(error).__name__})") from None
     if status != SUCCESS:
-        raise RosError(f"ROS 1 at {address}: refuses {method} ({told})")
+        raise RosError(f"ROS 1 at {address}: refuses {method} ({message})")
     return value
 
 

@@ -14,7 +14,7 @@ import socket
 import sys
 import time
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 from skyarm.links.ros.node import LOOPBACK, MOST_WAITING, RosError
 from skyarm.log.ros.messages import DEFINITIONS, MessageField, fields
@@ -49,7 +49,7 @@ class Ros2Node:
 
     Args:
         domain: number of the DDS domain; that of ROS_DOMAIN_ID, else 0, if left out.
-        definitions: of its message types.
+        definitions: definitions of its message types.
 
     Raises:
         RosError: cyclonedds is missing, or the domain cannot be joined.
@@ -126,8 +126,8 @@ class Ros2Node:
 
     def take(self, topic: str) -> list[bytes]:
         """Messages that have arrived on a topic since the last call, oldest first."""
-        found = self._readers[topic].take(MOST_WAITING)
-        return [each.content for each in found if hasattr(each, "content")]
+        samples = self._readers[topic].take(MOST_WAITING)
+        return [each.content for each in samples if hasattr(each, "content")]
 
     def wait(self, seconds: float) -> None:
         """Wait for a message of the topics that were subscribed to before the first call, at most so long."""
@@ -162,13 +162,18 @@ class Ros2Node:
         return self._dds.topic.Topic(self._participant, f"rt{name}", self._types.of(kind))
 
 
-def _content(message: Any, *_: Any, **__: Any) -> bytes:
+class _Encoded(Protocol):
+    """Protocol of a message of a DDS type that holds its bytes alone."""
+
+    content: bytes
+
+
+def _content(message: _Encoded, *_: object, **__: object) -> bytes:
     """Bytes of a message, in the place of cyclonedds's own encoder in Python."""
-    found: bytes = message.content
-    return found
+    return message.content
 
 
-def _message(kind: Any, data: bytes, *_: Any, **__: Any) -> Any:
+def _message(kind: type[_Encoded], /, data: bytes, *_: object, **__: object) -> _Encoded:
     """Message of a DDS type from its bytes, in the place of cyclonedds's own decoder."""
     message = kind.__new__(kind)
     message.content = bytes(data)
@@ -211,13 +216,13 @@ def _domain_of_environment() -> int:
 
 def _open_sockets() -> set[int]:
     """File descriptors of this process's sockets, on Linux; elsewhere none."""
-    found = set[int]()
+    descriptors = set[int]()
     if sys.platform == "linux":
         for name in os.listdir("/proc/self/fd"):
             with contextlib.suppress(OSError):
                 if os.readlink(f"/proc/self/fd/{name}").startswith("socket:"):
-                    found.add(int(name))
-    return found
+                    descriptors.add(int(name))
+    return descriptors
 
 
 def _bind_to_loopback(descriptors: Iterable[int]) -> None:

@@ -14,20 +14,21 @@ import math
 import warnings
 from collections.abc import Callable, Mapping
 from types import TracebackType
-from typing import Any
 
 import numpy as np
 
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import Command
 from skyarm.links.ros.goals import base_goal, changes_to, check_reach, goal_paths, joint_goal, takes_goals, with_goals
-from skyarm.links.ros.node import Node
+from skyarm.links.ros.node import Content, Node
+from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import names_of
 from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.log.ros.messages import FLIGHT
 from skyarm.log.ros.scene import LogSection
 from skyarm.log.ros.topics import FlightTopics, Topic, every_of
 from skyarm.records.arrays import Array
+from skyarm.records.plain import Plain
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.assemble_log import join_pieces, sensor_data
 from skyarm.simulate.session import Session, open_session
@@ -54,7 +55,7 @@ Warn = Callable[[str], object]
 class LiveInstant:
     """Arrays of the control period that was flown last, by their names in a log; the costly ones made on demand."""
 
-    def __init__(self, session: Session, info: Mapping[str, Any]) -> None:
+    def __init__(self, session: Session, info: Mapping[str, Plain]) -> None:
         self._session, self._info = session, info
         self._known = session.latest_arrays
 
@@ -78,8 +79,8 @@ class RosLink:
     """ROS node of one session: publishes each of its periods and takes commands and goals.
 
     Args:
-        session: to be flown period by period with :meth:`step`; one of :func:`live_session` takes goals.
-        node: of ROS 1 or 2; the link closes it.
+        session: session to fly period by period with :meth:`step`; one of :func:`live_session` takes goals.
+        node: node of ROS 1 or 2; the link closes it.
         timeout: s of flight after the last command until the law takes over again.
         warn: is told of messages that are refused, once for each topic; by default a Python warning.
 
@@ -197,15 +198,15 @@ class RosLink:
             self.node.send(topic.name, data[0].tobytes())
         self._begun = True
 
-    def _take_messages(self, topic: str, kind: str) -> list[dict[str, Any]]:
+    def _take_messages(self, topic: str, kind: str) -> list[Content]:
         """Decode the messages that have arrived on a topic; what is none is refused."""
-        found = []
+        messages = []
         for data in self.node.take(topic):
             try:
-                found.append(decode(kind, self._definitions, data, packed=self.node.packed))
+                messages.append(decode(kind, self._definitions, data, packed=self.node.packed))
             except MessageError as error:
                 self._refuse(topic, error)
-        return found
+        return messages
 
     def _refuse(self, topic: str, error: MessageError) -> None:
         if topic not in self._refused:
@@ -240,20 +241,20 @@ def command_of(numbers: list[float], joints: int, rotors: int, tilts: int) -> Co
     )
 
 
-def _own_topics(session: Session, log: Any) -> tuple[Topic, ...]:
+def _own_topics(session: Session, log: Log) -> tuple[Topic, ...]:
     """Topics beside those of a log: the clock in every period, rotors and the applied command as often as the base."""
     fast, _ = every_of(log)
     rotors = names_of(log).rotors
 
-    def clock(part: LogSection) -> dict[str, Any]:
+    def clock(part: LogSection) -> Content:
         return {"clock": part.stamps}
 
-    def turning(part: LogSection) -> dict[str, Any]:
+    def turning(part: LogSection) -> Content:
         return {"header": part.header(""), "name": rotors, "velocity": part["rotor_speeds"]}
 
     arrays = ["rotor_commands", "efforts", *(["tilt_commands"] if session.scenario.plant.vehicle.tilts else [])]
 
-    def command(part: LogSection) -> dict[str, Any]:
+    def command(part: LogSection) -> Content:
         return {"data": np.hstack([part[name] for name in arrays])}
 
     return (

@@ -115,10 +115,10 @@ class Fields:
 
     def done(self, beside: Sequence[str] = ()) -> None:
         """Raise an error if a field of the table was not read; ``beside`` names fields that others have read."""
-        known = [*dict.fromkeys(self._asked), *beside]
+        names = [*dict.fromkeys(self._asked), *beside]
         for name, value in self.table.items():
             if name not in self._asked:
-                allowed, meant = comma_list(known), did_you_mean(name, known)
+                allowed, meant = comma_list(names), did_you_mean(name, names)
                 raise ValueError(f"{self.at(name)} = {shown(value)}: unknown field; {meant}allowed: {allowed}")
 
 
@@ -134,11 +134,11 @@ def list_of_tables(value: object, where: str, named: bool = False) -> list[Field
 def number(value: object, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:
     """Check that a value is a number: finite by default, not below ``low`` (above it if strict)."""
     try:  # NumPy's numbers are Real too
-        held = math.nan if isinstance(value, bool) or not isinstance(value, numbers.Real) else float(value)
+        converted = math.nan if isinstance(value, bool) or not isinstance(value, numbers.Real) else float(value)
     except OverflowError:  # a whole number beyond 1e308
-        held = math.inf
-    if math.isnan(held) or (math.isinf(held) and not infinite):
+        converted = math.inf
+    if math.isnan(converted) or (math.isinf(converted) and not infinite):
         raise ValueError(f"{at} = {shown(value)}: must be a {'number' if infinite else 'finite number'}")
-    if held < low or (strict and held == low):
+    if converted < low or (strict and converted == low):
         raise ValueError(f"{at} = {shown(value)}: must be {'above' if strict else 'at least'} {low:g}")
-    return held
+    return converted

@@ -106,8 +106,8 @@ def must_be_one_of(known: Iterable[str], word: object, see: str = "") -> str:
     """Text of a message that lists the allowed names, after a suggestion for a misspelt one.
 
     Args:
-        known: names.
-        word: that is none of them.
+        known: allowed names.
+        word: word that is none of them.
         see: command that lists all of them: more than ``NEAREST`` are then named no further than the nearest.
     """
     names = list(known)

@@ -35,14 +35,14 @@ def unreadable(path: Path) -> str:
     """Reason why no file can be read at a path; empty if one can, which is then an input of the running command."""
     # not path.is_file(), which keeps the reason to itself since Python 3.14
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except OSError as error:
         return NO_FILE if error.errno in NOT_THERE else error.strerror or str(error)
     except ValueError:  # a NUL in it
         return NO_FILE
-    if stat.S_ISDIR(found.st_mode):
+    if stat.S_ISDIR(status.st_mode):
         return "is a folder"
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         return NO_FILE
     note_input(path)
     return ""
@@ -126,17 +126,17 @@ def kind_of(document: Mapping[str, object]) -> str:
     return "vehicle" if any(word in document for word in VEHICLES) else ""
 
 
-def require_kind(document: object, wanted: str) -> None:
+def require_kind(document: object, expected: str) -> None:
     """Raise an error if a TOML file is of another kind (scenario, study, vehicle, gains) than expected.
 
     Raises:
         ValueError: one line.
     """
-    found = kind_of(document) if isinstance(document, Mapping) else ""
-    if found and found != wanted:
-        a, b = (kind if kind != "gains" else "file of gains" for kind in (wanted, found))
+    stated = kind_of(document) if isinstance(document, Mapping) else ""
+    if stated and stated != expected:
+        a, b = (kind if kind != "gains" else "file of gains" for kind in (expected, stated))
         a, b = (each if each.startswith("file") else f"{each} file" for each in (a, b))
-        raise ValueError(f"{wanted}: must be a {a}, and this is a {b}, for '{READS[found]}'")
+        raise ValueError(f"{expected}: must be a {a}, and this is a {b}, for '{READS[stated]}'")
 
 
 def names_in(library: Traversable) -> tuple[str, ...]:
@@ -149,28 +149,28 @@ def read_named(text: str, kind: str, library: Traversable, others: str = "") -> 
 
     Args:
         text: name or path.
-        kind: of the file, a key of ``READS``.
+        kind: kind of the file, a key of ``READS``.
         library: folder of the shipped files.
-        others: what else may be given, for messages.
+        others: other allowed inputs, for messages.
 
     Raises:
         ValueError: one line that begins with the kind, or with the file.
     """
     names, path = names_in(library), Path(text)
     field, plural = f"{kind} = {shown(text)}", "studies" if kind == "study" else f"{kind}s"
-    known = f"shipped {plural} are {', '.join(names)}"
+    shipped = f"shipped {plural} are {', '.join(names)}"
     if text in names:
         content, folder = (library / f"{text}.toml").read_bytes(), Path()
     elif path.suffix != ".toml":
         allowed = f"{did_you_mean(text, names)}must be the path of a .toml file{others or ' or a name'}"
-        raise ValueError(f"{field}: {allowed}; {known}")
+        raise ValueError(f"{field}: {allowed}; {shipped}")
     elif reason := unreadable(path):
-        raise ValueError(f"{field}: {reason}; {known}")
+        raise ValueError(f"{field}: {reason}; {shipped}")
     else:
         try:
             content, folder = path.read_bytes(), path.parent
         except OSError as error:
-            raise ValueError(f"{field}: must be readable ({error.strerror}); {known}") from None
+            raise ValueError(f"{field}: must be readable ({error.strerror}); {shipped}") from None
     with errors_as(ValueError, f"{text}: "):
         document = read_toml(content)
         require_kind(document, kind)
@@ -179,10 +179,10 @@ def read_named(text: str, kind: str, library: Traversable, others: str = "") -> 
 
 def distinct(names: Sequence[str]) -> list[str]:
     """Make names unique: repeated ones get a number appended."""
-    found: list[str] = []
+    distinct_names: list[str] = []
     for name in names:
         unique, k = name, 2
-        while unique in found or (unique != name and unique in names):
+        while unique in distinct_names or (unique != name and unique in names):
             unique, k = f"{name}_{k}", k + 1
-        found.append(unique)
-    return found
+        distinct_names.append(unique)
+    return distinct_names

@@ -35,10 +35,10 @@ def note_input(path: Path) -> None:
 def stamp_of(path: PathLike) -> tuple[int, ...]:
     """Device, number, time in ns and size of a file; empty if there is none."""
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except (OSError, ValueError):  # not there yet, or never
         return ()
-    return found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size
+    return status.st_dev, status.st_ino, status.st_mtime_ns, status.st_size
 
 
 def is_input(path: PathLike) -> bool:

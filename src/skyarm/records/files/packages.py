@@ -35,7 +35,7 @@ def installed_versions(packages: Iterable[str], path: Iterable[str] | None = Non
         packages: names in lower case, with hyphens.
         path: folders in the order of import; ``sys.path`` if left out.
     """
-    wanted, found = set(packages), dict[str, str]()
+    names, versions = set(packages), dict[str, str]()
     for folder in sys.path if path is None else path:
         here: dict[str, str] = {}
         for entry in _entries(folder):
@@ -43,10 +43,10 @@ def installed_versions(packages: Iterable[str], path: Iterable[str] | None = Non
                 name, _, version = entry.removesuffix(METADATA).partition("-")
                 name = name.lower().replace("_", "-")
                 # an update that was cut off leaves the folder of the old version beside that of the new
-                if name in wanted and (name not in here or _order(version) > _order(here[name])):
+                if name in names and (name not in here or _order(version) > _order(here[name])):
                     here[name] = version
-        found = here | found
-    return found
+        versions = here | versions
+    return versions
 
 
 def below_floor(versions: dict[str, str]) -> str | None:

@@ -42,23 +42,23 @@ def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
             FileExistsError
         ):  # another process made it meanwhile; or it is a file, as is seen below
             folder.mkdir(mode=0o700)
-    found = folder.stat()
-    if not stat.S_ISDIR(found.st_mode):
+    status = folder.stat()
+    if not stat.S_ISDIR(status.st_mode):
         raise NotADirectoryError(f"file = {str(folder)!r}: must be a folder")
     if not WITH_OWNERS:
         return ""
-    if found.st_uid != os.geteuid():
+    if status.st_uid != os.geteuid():
         return "it belongs to another user"
     if folder.lstat().st_uid not in (os.geteuid(), 0):
         return "it is a link of another user"
-    if not found.st_mode & OTHERS:
+    if not status.st_mode & OTHERS:
         return ""
     if all(ours(each.name) for each in folder.iterdir()):
         with contextlib.suppress(OSError):
             folder.chmod(0o700)
         if folder.stat().st_mode & OTHERS_WRITE:
             return "others may write into it, and that cannot be changed"
-    elif found.st_mode & OTHERS_WRITE:
+    elif status.st_mode & OTHERS_WRITE:
         return "others may write into it, and it holds other files, so its rights are left alone; name another folder"
     return ""
 
@@ -76,10 +76,10 @@ def read_private(file: Path, most: int, *, secret: bool = False) -> bytes | None
     except (OSError, ValueError):
         return None
     try:
-        found = os.fstat(descriptor)
-        if not stat.S_ISREG(found.st_mode) or found.st_size > most:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode) or status.st_size > most:
             return None
-        if WITH_OWNERS and (found.st_uid != os.geteuid() or found.st_mode & (OTHERS if secret else OTHERS_WRITE)):
+        if WITH_OWNERS and (status.st_uid != os.geteuid() or status.st_mode & (OTHERS if secret else OTHERS_WRITE)):
             return None
         with os.fdopen(descriptor, "rb", closefd=False) as stream:
             return stream.read()
@@ -93,8 +93,8 @@ def write_private(file: Path, content: bytes, *, replace: bool = True) -> None:
     """Write a file atomically with mode 0600; a link at its path is replaced, not followed.
 
     Args:
-        file: to write, in a folder that is there.
-        content: of the file.
+        file: file to write, in a folder that is there.
+        content: content of the file.
         replace: false leaves a file that is there, or that another process makes at the same time, as it is.
 
     Raises:

@@ -42,7 +42,7 @@ def read_corners(path: PathLike, scale: Scale = METRES) -> Array:
     """Read the triangle corners (F, 3, 3) of an STL file, m.
 
     Args:
-        path: of the file.
+        path: path of the file.
         scale: m of one of its numbers along its axes.
 
     Raises:
@@ -110,9 +110,9 @@ def _text(content: bytes) -> Array:
     if count > 3 * MOST:
         raise ValueError(f"has {count // 3} triangles, must have from 1 to {MOST}")
     try:
-        found = np.array([[float(each) for each in match.groups()] for match in CORNER.finditer(content)])
-        if len(found) != count:
+        corners = np.array([[float(each) for each in match.groups()] for match in CORNER.finditer(content)])
+        if len(corners) != count:
             raise ValueError
-        return found.reshape(-1, 3, 3)
+        return corners.reshape(-1, 3, 3)
     except ValueError:
         raise ValueError(allowed) from None

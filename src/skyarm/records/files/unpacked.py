@@ -25,7 +25,7 @@ def require_size(unpacked: float, content: bytes) -> None:
 
     Args:
         unpacked: bytes.
-        content: of the file.
+        content: content of the file.
 
     Raises:
         TooLargeError: one line, without the file's name.

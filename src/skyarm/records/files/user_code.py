@@ -50,9 +50,9 @@ def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
         return _code_of_class(thing if isinstance(thing, type) else type(thing))
     if is_own(code, str(getattr(thing, "__module__", ""))):
         return code
-    for held in closed_over(thing):
-        if callable(held) and (found := own_code(held, depth - 1)) is not None:
-            return found
+    for inner in closed_over(thing):
+        if callable(inner) and (inner_code := own_code(inner, depth - 1)) is not None:
+            return inner_code
     return None
 
 
@@ -65,9 +65,9 @@ def closed_over(function: object) -> Iterator[object]:
 
 def codes_of(methods: Iterable[object]) -> Iterator[types.CodeType]:
     """Code objects of methods, properties and functions of a class."""
-    for held in methods:
+    for method in methods:
         # of the methods that dataclasses write some have no file, others are Python's own
-        code = getattr(getattr(held, "fget", None) or getattr(held, "__func__", held), "__code__", None)
+        code = getattr(getattr(method, "fget", None) or getattr(method, "__func__", method), "__code__", None)
         if isinstance(code, types.CodeType):
             yield code
 
@@ -117,10 +117,10 @@ def require_result(function: object, value: Result, fine: bool, allowed: str) ->
     """Result of a user's function that is not traced, where it is one that is allowed.
 
     Args:
-        function: of the user, or one of the library's in its place.
+        function: user's function, or one of the library's in its place.
         value: its result.
-        fine: whether it is allowed.
-        allowed: what is, in words.
+        fine: True if the result is allowed.
+        allowed: allowed results in words.
 
     Raises:
         ValueError: it is not; one line with file, function, value and what is allowed.
@@ -168,7 +168,7 @@ COMMAND_LINE = f"{os.path.basename(os.path.dirname(PACKAGE))}.cli."
 """The room whose modules call commands, one's own too."""
 
 
-class Frame(NamedTuple):
+class StackFrame(NamedTuple):
     """Frame of an error's stack, of the user's code or of the library: function, module, file and line."""
 
     own: bool
@@ -177,15 +177,15 @@ class Frame(NamedTuple):
     place: str
 
 
-def _frames(error: BaseException) -> list[Frame]:
+def _frames(error: BaseException) -> list[StackFrame]:
     """Stack frames of an error in the user's code and in the library, the outermost first."""
-    found = []
+    frames = []
     for frame, line in walk_tb(error.__traceback__):
         code, module = frame.f_code, str(frame.f_globals.get("__name__", ""))
         own = is_own(code, module)
         if own or code.co_filename.startswith(PACKAGE):
-            found.append(Frame(own, code.co_name, module, f"{code.co_filename}:{line}"))
-    return found
+            frames.append(StackFrame(own, code.co_name, module, f"{code.co_filename}:{line}"))
+    return frames
 
 
 def place_of_error(error: BaseException) -> str:
@@ -199,13 +199,13 @@ MISSING = "missing"
 
 def number_duplicates(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
     """Table of digests by file name; a second digest of one name is stored under a numbered name."""
-    found: dict[str, str] = {}
+    digests: dict[str, str] = {}
     for plain, identity in pairs:
         name = plain
-        while found.get(name, identity) != identity:
-            name = f"{plain} ({len(found) + 1})"
-        found[name] = identity
-    return found
+        while digests.get(name, identity) != identity:
+            name = f"{plain} ({len(digests) + 1})"
+        digests[name] = identity
+    return digests
 
 
 def file_of(module: types.ModuleType | None) -> str:
@@ -239,8 +239,10 @@ def source_of(code: types.CodeType) -> tuple[str, str]:
 
 def _bytecode_text(code: types.CodeType) -> str:
     """Text of a code object's bytecode, names and constants for a digest, equal in every process."""
-    held = [_bytecode_text(each) if isinstance(each, types.CodeType) else _constant(each) for each in code.co_consts]
-    return f"{code.co_name} {code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_freevars} {held}"
+    constants = [
+        _bytecode_text(each) if isinstance(each, types.CodeType) else _constant(each) for each in code.co_consts
+    ]
+    return f"{code.co_name} {code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_freevars} {constants}"
 
 
 def _constant(value: object) -> str:

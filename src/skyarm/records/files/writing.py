@@ -28,9 +28,9 @@ def write_atomically(path: PathLike, content: bytes, *, entry: bool = True) -> P
     """Write a file atomically: to a temporary file next to the target, then rename.
 
     Args:
-        path: of the file.
+        path: path of the file.
         content: complete content.
-        entry: whether the name is forced to disk as well; who writes many files calls :func:`sync_folder` once instead.
+        entry: True if the name is forced to disk as well; who writes many files calls :func:`sync_folder` once instead.
 
     Raises:
         OSError: with one line that names the file.
@@ -49,8 +49,8 @@ def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[byt
     inside fails, no file appears.
 
     Args:
-        path: of the file.
-        entry: whether the name is forced to disk as well.
+        path: path of the file.
+        entry: True if the name is forced to disk as well.
 
     Raises:
         OSError: with one line that names the file.
@@ -187,9 +187,9 @@ def output_file(name: str, field: str, *suffixes: str) -> Path:
     """Path of an output file, checked before any computation.
 
     Args:
-        name: as it was given.
-        field: what it was given to, for the message.
-        suffixes: of the files that are written there; none for any. A device or a pipe may have another.
+        name: path as the user typed it.
+        field: option or argument with the path, for the message.
+        suffixes: suffixes of the files that are written there; none for any. A device or a pipe may have another.
 
     Raises:
         ValueError: no name at all, another suffix, or a file that the running command has read.
@@ -210,7 +210,7 @@ def require_replaceable(*files: Path, renames: bool = False) -> None:
     """Raise an error if a folder has the name of an output file, or it is an input, before any computation.
 
     Args:
-        files: that are written.
+        files: files that are written.
         renames: an earlier file gets another name, so that an input may have that of an output.
 
     Raises:
@@ -239,7 +239,7 @@ def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]
     Returns:
         Label -> name; names differ also where a file system takes capitals and small letters for the same.
     """
-    found: dict[str, str] = {}
+    names: dict[str, str] = {}
     taken: set[str] = set()
     for label in labels:
         plain = re.sub(r"[^A-Za-z0-9._-]+", "_", label)[:LONGEST_NAME]
@@ -248,8 +248,8 @@ def file_names(labels: Iterable[str], before: str, after: str) -> dict[str, str]
             count += 1
             name = f"{before}{plain}_{count}{after}"
         taken.add(name.lower())
-        found[label] = name
-    return found
+        names[label] = name
+    return names
 
 
 def require_no_link(path: Path) -> Path:
@@ -330,8 +330,8 @@ def one_writer(folder: Path, *, name: str = LOCK, patience: float = 0.0) -> Iter
     ends, so a kill leaves nothing to clear away. On a file system without locks everyone may write, as before.
 
     Args:
-        folder: that is there.
-        name: of the lock's file: who holds one name does not keep others from another.
+        folder: folder that is there.
+        name: name of the lock's file: who holds one name does not keep others from another.
         patience: s to wait for another process's end.
 
     Raises:

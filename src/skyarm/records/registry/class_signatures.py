@@ -47,12 +47,12 @@ def class_mistake(kind: type) -> tuple[str, str] | None:
     if not bases or kind in bases:
         return None
     for name, given in _members(bases):
-        held = inspect.getattr_static(kind, name)
-        if any(held is vars(each).get(name) for each in bases):
+        member = inspect.getattr_static(kind, name)
+        if any(member is vars(each).get(name) for each in bases):
             continue
-        words = _function_mistake(name, held, given) if inspect.isfunction(given) else _number_mistake(name, held)
+        words = _function_mistake(name, member, given) if inspect.isfunction(given) else _number_mistake(name, member)
         if words:
-            return place_of(held if own_code(held) is not None else kind), words
+            return place_of(member if own_code(member) is not None else kind), words
     if not hasattr(kind, "__dataclass_params__"):
         return place_of(kind), "is no dataclass: must be decorated by @dataclass(frozen=True, kw_only=True)"
     return None
@@ -82,15 +82,15 @@ def _functions_mistake(thing: object, made: str, *calls: str) -> tuple[str, str]
     """
     for call in calls:
         name, _, given = call.rstrip(")").partition("(")
-        held = getattr(thing, name, None)
-        if isinstance(thing, type) or not callable(held):
-            if held is None and call == OPTIONAL:
+        function = getattr(thing, name, None)
+        if isinstance(thing, type) or not callable(function):
+            if function is None and call == OPTIONAL:
                 continue
-            found = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
-            return place_of(thing), f"is {found}: must be {made}, called as {call}"
-        words = _call_mistake(name, held, given.split(", "), 0)
+            text = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
+            return place_of(thing), f"is {text}: must be {made}, called as {call}"
+        words = _call_mistake(name, function, given.split(", "), 0)
         if words:
-            return place_of(held), words
+            return place_of(function), words
     return None
 
 
@@ -125,8 +125,8 @@ def _record_mistake(kind: str, thing: object) -> tuple[str, str] | None:
         return None if words is None else (place_of(thing), words)
     module, _, name = BASES[kind].rpartition(".")
     if not isinstance(thing, type) or not issubclass(thing, getattr(import_module(module), name)):
-        found = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
-        return place_of(thing), f"is {found}: must be a subclass of {BASES[kind]}"
+        text = thing.__name__ if inspect.isfunction(thing) or isinstance(thing, type) else shown(thing)
+        return place_of(thing), f"is {text}: must be a subclass of {BASES[kind]}"
     taken = [each for each in NAMING if each in (field_names(thing) or ())]
     if taken:
         return place_of(thing), f"has a field {taken[0]!r}: must have another name; a table names its class by it"
@@ -143,37 +143,37 @@ def _members(bases: list[type]) -> Iterator[tuple[str, object]]:
                 yield name, given
 
 
-def _number_mistake(name: str, held: object) -> str | None:
+def _number_mistake(name: str, member: object) -> str | None:
     """Reason why an attribute cannot override a number or text of its base class; None if it can."""
-    if not isinstance(held, (staticmethod, classmethod)) and not inspect.isfunction(held):
+    if not isinstance(member, (staticmethod, classmethod)) and not inspect.isfunction(member):
         return None
     return f"has a function {name}: must be a field, a class attribute or a property"
 
 
-def _function_mistake(name: str, held: object, given: Callable[..., object]) -> str | None:
+def _function_mistake(name: str, member: object, given: Callable[..., object]) -> str | None:
     """Reason why an attribute cannot override a method of its base class; None if it can."""
-    wanted = list(inspect.signature(given).parameters)[1:]
-    call = f"{name}({', '.join(wanted)})"
-    function = held.__func__ if isinstance(held, (staticmethod, classmethod)) else held
-    if isinstance(held, property) or not callable(function):
-        found = "a property" if isinstance(held, property) else shown(held)
-        return f"has {name} = {found}: must be a function, called as {call}"
+    parameters = list(inspect.signature(given).parameters)[1:]
+    call = f"{name}({', '.join(parameters)})"
+    function = member.__func__ if isinstance(member, (staticmethod, classmethod)) else member
+    if isinstance(member, property) or not callable(function):
+        text = "a property" if isinstance(member, property) else shown(member)
+        return f"has {name} = {text}: must be a function, called as {call}"
     # a function and a class method are given one more than they are called with, a static one and an object are not
-    return _call_mistake(name, function, wanted, int(inspect.isfunction(held) or isinstance(held, classmethod)))
+    return _call_mistake(name, function, parameters, int(inspect.isfunction(member) or isinstance(member, classmethod)))
 
 
-def _call_mistake(name: str, function: Callable[..., object], wanted: list[str], hidden: int) -> str | None:
+def _call_mistake(name: str, function: Callable[..., object], parameters: list[str], hidden: int) -> str | None:
     """Reason why a function does not accept the given arguments; None if it does."""
-    call = f"{name}({', '.join(wanted)})"
+    call = f"{name}({', '.join(parameters)})"
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):
         return None  # built in: it has no signature to look at
     try:
-        signature.bind(*[None] * (len(wanted) + hidden))
+        signature.bind(*[None] * (len(parameters) + hidden))
     except TypeError as error:
         return f"cannot be called as {call}: is {name}{signature}, {error}"
-    for place, own in enumerate(list(signature.parameters)[hidden : hidden + len(wanted)]):
-        if own in wanted and own != wanted[place]:
-            return f"takes {own!r} in {name} where {wanted[place]!r} is given: is called as {call}"
+    for place, own in enumerate(list(signature.parameters)[hidden : hidden + len(parameters)]):
+        if own in parameters and own != parameters[place]:
+            return f"takes {own!r} in {name} where {parameters[place]!r} is given: is called as {call}"
     return None

@@ -154,7 +154,7 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
     """Run a plugin file, register the objects that it defines, and return its module.
 
     Args:
-        path: of the .py file.
+        path: path of the .py file.
         expected: its identity, where another process loaded it before.
 
     Raises:
@@ -189,7 +189,7 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
             sys.modules.pop(other)  # mended, it is to be run again
         raise
     files = {other: file_of(sys.modules[other]) for other in _beside(key, before)}
-    sources = {other: (each, held) for other, each in files.items() if (held := _content(each)) is not None}
+    sources = {other: (each, source) for other, each in files.items() if (source := _content(each)) is not None}
     _SOURCES[key] = {name: (str(file), content), **sources}
     _LOADED[key] = Plugin(key, identity, tuple((each, _identity(each)) for each in sorted({*files.values()})))
     _MODULES[key] = module
@@ -233,12 +233,12 @@ def _where(error: BaseException, file: Path) -> str:
     """Text with the line of a plugin's file at which an error occurred."""
     if isinstance(error, SyntaxError):
         return f"line {error.lineno}: " if error.lineno else ""
-    trace, found = error.__traceback__, 0
+    trace, line = error.__traceback__, 0
     while trace is not None:
         if trace.tb_frame.f_code.co_filename == str(file):
-            found = trace.tb_lineno
+            line = trace.tb_lineno
         trace = trace.tb_next
-    return f"line {found}: " if found else ""
+    return f"line {line}: " if line else ""
 
 
 def _words(error: BaseException) -> str:
@@ -332,22 +332,22 @@ def load_installed() -> None:
 
 def sources_of_plugins() -> Sources:
     """Modules of the files that were loaded as plugins, and all that came from their folders, for another process."""
-    found = {name: held for key in _LOADED for name, held in _SOURCES.get(key, {}).items()}
+    sources = {name: source for key in _LOADED for name, source in _SOURCES.get(key, {}).items()}
     folders = {Path(key).parent for key in _LOADED if key in _SOURCES}
     for name, file in ((name, file_of(module)) for name, module in [*sys.modules.items()] if folders):
         places = [folder.joinpath(*name.split(".")) for folder in folders]
         # a script may have imported it before the plugin did
-        if name not in found and any(file in (f"{place}.py", str(place / "__init__.py")) for place in places):
+        if name not in sources and any(file in (f"{place}.py", str(place / "__init__.py")) for place in places):
             content = _content(file)
-            found |= {} if content is None else {name: (file, content)}
-    return found
+            sources |= {} if content is None else {name: (file, content)}
+    return sources
 
 
 def load_again(plugins: Iterable[Plugin], sources: Mapping[str, tuple[str, bytes]] | None = None) -> None:
     """Load the same plugins as another process, before objects of that process are unpickled.
 
     Args:
-        plugins: of that process.
+        plugins: plugins of that process.
         sources: their modules as it loaded them; without, they are read from the same files.
 
     Raises:
@@ -373,19 +373,19 @@ def code_of(name: str, plugins: Mapping[str, str]) -> Any:
     """Find the class or function that a text ``module:qualified.name`` denotes.
 
     Args:
-        name: as :func:`skyarm.records.plain.dotted_name` gives it.
+        name: text of :func:`skyarm.records.plain.dotted_name`.
         plugins: identities of the plugins that were loaded when the name was written.
 
     Raises:
         RegistryError: one line: the plugin that is not loaded or has changed, or a name that is not there.
     """
     module, _, path = name.partition(":")
-    found: object = _module(module, name, plugins)
+    denoted: object = _module(module, name, plugins)
     for part in path.split("."):
-        found = getattr(found, part, None)
-    if found is None:
+        denoted = getattr(denoted, part, None)
+    if denoted is None:
         raise RegistryError(f"{shown(name)}: is not there any more; it was written by another version")
-    return found
+    return denoted
 
 
 def _module(module: str, name: str, plugins: Mapping[str, str]) -> ModuleType:

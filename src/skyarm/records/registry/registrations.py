@@ -59,7 +59,7 @@ class Registration:
     """Registry entry of a user's or the library's object: kind, name, object or its location, title and source.
 
     Attributes:
-        kind: a key of ``KINDS``. name: in files and on the command line.
+        kind: a key of ``KINDS``. name: name in files and on the command line.
         target: the object, or its location "module:attribute", which is imported at the first use.
         title: one-line description. source: library or plugin that registered it.
     """
@@ -150,17 +150,17 @@ def find(kind: str, name: object, field: str = "") -> Any:
 
     Args:
         kind: a key of ``KINDS``, or several with a space between them.
-        name: as it stands in a file.
-        field: where it stands, for the message; the kind if left out.
+        name: entry of a file.
+        field: field of the name, for the message; the kind if left out.
 
     Raises:
         RegistryError: no such name, with what there is and what was perhaps meant.
     """
-    known = {name: row for each in kind.split() for name, row in registrations(each).items()}
-    if not isinstance(name, str) or name not in known:
+    rows = {name: row for each in kind.split() for name, row in registrations(each).items()}
+    if not isinstance(name, str) or name not in rows:
         more = f"; names of one's own come by {LOADED_BY.format('FILE.py')}" if field else ""
-        raise RegistryError(f"{field or kind} = {shown(name)}: {must_be_one_of(known, name)}{more}")
-    return known[name].load()
+        raise RegistryError(f"{field or kind} = {shown(name)}: {must_be_one_of(rows, name)}{more}")
+    return rows[name].load()
 
 
 def name_of(kind: str, thing: object) -> str | None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.motion import Motion, PredictedMotion, join_motions, measured_motion
+from skyarm.flight_data.motion import PoseSeries, PredictedMotion, join_motions, measured_motion
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import attitude_at, integral_of, measured_at, values_at
 from skyarm.log.periods import runs_of
@@ -357,12 +357,12 @@ class OpenLoopFlight:
         )
         return PredictedMotion(model=model, held=held, begins=self._clocked.edges[windows.begins])
 
-    def _motion(self, states: Sequence[BaseStates], i: int, first: int, end: int) -> Motion:
+    def _motion(self, states: Sequence[BaseStates], i: int, first: int, end: int) -> PoseSeries:
         """Motion of one of several predictions, between two instants of the clock."""
         position, quaternion = (
             np.stack([getattr(each, name)[i] for each in states[: end - first]]) for name in FIELDS[:2]
         )
-        return Motion(
+        return PoseSeries(
             time=self._clocked.edges[first:end],
             position=position,
             quaternion=quaternion,

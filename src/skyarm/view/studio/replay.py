@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from skyarm.flight_data.motion import Motion, PredictedMotion, distance_between
+from skyarm.flight_data.motion import PoseSeries, PredictedMotion, distance_between
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -81,7 +81,7 @@ class PredictionReplay(Clock):
     """
 
     def __init__(
-        self, title: str, vehicle: Vehicle, measured: Motion, predict: Predict, horizon: float, warning: str = ""
+        self, title: str, vehicle: Vehicle, measured: PoseSeries, predict: Predict, horizon: float, warning: str = ""
     ) -> None:
         super().__init__()
         self.title, self.vehicle, self.predict, self.warning = title, vehicle, predict, warning
