@@ -7,14 +7,15 @@ import re
 import pytest
 
 from commanded import skyarm
-from skyarm.cli.commands import COMMANDS, GROUPS
+from skyarm.cli.commands import COMMANDS
+from skyarm.records.registry.shipped import SECTIONS
 
 LINES, COLUMNS, MOST = 25, 100, 17
 
 
 def test_there_are_few_commands_in_four_groups_with_one_sentence_each() -> None:
     assert len(COMMANDS) <= MOST
-    assert len(GROUPS) == 4
+    assert len(SECTIONS) == 4
     text = skyarm("--help", columns=80).out
     for name, sentence in COMMANDS.items():
         assert re.fullmatch(r"[A-Z][^.]*\.", sentence), name

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from skyarm.algebra.frames import continuous
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import (
     attitude_at,
     columns_at,
-    continuous,
     means_of,
     measured_at,
     rates_note,

@@ -50,6 +50,12 @@ def unit_rows(rows: Array) -> Array:
     return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
+def continuous(quaternions: Array) -> Array:
+    """Quaternions (N, 4) with signs in which neighbours are close: halfway between q and -q there is no rotation."""
+    turns = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    return quaternions * np.cumprod(np.concatenate([np.ones(min(1, len(quaternions))), turns]))[:, None]
+
+
 def turn_vectors(quaternions: Array, vectors: Array) -> Array:
     """Vectors (N, 3) turned by unit quaternions (N, 4), w first."""
     return np.stack([*Quaternion(*quaternions.T).rotation().apply(Vec3(*vectors.T))], axis=1)

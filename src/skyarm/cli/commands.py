@@ -11,7 +11,7 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Annotated, Any
@@ -26,42 +26,11 @@ from skyarm.records.files import shown
 from skyarm.records.files.messages import present_names
 from skyarm.records.files.own_inputs import inputs_kept
 from skyarm.records.registry.plugins import load_plugin, register_law_of_file
-from skyarm.records.registry.registrations import registrations
+from skyarm.records.registry.registrations import SHIPPED, Registration, registrations
+from skyarm.records.registry.shipped import SECTIONS
 
-GROUPS: Mapping[str, Mapping[str, str]] = {
-    "Vehicles": {
-        "show": "List what ships, or show a vehicle or a flight.",
-        "check": "Check whether a vehicle can fly, and why not.",
-        "new": "Write starter files of a vehicle, scenario, law or study.",
-    },
-    "Flights": {
-        "run": "Fly a scenario; write its log (npz, CSV, MCAP).",
-        "fly": "Fly through an autopilot, by a law that runs here.",
-        "diff": "Compare two logs, or a log with its flight flown again.",
-        "plot": "Draw flights, or curves of a sweep's metrics.",
-        "film": "Film flights; MP4, WebP, or a 3-D recording.",
-        "studio": "Fly live on a page: sliders, gusts, laws side by side.",
-        "export": "Write a log, a law as C, or a vehicle as MJCF.",
-    },
-    "Laws and studies": {
-        "identify": "Identify a vehicle, or delays and lags, from flights.",
-        "margins": "Linearise the closed loop: eigenvalues, margins.",
-        "tune": "Tune a law's gains for a vehicle; write the Pareto front.",
-        "compare": "Compare laws on a suite of trials, or on a scenario.",
-        "sweep": "Fly a study's episodes, or sum up the folder of a sweep.",
-        "reproduce": "Repeat the flights of the paper by Barakou (2026).",
-    },
-    "Installation": {
-        "doctor": "Check the installation and the cache of machine code.",
-    },
-}
-"""Sections of the help: command -> its line; commands of plugins have a section of their own.
-
-The command NAME is the function NAME of the module NAME_command. Where that has SUBCOMMANDS, words and functions, a
-command of its own stands behind each word.
-"""
-
-COMMANDS = {name: title for section in GROUPS.values() for name, title in section.items()}
+COMMANDS = {name: title for section in SECTIONS.values() for name, (_, title) in section.items()}
+"""Command that ships -> its line of the help."""
 
 PLUGIN = "--plugin"
 
@@ -137,7 +106,7 @@ class Grouped(TyperGroup):
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write each section of the help with its commands."""
         others = [name for name, each in self.commands.items() if name not in COMMANDS and not each.hidden]
-        for title, names in {**GROUPS, "Plugins": others}.items():
+        for title, names in {**SECTIONS, "Plugins": others}.items():
             if names:
                 with formatter.section(title):
                     formatter.write_dl([(name, self.commands[name].get_short_help_str(60)) for name in names])
@@ -153,17 +122,22 @@ def program(words: Sequence[str]) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     )
     made.callback(invoke_without_command=True)(top)
-    for name, title in COMMANDS.items():
-        if name in words:
-            module = import_module(f"skyarm.cli.{name}_command")
+    for name, row in registrations("command").items():
+        if row.source != SHIPPED:
+            made.command(name, cls=Spelled, help=row.title)(with_output_options(name, row.load()))
+        elif name not in words:
+            made.command(name, help=row.title)(lambda: None)
+        else:
+            module = import_module(_module(row))
             made.command(name, cls=Spelled)(with_output_options(name, getattr(module, name)))
             for word, function in getattr(module, "SUBCOMMANDS", {}).items():
                 made.command(f"{name} {word}", cls=Spelled, hidden=True)(with_output_options(name, function))
-        else:
-            made.command(name, help=title)(lambda: None)
-    for name, row in registrations("command").items():
-        made.command(name, cls=Spelled, help=row.title)(with_output_options(name, row.load()))
     return made
+
+
+def _module(row: Registration) -> str:
+    """Name of the module of a command."""
+    return str(row.target).partition(":")[0]
 
 
 def perform() -> int:
@@ -231,10 +205,10 @@ def _bad_usage(error: Any) -> str:
 
 def _command() -> str:
     """Name of the typed command, such as ``skyarm run``, for the message of a usage error."""
-    words, names = sys.argv[1:], {*COMMANDS, *registrations("command")}
-    while words and words[0] not in names:
+    words, rows = sys.argv[1:], registrations("command")
+    while words and words[0] not in rows:
         words = words[1:]
-    behind = getattr(sys.modules.get(f"skyarm.cli.{words[0]}_command"), "SUBCOMMANDS", ()) if words else ()
+    behind = getattr(sys.modules.get(_module(rows[words[0]])), "SUBCOMMANDS", ()) if words else ()
     return " ".join(["skyarm", *words[:1], *(word for word in words[1:2] if word in behind)])
 
 

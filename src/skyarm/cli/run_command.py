@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -43,18 +42,13 @@ from skyarm.records.files.names import picture_file
 from skyarm.records.files.own_inputs import is_input
 from skyarm.records.files.writing import TakenError, one_writer
 from skyarm.records.registry.plugins import law_of_file_name
+from skyarm.records.registry.registrations import function_of_option
 from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate import run as fly
 from skyarm.simulate.loop import run_until_interrupted
 from skyarm.view.pages import Facts
-
-if TYPE_CHECKING:
-    from skyarm.links.ros.live_flight import LiveFlight
-
-Preparing = Callable[[float, float], None]
-"""(seconds, most): simulated, of a take-off."""
 
 
 def run(
@@ -156,7 +150,7 @@ def _fly_one(
         require_replaceable(*files, renames=not force)
         say_suspicious(planned)
         with bar(planned.name) as advance:
-            log, interrupted, live = _fly(planned, ros, pace, advance, hint)
+            log, interrupted, lines, topics = _fly(planned, ros, pace, advance, hint)
         written, earlier = save_logs(log, files, replace=force)
     values = facts(log)
     if planned.worlds:
@@ -165,23 +159,21 @@ def _fly_one(
         say_unlikely(planned.name, lost_force(planned, log))
     tell(
         *summary(log, values),
-        *(live.lines if live else []),
+        *lines,
         f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}",
     )
     if earlier:
         tell(f"the flight before it is kept: {', '.join(map(str, earlier))}")
     values |= {"logs": written, "kept": earlier}
-    if live is not None:
-        values["ros"] = {
-            "version": live.version, "commanded": live.commanded, "goals": live.goals, "late_s": live.late
-        }  # fmt: skip
+    if topics:
+        values["ros"] = topics
     return log, values, interrupted
 
 
 def _fly(
     planned: Scenario, ros: int | None, pace: float, advance: Advance, hint: str
-) -> tuple[Log, BaseException | None, LiveFlight | None]:
-    """Fly a scenario: its log, what ended it from outside, to be raised again, and what ROS saw of it.
+) -> tuple[Log, BaseException | None, Sequence[str], Facts]:
+    """Fly a scenario: its log, what ended it from outside, to be raised again, and lines and facts of ROS.
 
     A flight that cannot be repeated, under an autopilot or ROS, keeps its log at Ctrl-C.
     """
@@ -193,28 +185,11 @@ def _fly(
             say(f"it hovers: {hint}")
 
     if ros is not None:
-        live = _fly_live(planned, ros, pace, advance, preparing)
-        return live.log, live.interrupted, live
+        live = function_of_option("run --ros")(planned, ros, pace=pace, advance=advance, preparing=preparing)
+        return live.log, live.interrupted, live.lines, live.facts
     if autopilot_of(planned.controller) is None:
-        return fly(planned, advance), None, None
-    return (*run_until_interrupted(planned, advance, preparing), None)
-
-
-def _fly_live(planned: Scenario, version: int, pace: float, advance: Advance, preparing: Preparing) -> LiveFlight:
-    """Fly a scenario with live topics of ROS.
-
-    Raises:
-        ValueError: a pace below 0, another version, or a ROS that is not there.
-    """
-    from skyarm.links.ros import open_node
-    from skyarm.links.ros.live_flight import fly_live
-
-    if not 0.0 <= pace < math.inf:
-        raise ValueError(f"--pace = {pace:g}: must be a finite number, 0 or above")
-    return fly_live(
-        planned, open_node(version), version, pace=pace or math.inf, advance=advance, preparing=preparing,
-        warn=lambda line: say(f"warning: {line}"),
-    )  # fmt: skip
+        return fly(planned, advance), None, (), {}
+    return (*run_until_interrupted(planned, advance, preparing), (), {})
 
 
 def log_files(names: Sequence[str]) -> list[Path]:

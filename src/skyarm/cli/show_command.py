@@ -14,6 +14,7 @@ from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.plant.interface import require_gravity
 from skyarm.records.files import errors_as, number, read_toml
+from skyarm.records.registry.registrations import function_of_option
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.studies.assess.data_sheet import sheet, vehicle_facts
@@ -58,10 +59,9 @@ def show(
         require_left_out(context, ["--gravity", "--out", "--vehicle", "--columns"], " beside words")
         return _show_words()
     if _is_flight(shown):
-        from skyarm.cli.flight_page import show_flight
-
         require_left_out(context, ["--gravity", "--out"], " of a flight")
-        return show_flight(shown, columns, vehicle)
+        function_of_option("show FLIGHT")(shown, columns, vehicle)
+        return None
     require_left_out(context, ["--vehicle", "--columns"], " of a vehicle")
     number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)
     require_not_another(shown, "vehicle")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import secrets
 import signal
@@ -15,10 +14,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skyarm.cli.arguments import Laws, law_names, name_completion, out_option, require_left_out, require_within
-from skyarm.cli.lines import say
+from skyarm.cli.arguments import Laws, law_names, name_completion, out_option, require_left_out
 from skyarm.cli.output import tell
-from skyarm.records.files import one_line, require_writable, shown
+from skyarm.records.files import require_writable
+from skyarm.records.registry.registrations import function_of_option
 from skyarm.view.studio.server import (
     AccessGuard,
     StudioError,
@@ -72,7 +71,7 @@ def studio(
         raise StudioError(f"--port = {port}: must be from 0 to 65535")
     if vehicle is not None:
         require_left_out(context, OF_SIMULATION, " with --vehicle: no law flies in a replay")
-        replay = _replay(scenario, vehicle, horizon, delay, columns)
+        replay: PredictionReplay = function_of_option("studio --vehicle")(scenario, vehicle, horizon, delay, columns)
 
         def replay_page(server: ViserServer) -> PageLoop:
             from skyarm.view.studio.replay_page import ReplayPage
@@ -96,42 +95,6 @@ def studio(
         return lambda server: Page(server, fleet, names or [None], folder)
 
     _serve(port, no_browser, f"skyarm studio: {scenario}", simulation)
-
-
-def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, columns: str | None) -> PredictionReplay:
-    """Read a flight and a vehicle, with what was identified together with it, and predict the flight."""
-    from skyarm.flight_data.flight_data import load_flight
-    from skyarm.flight_data.motion import joints_in_order
-    from skyarm.studies.identify.identified_file import read_surroundings
-    from skyarm.studies.identify.identified_parts import Surroundings
-    from skyarm.studies.identify.identified_report import NUMBERS
-    from skyarm.studies.identify.isolate_fault import find_faults
-    from skyarm.studies.identify.open_loop import OpenLoopFlight
-    from skyarm.vehicle.vehicle_files import load_vehicle
-    from skyarm.view.studio.replay import HORIZONS, PredictionReplay
-
-    require_within("--horizon", horizon, *HORIZONS)
-    model = load_vehicle(vehicle)
-    flown = joints_in_order(load_flight(flight, columns), model)
-    about, full = Surroundings(delay=float(flown.facts.get("command_delay", 0.0))), 0.0
-    beside = Path(vehicle).parent / NUMBERS
-    if Path(vehicle).is_file() and beside.is_file():
-        of, about_it, volts = read_surroundings(beside, flown.name)
-        if of == model.name:
-            about, full = about_it, volts
-            tell(f"delays and offsets: {beside}")
-        else:
-            say(f"{beside}: is not used: it is of {shown(of)}, and the vehicle is {shown(model.name)}")
-    if delay is not None:
-        require_within("--delay", delay, 0.0, 1.0)
-        about = dataclasses.replace(about, delay=delay)
-    predicted = OpenLoopFlight(flown, model, about, gravity=flown.gravity, full_voltage=full)
-    faults = [f"{each.channel}: {each.finding}" for each in find_faults(flown, model, isolate=False)]
-    count = f"{len(faults)} fault{'s' if len(faults) > 1 else ''}"
-    warning = one_line(f"{flown.name}: {count}: {'; '.join(faults)}") if faults else ""
-    if warning:
-        say(f"warning: {warning}")
-    return PredictionReplay(flown.name, model, predicted.measured, predicted.over, horizon, warning)
 
 
 def _serve(port: int, no_browser: bool, title: str, prepare: Callable[[], Callable[[ViserServer], PageLoop]]) -> None:

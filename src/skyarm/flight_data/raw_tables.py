@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra.frames import of_euler_angles, to_our_attitude, to_our_axes, turn_vectors, unit_rows
+from skyarm.algebra.frames import continuous, of_euler_angles, to_our_attitude, to_our_axes, turn_vectors, unit_rows
 from skyarm.flight_data.columns_file import ANGLES, TIMES, Columns, QuantitySource
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import ATTITUDE, QUANTITIES
-from skyarm.flight_data.series import attitude_at, continuous
+from skyarm.flight_data.series import attitude_at
 from skyarm.records.arrays import Array
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.messages import comma_list

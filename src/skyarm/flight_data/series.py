@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Quaternion
-from skyarm.algebra.frames import unit_rows
+from skyarm.algebra.frames import continuous, unit_rows
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.records.arrays import Array
@@ -43,12 +43,6 @@ def thin_samples(channel: Channel, step: float) -> tuple[Array, Array]:
 def middle(rows: Array) -> Array:
     """Means of consecutive rows: (N + 1, ...) to (N, ...)."""
     return 0.5 * (rows[1:] + rows[:-1])
-
-
-def continuous(quaternions: Array) -> Array:
-    """Quaternions (N, 4) with signs in which neighbours are close: halfway between q and -q there is no rotation."""
-    turns = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
-    return quaternions * np.cumprod(np.concatenate([np.ones(min(1, len(quaternions))), turns]))[:, None]
 
 
 def attitude_at(attitude: Channel, time: Array) -> Array:

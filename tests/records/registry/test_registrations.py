@@ -82,7 +82,7 @@ def test_a_name_that_is_taken_is_refused_with_both_sources():
         ("plant", "rigidbody", "did you mean 'rigid_body'\\? must be one of rigid_body, mujoco"),
         ("motion", "zigzag", r"must be one of hover, circle, signals, waypoints, phases$"),
         ("motion", 3, r"must be one of hover, circle, signals, waypoints, phases$"),
-        ("command", "fly", r"must be one of none$"),
+        ("metric", "fly", r"must be one of none$"),
     ],
 )
 def test_a_name_that_is_not_there_is_one_line_with_what_is(kind, name, words):

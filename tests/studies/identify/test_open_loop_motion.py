@@ -11,8 +11,8 @@ import pytest
 
 import skyarm
 from skyarm.flight_data.flight_data import Channel
-from skyarm.flight_data.motion import distance_between
 from skyarm.flight_data.own_log import measured_flight
+from skyarm.log.motion import distance_between
 from skyarm.scenario.scenario_record import Delays, Rates
 from skyarm.studies.identify.identified_file import read_surroundings
 from skyarm.studies.identify.identified_parts import Surroundings

@@ -11,7 +11,7 @@ from tab import Tab
 
 import skyarm
 from scenes_without_browser import Scene
-from skyarm.flight_data.motion import PoseSeries, PredictedMotion, join_motions
+from skyarm.log.motion import PoseSeries, PredictedMotion, join_motions
 from skyarm.view.studio.replay import RATE, PredictionReplay, mean_error
 from skyarm.view.studio.replay_page import ReplayPage, ReplayPicture
 from skyarm.view.studio.server import AccessGuard, close_server, listening_socket, open_server

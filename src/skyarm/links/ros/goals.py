@@ -14,9 +14,9 @@ from skyarm.links.ros.node import Content
 from skyarm.log.ros.message_bytes import MessageError
 from skyarm.log.ros.scene import WORLD
 from skyarm.records.files import must_be_one_of, shown
+from skyarm.reference import Trajectory
 from skyarm.reference.redirection import DURATIONS, FIELDS, Redirected, redirectable, shortest_duration
 from skyarm.reference.signals import Signal
-from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle.vehicle_records import Vehicle
 

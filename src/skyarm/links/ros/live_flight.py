@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 
+from skyarm.cli.lines import say
+from skyarm.links.ros import open_node
 from skyarm.links.ros.node import Node, RosError
 from skyarm.links.ros.ros_link import GOAL, JOINT_GOAL, RosLink, Warn, live_session
 from skyarm.log.flight_log import Log
@@ -74,6 +76,11 @@ class LiveFlight:
     interrupted: BaseException | None
 
     @property
+    def facts(self) -> dict[str, float]:
+        """Version, counts and lateness by the keys of the command's document."""
+        return {"version": self.version, "commanded": self.commanded, "goals": self.goals, "late_s": self.late}
+
+    @property
     def lines(self) -> list[str]:
         """Sentences about the commands and goals of the flight, and about its pace."""
         rate, lines = float(self.log.info["rates_hz"]["control"]), list[str]()
@@ -85,6 +92,27 @@ class LiveFlight:
         if self.late > SOON:
             lines.append(f"ROS {self.version}: {self.late:.3g} s behind its pace; --pace makes it slower")
         return lines
+
+
+def fly_with_topics(
+    scenario: Scenario,
+    version: int,
+    *,
+    pace: float,
+    advance: Callable[[int, int], object],
+    preparing: Callable[[float, float], object],
+) -> LiveFlight:
+    """Fly a scenario for ``skyarm run --ros``.
+
+    Raises:
+        ValueError: a pace below 0, another version, or a ROS that is not there.
+    """
+    if not 0.0 <= pace < math.inf:
+        raise ValueError(f"--pace = {pace:g}: must be a finite number, 0 or above")
+    return fly_live(
+        scenario, open_node(version), version, pace=pace or math.inf, advance=advance, preparing=preparing,
+        warn=lambda line: say(f"warning: {line}"),
+    )  # fmt: skip
 
 
 def fly_live(

@@ -15,8 +15,8 @@ from typing import Any, TypeVar
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.user_code import place_of
 from skyarm.records.immutable import immutable
+from skyarm.records.registry.shipped import OPTIONS, reserved_for
 from skyarm.records.registry.shipped import SHIPPED as SHIPPED_NAMES
-from skyarm.records.registry.shipped import reserved_for
 
 Thing = TypeVar("Thing")
 
@@ -161,6 +161,12 @@ def find(kind: str, name: object, field: str = "") -> Any:
         more = f"; names of one's own come by {LOADED_BY.format('FILE.py')}" if field else ""
         raise RegistryError(f"{field or kind} = {shown(name)}: {must_be_one_of(rows, name)}{more}")
     return rows[name].load()
+
+
+def function_of_option(option: str) -> Any:
+    """Function by which a leaf performs an option of a command, such as ``run --ros``."""
+    module, _, name = OPTIONS[option].partition(":")
+    return getattr(import_module(module), name)
 
 
 def name_of(kind: str, thing: object) -> str | None:

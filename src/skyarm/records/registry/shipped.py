@@ -1,4 +1,8 @@
-"""Names registered by the library: kind -> name -> (location, title)."""
+"""Names registered by the library: kind -> name -> (location, title).
+
+Leaves are rooms that nothing imports (``pyproject.toml``): links, identification with its flight data, the paper. What
+they perform is found by its row here.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +19,53 @@ _NAVIGATION = "skyarm.sensing.navigation_sensors"
 _LAWS = "skyarm.control.laws"
 _AUTOPILOTS = "skyarm.links.autopilots"
 _FLIGHTS = "skyarm.flight_data"
+_CLI = "skyarm.cli"
+_IDENTIFY = "skyarm.studies.identify"
+
+SECTIONS: Mapping[str, Mapping[str, tuple[str, str]]] = {
+    "Vehicles": {
+        "show": (f"{_CLI}.show_command:show", "List what ships, or show a vehicle or a flight."),
+        "check": (f"{_CLI}.check_command:check", "Check whether a vehicle can fly, and why not."),
+        "new": (f"{_CLI}.new_command:new", "Write starter files of a vehicle, scenario, law or study."),
+    },
+    "Flights": {
+        "run": (f"{_CLI}.run_command:run", "Fly a scenario; write its log (npz, CSV, MCAP)."),
+        "fly": ("skyarm.links.fly_command:fly", "Fly through an autopilot, by a law that runs here."),
+        "diff": (f"{_CLI}.diff_command:diff", "Compare two logs, or a log with its flight flown again."),
+        "plot": (f"{_CLI}.plot_command:plot", "Draw flights, or curves of a sweep's metrics."),
+        "film": (f"{_CLI}.film_command:film", "Film flights; MP4, WebP, or a 3-D recording."),
+        "studio": (f"{_CLI}.studio_command:studio", "Fly live on a page: sliders, gusts, laws side by side."),
+        "export": (f"{_CLI}.export_command:export", "Write a log, a law as C, or a vehicle as MJCF."),
+    },
+    "Laws and studies": {
+        "identify": (
+            f"{_IDENTIFY}.identify_command:identify",
+            "Identify a vehicle, or delays and lags, from flights.",
+        ),
+        "margins": (f"{_CLI}.margins_command:margins", "Linearise the closed loop: eigenvalues, margins."),
+        "tune": (f"{_CLI}.tune_command:tune", "Tune a law's gains for a vehicle; write the Pareto front."),
+        "compare": (f"{_CLI}.compare_command:compare", "Compare laws on a suite of trials, or on a scenario."),
+        "sweep": (f"{_CLI}.sweep_command:sweep", "Fly a study's episodes, or sum up the folder of a sweep."),
+        "reproduce": (
+            "skyarm.studies.paper.reproduce_command:reproduce",
+            "Repeat the flights of the paper by Barakou (2026).",
+        ),
+    },
+    "Installation": {
+        "doctor": (f"{_CLI}.doctor_command:doctor", "Check the installation and the cache of machine code."),
+    },
+}
+"""Section of the help -> command -> (location, line of the help), in the order of the help.
+
+Where the module of a command has SUBCOMMANDS, words and functions, a command of its own stands behind each word.
+"""
+
+OPTIONS: Mapping[str, str] = {
+    "run --ros": "skyarm.links.ros.live_flight:fly_with_topics",
+    "show FLIGHT": f"{_IDENTIFY}.flight_page:show_flight",
+    "studio --vehicle": f"{_IDENTIFY}.flight_replay:replay_of",
+}
+"""Option or argument of a command that a leaf performs -> location of the leaf's function."""
 
 SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "air": {
@@ -182,15 +233,11 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "law_undefined": ("skyarm.scenario.endings:LawUndefined", "an attitude at which the law is not defined"),
         "ground": ("skyarm.scenario.endings:Ground", "the lowest point at z = 0"),
     },
+    "command": {name: row for section in SECTIONS.values() for name, row in section.items()},
 }
 
 RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
-    "command": {
-        "a command": (
-            *("show", "check", "new", "run", "fly", "diff", "plot", "film", "studio", "export"),
-            *("identify", "margins", "tune", "compare", "sweep", "reproduce", "doctor"),
-        ),
-    },
+    "command": {"a command": (*SHIPPED["command"],)},
     "law": {
         "a preset": (
             *("paper_ct", "paper_ct_euler", "paper_pd", "rotors_sim_hummingbird"),

@@ -15,7 +15,7 @@ from skyarm.flight_data.own_log import SIMULATED
 from skyarm.flight_data.quantities import GRAVITY, ONE_G, QUANTITIES
 from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, Mask
-from skyarm.records.files.messages import one_line
+from skyarm.records.files import one_line
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.logged_commands import SETTLING, command_samples, commanded_speeds, flying_spans, lift
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -16,9 +16,10 @@ import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.motion import PoseSeries, PredictedMotion, join_motions, measured_motion
+from skyarm.flight_data.motion import measured_motion
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import attitude_at, integral_of, measured_at, values_at
+from skyarm.log.motion import PoseSeries, PredictedMotion, join_motions
 from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files import one_line

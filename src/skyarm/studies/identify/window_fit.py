@@ -18,7 +18,7 @@ import numpy as np
 
 from skyarm.compile.machine_code import missing_extra
 from skyarm.records.arrays import Array, IntArray, Mask
-from skyarm.records.files.packages import needs_extra
+from skyarm.records.files import needs_extra
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.window_errors import OUTLIER, Normal, WindowErrors, WindowStates
 from skyarm.studies.identify.windows import Windows

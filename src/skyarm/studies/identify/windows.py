@@ -12,10 +12,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from skyarm.algebra.frames import unit_rows
+from skyarm.algebra.frames import continuous, unit_rows
 from skyarm.dynamics.actuators.rotor import speed_after
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.series import columns_at, continuous
+from skyarm.flight_data.series import columns_at
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_parts import with_changes

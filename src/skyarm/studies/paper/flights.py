@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.log.flight_log import Log
 from skyarm.log.metrics.metric_catalogue import REFERRED
 from skyarm.log.metrics.score import score, settling_time
-from skyarm.log.metrics.windows import Windows
+from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.scenario.scenario_record import PLANTS
-from skyarm.simulate import Log, Scenario, Window
+from skyarm.scenario.scenario_record import PLANTS, Scenario
 from skyarm.studies.flights import Work
 from skyarm.studies.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER, Record
 

@@ -8,11 +8,11 @@ from functools import lru_cache
 from importlib import resources
 from typing import Any
 
+from skyarm.log.metrics.windows import Window
 from skyarm.records.files import read_toml
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate import Window
 from skyarm.studies.flights import Work
 from skyarm.studies.paper.flights import HOLDS, PaperFlight, work_of
 from skyarm.studies.paper.published import Record

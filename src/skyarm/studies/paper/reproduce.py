@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from skyarm.compile.llvm.kernel import require_machine_code
+from skyarm.log.flight_log import Log
 from skyarm.log.formats import log_from_npz
 from skyarm.records.files import PathLike, needs_extra, require_replaceable, require_writable, write_atomically
 from skyarm.records.files.writing import one_writer
 from skyarm.scenario.scenario_record import PLANTS
-from skyarm.simulate import Log
 from skyarm.studies.flights import Crew, Rows, Store, Work
 from skyarm.studies.flights.executor import Progress, require_place
 from skyarm.studies.flights.store import unpack_rows

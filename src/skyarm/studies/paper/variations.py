@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from skyarm.records.immutable import immutable
 from skyarm.reference import sequence
-from skyarm.simulate import Delays, Scenario
+from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.studies.paper.flights import STATED, with_damping
 from skyarm.studies.paper.published import CASES
 

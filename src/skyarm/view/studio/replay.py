@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from skyarm.flight_data.motion import PoseSeries, PredictedMotion, distance_between
+from skyarm.log.motion import PoseSeries, PredictedMotion, distance_between
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -15,7 +15,6 @@ import pytest
 
 import skyarm as library
 from commanded import refused, skyarm
-from skyarm.cli.identify_command import known_numbers
 from skyarm.cli.tune_command import wanted_of
 from skyarm.log.flight_log import rows_of
 from skyarm.log.formats import save_log
@@ -29,6 +28,7 @@ from skyarm.studies.identify.identified_file import identified_file
 from skyarm.studies.identify.identified_numbers import Identified, IdentifiedNumber
 from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.identified_report import correlated_pairs, prediction_lines
+from skyarm.studies.identify.identify_command import known_numbers
 from skyarm.studies.identify.identify_flights import known_of_search
 from skyarm.studies.identify.log_checks import check_log
 from skyarm.studies.identify.unknowns import second_moments

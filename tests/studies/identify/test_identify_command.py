@@ -13,7 +13,7 @@ import pytest
 
 import skyarm as library
 from commanded import refused, skyarm
-from skyarm.cli.identify_command import OPTIONS, SUBCOMMANDS
+from skyarm.studies.identify.identify_command import OPTIONS, SUBCOMMANDS
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
