@@ -56,14 +56,14 @@ def along_reference(scenario: Scenario) -> list[Finding]:
     parts = flight_parts(scenario)
     followed = follow(parts)
     demand, vehicle = followed.demand, scenario.plant.vehicle
-    found = _joint_limits(scenario, demand)
+    findings = _joint_limits(scenario, demand)
     fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
-    found.append(_saturation("rotors along the reference", demand, followed.rotors, fields, demand.squared < 0.0))
+    findings.append(_saturation("rotors along the reference", demand, followed.rotors, fields, demand.squared < 0.0))
     if vehicle.n:
         fields = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
-        found.append(_saturation("joints along the reference", demand, followed.joints, fields))
-        found += servo_speeds(scenario, demand.time, demand.rates)
-    return [*found, *_hovers_with_loads(parts)]
+        findings.append(_saturation("joints along the reference", demand, followed.joints, fields))
+        findings += servo_speeds(scenario, demand.time, demand.rates)
+    return [*findings, *_hovers_with_loads(parts)]
 
 
 def follow(parts: Sequence[FlightPart]) -> Followed:
@@ -116,13 +116,13 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
         end: of the flight, s.
     """
     cuts = [part.start, *(t for t in _jump_times(part.scenario) if part.start < t < part.stop), part.stop]
-    found = []
+    intervals = []
     for a, b in pairwise(cuts):
         if b - a < SHORTEST and end > SHORTEST:
             continue  # no rates can be had of it
         count = max(FEWEST, round(INSTANTS * (b - a) / end))
-        found.append(a + (b - a) * (np.arange(count) + 0.5) / count)
-    return found
+        intervals.append(a + (b - a) * (np.arange(count) + 0.5) / count)
+    return intervals
 
 
 def _jump_times(scenario: Scenario) -> list[float]:
@@ -140,7 +140,7 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
 
 
 def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
-    found = []
+    findings = []
     for i, link in enumerate(scenario.plant.vehicle.links):
         joint, q = link.joint, demand.joints[i]
         beyond = (q < float(joint.lower)) | (q > float(joint.upper))
@@ -148,7 +148,7 @@ def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
             t = float(demand.time[np.argmax(beyond)])
             worst = float(q[np.argmax(np.maximum(float(joint.lower) - q, q - float(joint.upper)))])
             limits = f"{float(joint.lower):g} ... {float(joint.upper):g}"
-            found.append(
+            findings.append(
                 Finding(
                     "reference within joint limits",
                     FAULT,
@@ -159,7 +159,7 @@ def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
                     float(joint.upper) if worst > float(joint.upper) else float(joint.lower),
                 )
             )
-    return found
+    return findings
 
 
 def _saturation(

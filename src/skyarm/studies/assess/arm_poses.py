@@ -211,8 +211,8 @@ class ArmPoses:
             steps = spread * (self.high - self.low) * rng.normal(size=(AROUND, len(self.low)))
             near = np.clip(best[:, None] + steps, self.low, self.high)
             near = rest_of_hanging(self.vehicle, near.reshape(count * AROUND, -1)).reshape(near.shape)
-            found = in_parts(quantities, near.reshape(count * AROUND, -1)).reshape(count, count, AROUND)
-            own = found[np.arange(count), np.arange(count)]
+            near_values = in_parts(quantities, near.reshape(count * AROUND, -1)).reshape(count, count, AROUND)
+            own = near_values[np.arange(count), np.arange(count)]
             at = np.argmin(own, axis=1)
             tried = own[np.arange(count), at]
             better = tried < least

@@ -43,18 +43,18 @@ QUESTION = "delay margin"
 
 def delay_margin(scenario: Scenario) -> list[Finding]:
     """Check result for the delay margin in hover: tolerable delay beyond the nominal delay of the loop."""
-    found = hover_delay_if_known(scenario)
-    if isinstance(found, str):
-        return [Finding(QUESTION, NOTE, f"not known: {found}")]
-    text, unit = found.sentence(scenario.controller.name), "s"
-    if not found.margin > 0.0:
+    delay = hover_delay_if_known(scenario)
+    if isinstance(delay, str):
+        return [Finding(QUESTION, NOTE, f"not known: {delay}")]
+    text, unit = delay.sentence(scenario.controller.name), "s"
+    if not delay.margin > 0.0:
         remedy = "softer gains or another law: skyarm margins shows which loop is short of margin"
         return [Finding(QUESTION, WARNING, text, "controller", remedy, 0.0, 0.0, unit)]
-    numbers = (found.margin if math.isfinite(found.margin) else math.nan, found.least_margin, unit)
-    if found.enough:
+    numbers = (delay.margin if math.isfinite(delay.margin) else math.nan, delay.least_margin, unit)
+    if delay.enough:
         return [Finding(QUESTION, OK, text, "", "", *numbers)]
     remedy = (
-        f"{found.shortfall}: softer gains, faster motors or a shorter delay; "
+        f"{delay.shortfall}: softer gains, faster motors or a shorter delay; "
         "skyarm margins shows which loop is short of it"
     )
     return [Finding(QUESTION, WARNING, text, "controller", remedy, *numbers)]
@@ -66,8 +66,8 @@ PLAN, LAW, PARTS = "plan of the reference", "law for this vehicle", "environment
 
 def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:
     """Check results, as faults, for vehicle parameters that are probably in wrong units."""
-    found = [finding_of_line(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
-    return found or [Finding(UNITS, OK, "every number of the vehicle is of a likely size")]
+    faults = [finding_of_line(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
+    return faults or [Finding(UNITS, OK, "every number of the vehicle is of a likely size")]
 
 
 def warnings_of_scenario(scenario: Scenario) -> list[Finding]:
@@ -196,22 +196,22 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
 def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:
     """Results of all checks of a vehicle; without rotors a fault replaces those of thrust."""
     vehicle, gravity = poses.vehicle, poses.gravity
-    found = [*units_of_vehicle(vehicle), *disc_loading(vehicle, gravity)]
+    findings = [*units_of_vehicle(vehicle), *disc_loading(vehicle, gravity)]
     if vehicle.rotors:
-        found += rotor_layout(vehicle, gravity)
+        findings += rotor_layout(vehicle, gravity)
     else:
-        found.append(Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", "add [[rotors]]"))
+        findings.append(Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", "add [[rotors]]"))
     loads = [poses, *([poses.of(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
     turned = bool(vehicle.rotors) and _has_full_allocation(vehicle)
     for loaded in loads:
         if turned:
-            found += thrust_margin(loaded)
-        found += joint_torques(loaded)
+            findings += thrust_margin(loaded)
+        findings += joint_torques(loaded)
     if turned:
-        found += torque_authority(loads[-1])
-        found += [*largest_payload(poses, payload), *largest_side_force(vehicle, gravity, payload)]
+        findings += torque_authority(loads[-1])
+        findings += [*largest_payload(poses, payload), *largest_side_force(vehicle, gravity, payload)]
     endurance = [each for loaded in loads for each in time_aloft(loaded.vehicle, gravity, loaded.held)]
-    return [*found, *arm_workspace(poses), *endurance]
+    return [*findings, *arm_workspace(poses), *endurance]
 
 
 def _has_full_allocation(vehicle: Vehicle) -> bool:

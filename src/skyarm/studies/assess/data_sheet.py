@@ -25,7 +25,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
     """
     zero = tuple(0.0 for _ in vehicle.links)
     com = center_of_mass(vehicle, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], zero)
-    found: Facts = {
+    facts: Facts = {
         "vehicle": vehicle.name,
         "gravity_m_s2": gravity,
         "mass_kg": float(vehicle.mass),
@@ -59,11 +59,11 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
     if vehicle.links:
         names = [link.joint.name for link in vehicle.links]
         efforts = map(float, static_torques(vehicle, gravity))
-        found["static_efforts"] = dict(zip(names, efforts, strict=True))
-        found["static_efforts_over_all_joint_values"] = vehicle.n <= MANY
+        facts["static_efforts"] = dict(zip(names, efforts, strict=True))
+        facts["static_efforts_over_all_joint_values"] = vehicle.n <= MANY
         if vehicle.end_effector and vehicle.frame().link != BASE:
-            found["reach_m"] = float(reach(vehicle))
-    return found
+            facts["reach_m"] = float(reach(vehicle))
+    return facts
 
 
 def record_facts(record: Any) -> Facts:
@@ -144,16 +144,16 @@ def _cell(value: Any) -> str:
     return " ".join("none" if math.isinf(each) else shown_number(each, 6) for each in numbers)
 
 
-def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _whole(vehicle: Vehicle, facts: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield (name, text) of a vehicle's totals: mass, frames, hover, reach and static efforts."""
-    yield "mass", f"{shown_number(known['mass_kg'], 5)} kg"
-    yield "centre of mass from base origin", ", ".join(shown_number(1e3 * c) for c in known["centre_of_mass_m"]) + " mm"
+    yield "mass", f"{shown_number(facts['mass_kg'], 5)} kg"
+    yield "centre of mass from base origin", ", ".join(shown_number(1e3 * c) for c in facts["centre_of_mass_m"]) + " mm"
     if vehicle.planar:
         yield "inertia", "planar model: may be the model of a controller, not flown"
-    frames = [f"{name} (end effector)" if name == vehicle.end_effector else name for name in known["frames"]]
+    frames = [f"{name} (end effector)" if name == vehicle.end_effector else name for name in facts["frames"]]
     yield "frames", ", ".join(frames) or "none"
-    yield "rotors", ", ".join(known["rotors"]) or "none"
-    hover = known["hover"]
+    yield "rotors", ", ".join(facts["rotors"]) or "none"
+    hover = facts["hover"]
     if hover and hover["rotor_speeds_rad_s"] is None:
         yield "hover", "not possible level: a rotor would have to pull down"
     elif hover:
@@ -167,15 +167,15 @@ def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> Iterator[tuple[str, st
             yield "thrust margin", f"{ratio} times its weight ({shown_number(top, 4)} N)"
     if not vehicle.links:
         return
-    reached, tip = known["reach_m"], vehicle.end_effector
+    reached, tip = facts["reach_m"], vehicle.end_effector
     none = "none: the end effector is fixed to the base" if tip else "unknown: no end effector"
     searched = "all joint values" if vehicle.n <= MANY else f"{samples_of(vehicle.n)} random joint values"
     yield (
         "arm reach from its first joint",
         none if reached is None else f"{shown_number(reached, 4)} m, over {searched}",
     )
-    for each in known["joints"]:
-        torque, limit = known["static_efforts"][each["name"]], each["effort_limit"]
+    for each in facts["joints"]:
+        torque, limit = facts["static_efforts"][each["name"]], each["effort_limit"]
         unit = "N m" if each["kind"] == "revolute" else "N"
         margin = f", limit {limit:g} {unit}" if limit < math.inf else ""
         margin += f", margin {limit / torque:.3g}" if margin and torque > NOTHING else ""

@@ -93,8 +93,8 @@ def at_least(
 def at_most(question: str, value: float, *words: str, fault: float = math.inf, warning: float = math.inf,
             **more: Any) -> Finding:  # fmt: skip
     """Check result for a value that must not exceed its fault and warning limits."""
-    found = at_least(question, -value, *words, fault=-fault, warning=-warning, **more)
-    return replace(found, value=value, limit=more.get("limit", -found.limit))
+    mirrored = at_least(question, -value, *words, fault=-fault, warning=-warning, **more)
+    return replace(mirrored, value=value, limit=more.get("limit", -mirrored.limit))
 
 
 BEHIND_A_FIELD = re.compile(r": | of | reaches ")

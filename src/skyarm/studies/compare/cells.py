@@ -238,7 +238,7 @@ def _spread(values: Array) -> Document | None:
 
 def table(cells: Mapping[tuple[str, str, str], Cell]) -> Document:
     """Nested dictionary of flight statistics by condition, case and controller."""
-    found: Document = {}
+    summaries: Document = {}
     for (condition, case, entrant), cell in cells.items():
-        found.setdefault(condition, {}).setdefault(case, {})[entrant] = summary(cell)
-    return found
+        summaries.setdefault(condition, {}).setdefault(case, {})[entrant] = summary(cell)
+    return summaries

@@ -175,8 +175,8 @@ GROUPS = {
 
 def value(summaries: Record, column: Column, entrant: str) -> float | None:
     """Mean of a column's metric for a controller, in the column's unit; None if no flight was completed."""
-    found = summaries.get(column.case, {}).get(entrant)
-    spread = found["metrics"].get(column.metric) if found else None
+    statistics = summaries.get(column.case, {}).get(entrant)
+    spread = statistics["metrics"].get(column.metric) if statistics else None
     return None if spread is None else spread["mean"] * column.factor
 
 
@@ -241,17 +241,17 @@ def _tables(summaries: Record, entrants: Mapping[str, Entrant], condition: Condi
         head = ["law", *(f">{case} {word}" for case in condition.cases for word in words)]
         rows = plants_rows(summaries, entrants, condition.cases)
         return [_table_by_kind(head, rows, entrants, "Successes, tip errors")]
-    found = []
+    tables = []
     for columns, caption in ((TRACKING, f"Errors ({WHICH})"), (COST, COST_WORDS)):
         head, rows = ["law", *(f">{each.head}" for each in columns)], truth_rows(summaries, entrants, columns)
-        found.append(_table_by_kind(head, rows, entrants, caption))
-    return found
+        tables.append(_table_by_kind(head, rows, entrants, caption))
+    return tables
 
 
 def _table_by_kind(head: list[str], rows: list[list[str]], entrants: Mapping[str, Entrant], caption: str) -> Table:
     """Results table with its rows grouped by kind of controller, such as published ones."""
-    found = [(title, [row for row in rows if entrants[row[0]].group == group]) for group, title in GROUPS.items()]
-    return Table(head=head, rows=rows, caption=caption, groups=[(title, some) for title, some in found if some])
+    groups = [(title, [row for row in rows if entrants[row[0]].group == group]) for group, title in GROUPS.items()]
+    return Table(head=head, rows=rows, caption=caption, groups=[(title, some) for title, some in groups if some])
 
 
 def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[Column]) -> list[list[str]]:
@@ -269,15 +269,17 @@ def plants_rows(summaries: Record, entrants: Mapping[str, Entrant], cases: Seque
     for name in entrants:
         cells = []
         for case in cases:
-            found = summaries.get(case, {}).get(name)
-            if found is None:
+            statistics = summaries.get(case, {}).get(name)
+            if statistics is None:
                 cells += [DASH, DASH, DASH]
                 continue
-            spread, (low, high) = found["metrics"].get(TOOL), found["success_interval"]
-            bought = ((found["metrics"].get(metric), factor) for metric, factor in ((JITTER, 1.0), (LIMITED, 100.0)))
+            spread, (low, high) = statistics["metrics"].get(TOOL), statistics["success_interval"]
+            bought = (
+                (statistics["metrics"].get(metric), factor) for metric, factor in ((JITTER, 1.0), (LIMITED, 100.0))
+            )
             others = max(each["episodes"] for each in summaries[case].values())
-            few = f" of {found['episodes']}" if found["episodes"] < max(FEW, others) else ""
-            cells.append(f"{found['success_rate']:.1%} [{low:.1%}, {high:.1%}]{few}")
+            few = f" of {statistics['episodes']}" if statistics["episodes"] < max(FEW, others) else ""
+            cells.append(f"{statistics['success_rate']:.1%} [{low:.1%}, {high:.1%}]{few}")
             cells.append(DASH if spread is None else f"{number(spread['mean'], 1e3)} / {number(spread['p95'], 1e3)}")
             cells.append("; ".join(number(each and each["mean"], factor) for each, factor in bought))
         if any(cell != DASH for cell in cells):

@@ -137,16 +137,16 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
         document["controller"].pop("interaction", None)
     if law == LOAD:
         document["controller"]["load"] = LARGEST
-    found = scenario_from(document)
+    scenario = scenario_from(document)
     if law not in OWN:
         name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
         name = f"{law}{TUNED_GAINS}" if law in RIVALS else name
-        found = found.with_controller(controller_by_name(found, name))
-    if task.push and not presses(found.controller.par):
+        scenario = scenario.with_controller(controller_by_name(scenario, name))
+    if task.push and not presses(scenario.controller.par):
         led = scenario_from(as_positions(task, document))
-        found = led.with_controller(found.controller)
-    noise, delays = NOISE if noisy else found.noise, Delays(longest_command=DELAY)
-    return with_words(found, name=task.name, seed=seed, noise=noise, delays=delays, wind=force_wind(found))
+        scenario = led.with_controller(scenario.controller)
+    noise, delays = NOISE if noisy else scenario.noise, Delays(longest_command=DELAY)
+    return with_words(scenario, name=task.name, seed=seed, noise=noise, delays=delays, wind=force_wind(scenario))
 
 
 def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
@@ -155,23 +155,23 @@ def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
     way = [-(task.face + BEHIND) * n for n in task.normal]
     start, at, phases = list(path["position"]), list(path["position"]), list[dict[str, Any]]()
     for phase in path["phases"]:
-        found = {**phase}
+        replacement = {**phase}
         kind = phase["kind"]
         if kind == "press":
             phases.append({"kind": "go_to", "position": _shift(at, way), "duration": 2.0})
-            found["until"] = {"error": 1.0, "hold": 0.1, "timeout": 1.0, "on_timeout": "go_on"}
+            replacement["until"] = {"error": 1.0, "hold": 0.1, "timeout": 1.0, "on_timeout": "go_on"}
         elif kind == "insert":
             deeper = [-float(phase["distance"]) * n for n in task.normal]
-            found = {"kind": "slide", "position": _shift(_shift(at, way), deeper), "duration": 2.0}
+            replacement = {"kind": "slide", "position": _shift(_shift(at, way), deeper), "duration": 2.0}
         elif kind == "retreat":
-            found = {"kind": "retreat", "position": start}
+            replacement = {"kind": "retreat", "position": start}
         elif "points" in phase:
-            found["points"] = [_shift(point, way) for point in phase["points"]]
+            replacement["points"] = [_shift(point, way) for point in phase["points"]]
             at = list(phase["points"][-1])
         elif "position" in phase:
-            found["position"] = _shift(phase["position"], way)
+            replacement["position"] = _shift(phase["position"], way)
             at = list(phase["position"])
-        phases.append(found)
+        phases.append(replacement)
     tip = {**document["reference"]["tip"], "path": {**path, "phases": phases}}
     return {**document, "reference": {**document["reference"], "tip": tip}}
 

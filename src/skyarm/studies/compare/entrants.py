@@ -87,10 +87,10 @@ def chosen_entrants(names: Sequence[str], field: str) -> dict[str, Entrant]:
     require_different(names, field)
     chosen = {name: each for name, each in ENTRANTS.items() if name in names}
     for name in names:
-        found = ENTRANTS.get(name) or own_entrant(name)
-        if found is None:
+        entrant = ENTRANTS.get(name) or own_entrant(name)
+        if entrant is None:
             raise ValueError(f"{field} = {shown(name)}: {must_be_one_of(ENTRANTS, name)}")
-        if chosen.setdefault(found.name, found) != found:
+        if chosen.setdefault(entrant.name, entrant) != entrant:
             raise ValueError(
                 f"{field} = {shown(','.join(names))}: must not name two files and makers of the same names"
             )

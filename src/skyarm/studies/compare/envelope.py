@@ -176,21 +176,21 @@ class Envelope(Suite[AxisFlights]):
 
     def plan_cells(self) -> tuple[list[AxisFlights], dict[str, str]]:
         """All flights of the envelope, and reasons why a controller is excluded."""
-        found: list[AxisFlights] = []
+        cells: list[AxisFlights] = []
         refused: dict[str, str] = {}
         for law in self.laws:
             for name in self.flyable_axes:
                 axis, setting = self.axis(name), self.setting_of_axis(name)
                 try:
-                    found += axis_flights(law, axis, setting, seed=self.seed, plant=self.plant)
+                    cells += axis_flights(law, axis, setting, seed=self.seed, plant=self.plant)
                 except ControllerError as error:
                     if axis.vehicle:  # the law may fly the others
                         refused[f"{law} on {axis.vehicle}"] = str(error)
                         continue
                     refused[law] = str(error)
-                    found = [each for each in found if each.entrant.name != law]
+                    cells = [each for each in cells if each.entrant.name != law]
                     break
-        return found, refused
+        return cells, refused
 
     def judge(self, todo: Sequence[AxisFlights], cells: Sequence[Cell], refused: Refused) -> Document:
         """Evaluate the envelope: errors of every controller at every value of every difficulty axis."""
@@ -234,22 +234,22 @@ def points_of(cell: Cell, axis: Axis, values: int | None = None) -> list[Documen
 
     Of an axis of plants one for each of so many ``values``.
     """
-    found = _lanes(cell, axis)
+    lanes = _lanes(cell, axis)
     if not axis.plants:
-        return found
-    count = len(found) // (values or 1)
-    return [point_of_plants(found[k : k + count]) for k in range(0, len(found), count)]
+        return lanes
+    count = len(lanes) // (values or 1)
+    return [point_of_plants(lanes[k : k + count]) for k in range(0, len(lanes), count)]
 
 
 def _lanes(cell: Cell, axis: Axis) -> list[Document]:
-    found = []
+    lanes = []
     for k, status in enumerate(cell.status):
         numbers = {
             name: _finite(cell.metrics[metric][k]) for name, metric in (("judged", axis.metric), *MEASURED.items())
         }
         lost = not cell.tracked_to_end[k] or numbers["judged"] is None
-        found.append({**numbers, "status": str(status), "lost": bool(lost)})
-    return found
+        lanes.append({**numbers, "status": str(status), "lost": bool(lost)})
+    return lanes
 
 
 def _finite(value: Any) -> float | None:
@@ -262,20 +262,20 @@ def point_of_plants(flights: Sequence[Record]) -> Document:
     It is judged by the largest mean error of the plants that fly to their end, and lost where one plant is. Its mean
     is the median of the plants' means, all else the largest of theirs. ``plants`` has them one by one.
     """
-    kept = [each for each in flights if not each["lost"]]
-    found: Document = {key: _over(kept, key, max) for key in ("judged", "tip_max", "outside", "jitter", "limited")}
-    found |= {"tip_mean": _over(kept, "tip_mean", np.median), "tilt": _over(flights, "tilt", max)}
+    flown = [each for each in flights if not each["lost"]]
+    point: Document = {key: _over(flown, key, max) for key in ("judged", "tip_max", "outside", "jitter", "limited")}
+    point |= {"tip_mean": _over(flown, "tip_mean", np.median), "tilt": _over(flights, "tilt", max)}
     gone = [each["status"] for each in flights if each["lost"]]
-    held = sum(each["tip_max"] <= NEAR for each in kept)
-    counts = {"of": len(flights), "held": held, "lost": len(gone)}
+    near = sum(each["tip_max"] <= NEAR for each in flown)
+    counts = {"of": len(flights), "held": near, "lost": len(gone)}
     each = [{"judged": one["judged"], "lost": one["lost"]} for one in flights]
-    return {**found, "status": gone[0] if gone else "completed", "lost": bool(gone), "plants": {**counts, "each": each}}
+    return {**point, "status": gone[0] if gone else "completed", "lost": bool(gone), "plants": {**counts, "each": each}}
 
 
 def _over(flights: Sequence[Record], key: str, how: Any) -> float | None:
     numbers = [each[key] for each in flights if each[key] is not None]
-    found = float(how(numbers)) if numbers else math.nan
-    return found if math.isfinite(found) else None
+    combined = float(how(numbers)) if numbers else math.nan
+    return combined if math.isfinite(combined) else None
 
 
 def axis_record(axis: Axis, setting: Setting) -> Document:

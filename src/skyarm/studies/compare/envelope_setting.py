@@ -79,10 +79,10 @@ def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "r
     _require_arm(vehicle, truth)
     middle, swing = zip(*(_swing_range(link.joint) for link in truth.links), strict=True)
     hover = _hover(vehicle, truth, duration, plant)
-    held = Trajectory(z=Constant(_height(truth)), joints=tuple(Constant(value) for value in middle))
+    reference = Trajectory(z=Constant(_height(truth)), joints=tuple(Constant(value) for value in middle))
     return Setting(
         vehicle=vehicle,
-        hover=hover.with_reference(held),
+        hover=hover.with_reference(reference),
         weight=float(truth.mass) / float(load_vehicle(PAPER).mass),
         climb=min(1.0, _spare_thrust(truth) / _spare_thrust(load_vehicle(PAPER))),
         middle=middle,
@@ -101,8 +101,8 @@ def _require_arm(name: str, truth: Vehicle) -> None:
 def _hover(vehicle: str, truth: Vehicle, duration: float, plant: str) -> Scenario:
     """Hover scenario of a vehicle; that of Barakou et al. 2026 has the controller model of the publication."""
     if vehicle == PAPER:
-        found = load_scenario("case3", plant=plant, duration=duration)
-        return dataclasses.replace(found, name="hover", title="hover")
+        scenario = load_scenario("case3", plant=plant, duration=duration)
+        return dataclasses.replace(scenario, name="hover", title="hover")
     document: dict[str, Any] = {
         "name": "hover",
         "duration": duration,

@@ -109,17 +109,17 @@ def fly_suite(
                     flown[work.label] = content
                     if progress is not None:
                         progress(len(cells), len(todo), work.label.replace("__", " "))
-            found: Document = {"schema": 1, "suite": suite.name, **suite.options}
+            document: Document = {"schema": 1, "suite": suite.name, **suite.options}
             if identities():
-                found["plugins"] = identities()
-            found |= suite.judge(todo, [cells[each.label] for each in todo], refused)
-            write_suite(suite, found, suite.pictures(found), folder)
+                document["plugins"] = identities()
+            document |= suite.judge(todo, [cells[each.label] for each in todo], refused)
+            write_suite(suite, document, suite.pictures(document), folder)
             if store:
                 columns = [
                     (flown[each.label], (*NAMES, "status", "trial", *cells[each.label].metrics)) for each in todo
                 ]
                 write_atomically(folder / "flights.parquet", concatenate(columns))
-    return found
+    return document
 
 
 def open_store(folder: Path) -> Store | None:

@@ -56,12 +56,12 @@ class Case:
 
     def build(self) -> Scenario:
         """Scenario of the case with perfect sensors and a placeholder controller."""
-        found = load_scenario(self.scenario)
-        world = found.plant
+        scenario = load_scenario(self.scenario)
+        world = scenario.plant
         if self.payload:
             world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
-        wind = turn_wind(force_wind(found), self.wind)
-        return with_words(found, name=self.name, plant=world, wind=wind, ground=GROUND)
+        wind = turn_wind(force_wind(scenario), self.wind)
+        return with_words(scenario, name=self.name, plant=world, wind=wind, ground=GROUND)
 
 
 def force_wind(scenario: Scenario) -> ForceWind:
@@ -137,7 +137,7 @@ def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
         seeds: noisy flights of the truth.
     """
     every = tuple(CASES)
-    found = (
+    listed = (
         Condition(name="perfect", title="perfect state", noisy=False, episodes=1, cases=every),
         Condition(name="noisy", title="noise and one period of delay", noisy=True, episodes=seeds, cases=every),
         *(
@@ -148,4 +148,4 @@ def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
             )
         ),
     )
-    return {each.name: each for each in found}
+    return {each.name: each for each in listed}

@@ -185,8 +185,8 @@ class Crew:
         every = list(works)
         here = self.on == LOCAL
         flying = self._together(every) if here else ((work, unpack_rows(content)) for work, content in self.fly(every))
-        found = {id(work): rows for work, rows in flying}
-        return [found[id(work)] for work in every]
+        by_work = {id(work): rows for work, rows in flying}
+        return [by_work[id(work)] for work in every]
 
     def _together(self, works: Iterable[Work]) -> Iterator[tuple[Work, Rows]]:
         """Works with their rows, flown here."""

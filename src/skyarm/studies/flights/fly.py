@@ -40,9 +40,9 @@ def fly_together(works: Sequence[Work], threads: int = 1) -> list[Rows]:
         return [{**_leading_columns(first), **_one_by_one(first)}]
     columns = {path: np.concatenate([np.asarray(work.columns[path]) for work in works]) for path in first.columns}
     episodes = np.concatenate([np.asarray(work.episodes) for work in works])
-    found = _batch(first).fly(columns, seed=first.seed, episodes=episodes, threads=threads)
-    metrics = {name: np.asarray(column, dtype=float) for name, column in found.metrics.items()}
-    flown = {**metrics, "status": found.status.astype(str), "end_time": found.end_time}
+    batch = _batch(first).fly(columns, seed=first.seed, episodes=episodes, threads=threads)
+    metrics = {name: np.asarray(column, dtype=float) for name, column in batch.metrics.items()}
+    flown = {**metrics, "status": batch.status.astype(str), "end_time": batch.end_time}
     parts = {name: np.split(column, ends) for name, column in flown.items()}
     return [
         {**_leading_columns(work), **{name: each[k] for name, each in parts.items()}} for k, work in enumerate(works)
@@ -81,11 +81,11 @@ def _one_by_one(work: Work) -> Rows:
     rows: list[dict[str, Any]] = []
     for k in range(work.count):
         log = run(one_scenario(work, k))
-        found = score(log, _metrics_of(work, log), work.windows) if work.measure is None else work.measure(log)
+        metrics = score(log, _metrics_of(work, log), work.windows) if work.measure is None else work.measure(log)
         status = f"{AUTOPILOT}: {log.info['cause']}" if log.status == AUTOPILOT else log.status
-        numbers = {name: np.nan if value is None else float(value) for name, value in found.items()}
-        kept = {"log": npz_content(log)} if work.keeps_log else {}
-        rows.append({**numbers, "status": status, "end_time": float(log.info["end_time"]), **kept})
+        numbers = {name: np.nan if value is None else float(value) for name, value in metrics.items()}
+        logged = {"log": npz_content(log)} if work.keeps_log else {}
+        rows.append({**numbers, "status": status, "end_time": float(log.info["end_time"]), **logged})
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: _column([row.get(name, np.nan) for row in rows]) for name in names}
 
@@ -104,8 +104,8 @@ def one_scenario(work: Work, k: int) -> Scenario:
     """Scenario of a single flight of a work, with its command delay rounded to whole physics steps."""
     numbers = {path: float(column[k]) for path, column in work.columns.items()}
     late, rate = numbers.pop(LATE, None), work.scenario.rates.physics
-    found = dataclasses.replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))
+    scenario = dataclasses.replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))
     if late is None:
-        return found
+        return scenario
     command = round(late * rate) / rate
-    return found.with_delays(dataclasses.replace(found.delays, command=command, longest_command=None))
+    return scenario.with_delays(dataclasses.replace(scenario.delays, command=command, longest_command=None))

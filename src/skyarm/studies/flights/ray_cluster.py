@@ -228,9 +228,9 @@ def _knock(address: str, on: str) -> None:
 
 def kin() -> dict[str, str]:
     """Versions that must be those of the driver for its works to be read and their rows to be the same bytes."""
-    found = versions("pyarrow", "mujoco-core")
-    python = ".".join(found["python"].split(".")[:2])
-    return {**kinship(), "python": python, **{name: found[name] for name in ("pyarrow", "mujoco-core")}}
+    installed = versions("pyarrow", "mujoco-core")
+    python = ".".join(installed["python"].split(".")[:2])
+    return {**kinship(), "python": python, **{name: installed[name] for name in ("pyarrow", "mujoco-core")}}
 
 
 def _travelling() -> Callable[..., Any]:

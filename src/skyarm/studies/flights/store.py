@@ -77,8 +77,8 @@ def _words(pa: Any, column: Any) -> Any:
     words, places = np.unique(column, return_inverse=True)
     texts = [word.encode() for word in words.tolist()]
     ends = np.cumsum([0, *map(len, texts)]).astype(np.int32)
-    told = pa.StringArray.from_buffers(len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts)))
-    return pa.DictionaryArray.from_arrays(_numbers(pa, places.astype(np.int32)), told)
+    strings = pa.StringArray.from_buffers(len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts)))
+    return pa.DictionaryArray.from_arrays(_numbers(pa, places.astype(np.int32)), strings)
 
 
 def _numbers(pa: Any, column: Any) -> Any:
@@ -213,15 +213,15 @@ def files_by_label(folder: PathLike) -> dict[str, list[Path]]:
     Raises:
         OSError: the folder cannot be listed.
     """
-    found: dict[str, list[Path]] = {}
+    files: dict[str, list[Path]] = {}
     if not Path(folder).is_dir():
-        return found
+        return files
     with os.scandir(folder) as entries:
         names = sorted(entry.name for entry in entries if entry.is_file(follow_symlinks=False))
     for name in names:
         if match := FILE.fullmatch(name):
-            found.setdefault(match["label"], []).append(Path(folder) / name)
-    return found
+            files.setdefault(match["label"], []).append(Path(folder) / name)
+    return files
 
 
 WORDS = ("controller", "status")
@@ -284,8 +284,8 @@ class Store:
         if _parquet() is None:
             return None
         every = (path for paths in files_by_label(Path(folder) / ROWS).values() for path in paths)
-        held = (facts_of(sound_content(path) or b"").metadata for path in every)
-        if next(filter(None, held), {}).get(STUDY):  # of the first that is whole
+        metadata = (facts_of(sound_content(path) or b"").metadata for path in every)
+        if next(filter(None, metadata), {}).get(STUDY):  # of the first that is whole
             raise ValueError(f"{folder}: holds rows of a sweep; choose another --out")
         return cls(folder)
 
@@ -302,11 +302,11 @@ class Store:
         label, key = name_of(work.label), work.key.encode()
         for path in self._files.get(label, ()):
             content = sound_content(path)
-            held = facts_of(content or b"").metadata.get(KEY)
-            if content is not None and held == key and _fits(content, work):
+            stored_key = facts_of(content or b"").metadata.get(KEY)
+            if content is not None and stored_key == key and _fits(content, work):
                 self._keep_only(label, path)
                 return content
-            if held in (None, key) and path.exists():
+            if stored_key in (None, key) and path.exists():
                 self.damaged.append(path.name)
         return None
 
@@ -357,13 +357,13 @@ def _fits(content: bytes, work: Work) -> bool:
     if work.alone:
         given = [name for name in given if not name.startswith("tau")]
     words = {name for name, column in rows.items() if column.dtype == object} - {"log"}
-    wanted = {"status", *(name for name, value in work.fixed.items() if np.asarray(value).dtype.kind == "U")}
-    known = {"episode": np.dtype(np.uint32)} | {name: np.asarray(value).dtype for name, value in work.fixed.items()}
+    text_columns = {"status", *(name for name, value in work.fixed.items() if np.asarray(value).dtype.kind == "U")}
+    dtypes = {"episode": np.dtype(np.uint32)} | {name: np.asarray(value).dtype for name, value in work.fixed.items()}
     numbers = {name: column.dtype for name, column in rows.items() if name not in (*words, "log")}
     return (
         {*given} <= {*rows}
-        and words == wanted
-        and all(kind == known.get(name, np.dtype(float)) for name, kind in numbers.items())
+        and words == text_columns
+        and all(kind == dtypes.get(name, np.dtype(float)) for name, kind in numbers.items())
         and all(len(column) == work.count for column in rows.values())
     )
 

@@ -123,26 +123,26 @@ A component of the user may be changed, so that it holds for one crew only."""
 
 
 def _identity(scenario: Scenario) -> str:
-    held = identified.get(id(scenario))
-    if held is None:
-        held = identified[id(scenario)] = (scenario, identity(scenario))
+    entry = identified.get(id(scenario))
+    if entry is None:
+        entry = identified[id(scenario)] = (scenario, identity(scenario))
         if len(identified) > 256:
             identified.popitem(last=False)
-    return held[1]
+    return entry[1]
 
 
 @lru_cache(maxsize=1)
 def kinship() -> Mapping[str, str]:
     """Versions on which the bits of rows may depend, and the digest of the library's own code."""
-    found = versions("numpy", "llvmlite")
-    return {**{name: found[name] for name in ("skyarm", "numpy", "llvmlite")}, "code": _source()}
+    installed = versions("numpy", "llvmlite")
+    return {**{name: installed[name] for name in ("skyarm", "numpy", "llvmlite")}, "code": _source()}
 
 
 @lru_cache(maxsize=1)
 def _source() -> str:
     """Digest of the library's source, so that changed code flies anew."""
     package = Path(skyarm_files.__file__).parents[2]
-    found = hashlib.sha256()
+    source_digest = hashlib.sha256()
     for path in sorted([*package.rglob("*.py"), *package.rglob("*.toml"), *package.rglob("*.json")]):
-        found.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
-    return found.hexdigest()
+        source_digest.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+    return source_digest.hexdigest()

@@ -217,14 +217,14 @@ def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[Change]:
 def _base_turned(up: Quaternion, own: Channels, degrees: float) -> Channels:
     """Channels in base axes that are turned: by a quaternion that puts z up, then about z."""
     turn = Quaternion.of_rotation_vector(Vec3(0.0, 0.0, math.radians(degrees))) * up
-    back, found = turn.conjugate(), dict[str, Channel]()
+    back, channels = turn.conjugate(), dict[str, Channel]()
     for name, each in own.items():
         if name == "quaternion":
             values = np.stack([*Quaternion(*each.values.T) * back], axis=1)
         else:
             values = turn_vectors(np.array([[*turn]]), each.values)
-        found[name] = dataclasses.replace(each, values=values)
-    return found
+        channels[name] = dataclasses.replace(each, values=values)
+    return channels
 
 
 def _axis(row: Array) -> str:
@@ -252,7 +252,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
     mirrored = tuple(int(np.argmin(np.linalg.norm(places - each * [1.0, -1.0, 1.0], axis=1))) for each in places)
     mirrored = mirrored if sorted(mirrored) == [*plain] else plain
     turned = [(plain[i:] + plain[:i])[::way] for i in plain for way in (1, -1)]
-    known = {
+    wordings = {
         mirrored: "the rotors look mirrored, left for right",
         plain[::-1]: "the order of the rotors looks reversed",
     }
@@ -264,7 +264,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
             words = f"rotors {' and '.join(moved)} look exchanged"
         if moved:
             yield _map_columns(
-                ROTOR_COMMANDS, known.get(order, words), ORDER_ROTORS, COMMANDS, np.eye(len(plain))[list(order)]
+                ROTOR_COMMANDS, wordings.get(order, words), ORDER_ROTORS, COMMANDS, np.eye(len(plain))[list(order)]
             )
     full = highest_speeds(rotors) if "rotor_speed_commands" in flight else np.ones(len(plain))
     if np.isfinite(full).all():

@@ -66,17 +66,17 @@ class DesignLimits:
 
     def broken_by(self, vehicle: Vehicle, flight: RequiredFlight) -> Array:
         """Shares (4 + n,), 0 to 1, of x, y, z, yaw and each joint in the breach of a limit by a designed flight."""
-        found = np.zeros(BASE_AXES + vehicle.n)
+        shares = np.zeros(BASE_AXES + vehicle.n)
         if flight.tilt.max() > TRACKING * self.tilt:
-            found[:2] = 1.0
+            shares[:2] = 1.0
         for k in _overloading(vehicle, flight):
             *base, joints = _FAULT[k]
-            found = np.maximum(found, [*base, *([joints] * vehicle.n)])
+            shares = np.maximum(shares, [*base, *([joints] * vehicle.n)])
         limits = np.array([float(link.joint.effort_limit) for link in vehicle.links])
-        found[BASE_AXES:][(np.abs(flight.efforts) > EFFORT * limits).any(axis=0)] = 1.0
+        shares[BASE_AXES:][(np.abs(flight.efforts) > EFFORT * limits).any(axis=0)] = 1.0
         if arm_clearance(vehicle, flight.joints)[0].min() < self.clear:
-            found[BASE_AXES:] = 1.0
-        return found
+            shares[BASE_AXES:] = 1.0
+        return shares
 
 
 _FAULT = ((1.0, 1.0, 1.0, 0.0, 0.0), (0.3, 0.3, 0.0, 0.3, 1.0), (0.3, 0.3, 0.0, 0.3, 1.0), (0.0, 0.0, 0.0, 1.0, 0.3))
@@ -224,11 +224,11 @@ def design_segments(
     duration = limits.seconds / count
 
     def candidate(segment: Segment) -> Candidate | None:
-        found = fitted_segment(vehicle, segment, axes, limits, PERIOD)
-        if found is None:
+        fitted = fitted_segment(vehicle, segment, axes, limits, PERIOD)
+        if fitted is None:
             return None
-        kept, flight = found
-        return Candidate(kept, information_of(flight.flight_data(vehicle, measured.flight), measured))
+        scaled, flight = fitted
+        return Candidate(scaled, information_of(flight.flight_data(vehicle, measured.flight), measured))
 
     def gain(each: Sequence[Candidate]) -> float:
         whole = np.sum([one.information for one in each], axis=0)
@@ -239,8 +239,8 @@ def design_segments(
     for i in range(free):
         if progress is not None:
             progress(i, candidates, "segments drawn")
-        found = candidate(draw_segment(axes, duration, draw))
-        pool += [found] if found is not None else []
+        trial = candidate(draw_segment(axes, duration, draw))
+        pool += [trial] if trial is not None else []
     if not pool:
         raise ValueError(
             f"box = {limits.box:g} m, tilt = {math.degrees(limits.tilt):g} deg, clear = {limits.clear:g} m: "
@@ -251,13 +251,13 @@ def design_segments(
     for i in range(free, candidates):
         if progress is not None:
             progress(i, candidates, f"segments, {best:.1f} nats")
-        found = candidate(mutate_segment(taken[int(draw.integers(count))].segment, axes, draw))
-        if found is None:
+        trial = candidate(mutate_segment(taken[int(draw.integers(count))].segment, axes, draw))
+        if trial is None:
             continue
-        gains = [gain([*taken[:k], found, *taken[k + 1 :]]) for k in range(count)]
+        gains = [gain([*taken[:k], trial, *taken[k + 1 :]]) for k in range(count)]
         if max(gains) > best:
             best, k = max(gains), int(np.argmax(gains))
-            taken[k] = found
+            taken[k] = trial
     return [each.segment for each in taken]
 
 

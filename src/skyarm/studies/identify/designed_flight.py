@@ -185,15 +185,15 @@ def scenario_document(
 
 def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) -> Mask:
     """Axes (4 + n,) whose motions break a limit in a flight."""
-    found = np.zeros(len(axes.rest), dtype=bool)
+    broken = np.zeros(len(axes.rest), dtype=bool)
     if log.info["status"] != "completed" or _saturated_share(log, vehicle) > SATURATED:
-        found[:] = True
-    found[:3] |= np.abs(log.position - axes.rest[:3]).max(axis=0) > 0.5 * limits.box
-    found[:2] |= _tilt(log).max() > limits.tilt
+        broken[:] = True
+    broken[:3] |= np.abs(log.position - axes.rest[:3]).max(axis=0) > 0.5 * limits.box
+    broken[:2] |= _tilt(log).max() > limits.tilt
     low, high = (np.array([float(getattr(each.joint, end)) for each in vehicle.links]) for end in ("lower", "upper"))
-    found[BASE_AXES:] |= ((log.joints < low) | (log.joints > high)).any(axis=0)
-    found[BASE_AXES:] |= arm_clearance(vehicle, log.joints)[0].min() < limits.clear
-    return found
+    broken[BASE_AXES:] |= ((log.joints < low) | (log.joints > high)).any(axis=0)
+    broken[BASE_AXES:] |= arm_clearance(vehicle, log.joints)[0].min() < limits.clear
+    return broken
 
 
 def _tilt(log: Log) -> Array:

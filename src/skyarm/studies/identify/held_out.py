@@ -184,18 +184,18 @@ def thin_places(places: Sequence[IntArray], most: int) -> list[IntArray]:
 
 def _notes(flights: Sequence[FlightData], start: Vehicle) -> tuple[str, ...]:
     """Notes on poses that are not measured whole, and on joints."""
-    found = []
+    notes = []
     for flight in flights:
         if note := no_poses(flight):
-            found.append(f"{flight.name}: {note}")
+            notes.append(f"{flight.name}: {note}")
         elif "velocity" not in flight:
             words = f"the velocity is the slope of the position over {SLOPE:g} s, of begins over the {SLOPE:g} s before"
-            found.append(f"{flight.name}: {words}")
+            notes.append(f"{flight.name}: {words}")
         elif "position" not in flight:
-            found.append(f"{flight.name}: the position is the sum of the velocity")
+            notes.append(f"{flight.name}: the position is the sum of the velocity")
     if start.n:
-        found.append("The motion of the joints is given as measured; over a few periods its noise is most of an error.")
-    return tuple(found)
+        notes.append("The motion of the joints is given as measured; over a few periods its noise is most of an error.")
+    return tuple(notes)
 
 
 PARTS = ("position", "velocity", "attitude", "rate")
@@ -237,15 +237,15 @@ def ends_of(
     last = max((k for k in ends if (left >= k).any()), default=0)
     flown = {k: states for k, states in enumerate(islice(loop.ahead(errors, begins, pushes), last + 1)) if k in ends}
     still = dataclasses.replace(begins, velocity=0.0 * begins.velocity, rate=0.0 * begins.rate)
-    found = []
+    predictions = []
     for horizon, k in zip(horizons, ends, strict=True):
         rows = np.flatnonzero(left >= k)
-        held = begins.at(rows).at_even_rates(k * step)
+        steady = begins.at(rows).at_even_rates(k * step)
         measured = loop.measured_at(windows, np.minimum(k, left))
         every = (flown.get(k, still), still, measured)
-        *off, there = (_difference(held, each.at(rows)) for each in every)
-        found.append(Ends(horizon, np.stack(off, axis=1), there))
-    return found
+        *off, there = (_difference(steady, each.at(rows)) for each in every)
+        predictions.append(Ends(horizon, np.stack(off, axis=1), there))
+    return predictions
 
 
 def _difference(first: BaseStates, second: BaseStates) -> Array:
@@ -257,9 +257,9 @@ def _difference(first: BaseStates, second: BaseStates) -> Array:
 
 def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
     """Root mean square errors by shares (2, 3), or (4, 2, 3) of each part, of the model and of rest beside holding."""
-    found = (ends.off * shares[..., None, :]).sum(axis=1)
-    left, turn = ends.measured - found, PARTS.index("attitude")
-    left[turn] = rotations_between(*(_attitudes(each[turn]) for each in (found, ends.measured)))
+    predicted = (ends.off * shares[..., None, :]).sum(axis=1)
+    left, turn = ends.measured - predicted, PARTS.index("attitude")
+    left[turn] = rotations_between(*(_attitudes(each[turn]) for each in (predicted, ends.measured)))
     count = left.shape[1]
     sizes = [math.sqrt((rows**2).sum() / count) if count else math.nan for rows in left]
     return HorizonErrors(horizon=ends.horizon, begins=count, **dict(zip(PARTS, sizes, strict=True)))
@@ -284,11 +284,13 @@ def shares_of(ends: Ends) -> Array:
 
     # over a few samples all parts are within the noise: beyond 0 to 1 they would only fit that
     sizes = np.linalg.norm(ends.off, axis=2) + 1e-300
-    found = np.empty_like(sizes)
+    shares = np.empty_like(sizes)
     for i, j in np.ndindex(len(sizes), 3):
         size = sizes[i, :, j]
-        found[i, :, j] = lsq_linear(ends.off[i, :, :, j].T / size, ends.measured[i, :, j], (0.0, size), "bvls").x / size
-    return np.asarray(found)
+        shares[i, :, j] = (
+            lsq_linear(ends.off[i, :, :, j].T / size, ends.measured[i, :, j], (0.0, size), "bvls").x / size
+        )
+    return np.asarray(shares)
 
 
 @immutable(kw_only=False, eq=False)
@@ -366,13 +368,13 @@ def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
     """
     states, spread, noise = window_states(begins), before.push, first_noise(before)
     for turn in range(ROUNDS):
-        found, there, normal, reduced, states = _turn(before, states, noise, spread)
-        noise = new_noise(before, found, there, noise, normal, reduced.inverse)
+        errors, there, normal, reduced, states = _turn(before, states, noise, spread)
+        noise = new_noise(before, errors, there, noise, normal, reduced.inverse)
         if turn:
             spread = new_spread(before, states, spread, reduced.inverse)
     own = np.isin(np.arange(len(noise)), before.windows.owners)
-    known = there.any(axis=(0, 1))
-    noise[np.ix_(~own, known)] = noise[np.ix_(own, known)].min(axis=0)
+    measured = there.any(axis=(0, 1))
+    noise[np.ix_(~own, measured)] = noise[np.ix_(own, measured)].min(axis=0)
     return noise, spread
 
 
@@ -380,9 +382,9 @@ def _turn(
     before: WindowErrors, states: WindowStates, noise: Array, spread: Array
 ) -> tuple[Array, Mask, Normal, Reduced, WindowStates]:
     """One Gauss-Newton step of the states and wrenches of windows whose vehicle is known."""
-    found, there, normal = before.normal(NONE, states, noise)
+    errors, there, normal = before.normal(NONE, states, noise)
     reduced = reduce(normal, states.beside, loose_with(before, spread), NONE)
-    return found, there, normal, reduced, states.moved_by(-reduced.shift)
+    return errors, there, normal, reduced, states.moved_by(-reduced.shift)
 
 
 def end_of_past(
@@ -424,9 +426,9 @@ def one_step_errors(loop: OpenLoop, places: Sequence[IntArray]) -> tuple[float, 
     places = [each[long] for each, long in zip(places, each_of, strict=True)]
     errors = loop.windows(places, 2 * count * loop.flights[0].step)
     windows, begins = errors.windows, loop.begins(errors.windows)
-    found, there = errors.errors_at(NONE, window_states(begins))
+    residuals, there = errors.errors_at(NONE, window_states(begins))
     column = errors.rows.index(("accelerometer", 0))
-    counted, left = there[:, :, column], found[:, :, column : column + 3]
+    counted, left = there[:, :, column], residuals[:, :, column : column + 3]
     at = windows.begins + np.arange(windows.length)[:, None]
     force = errors.samples["accelerometer"].values[at]
     *_, last = islice(loop.ahead(errors, begins), count + 1)

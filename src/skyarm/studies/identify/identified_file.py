@@ -64,19 +64,19 @@ def identified_name(start: str) -> str:
     return start if start.endswith(SUFFIX) else f"{start}{SUFFIX}"
 
 
-def _head(found: Identified, start: Vehicle, flights: Sequence[str]) -> list[str]:
+def _head(identified: Identified, start: Vehicle, flights: Sequence[str]) -> list[str]:
     """Lines at the beginning of the file."""
-    about = found.surroundings
+    about = identified.surroundings
     lines = [
-        f"{IDENTIFIED_BY} from {len(flights)} flight{'s' if len(flights) > 1 else ''}, {found.seconds:.3g} s:",
+        f"{IDENTIFIED_BY} from {len(flights)} flight{'s' if len(flights) > 1 else ''}, {identified.seconds:.3g} s:",
         *(f"  {each}" for each in flights),
         f"Start vehicle: {start.name}. Behind each number its 95 % interval; what the flights do not show is the",
         "start's, and what they show is fitted to it.",
         GIVEN,
     ]
-    if not found.settled:
+    if not identified.settled:
         lines.append("THE SEARCH DID NOT SETTLE: do not rely on these numbers; intervals hold its last moves alone.")
-    around = {each.name: each for each in found.numbers if is_around(each.name) and each.is_known}
+    around = {each.name: each for each in identified.numbers if is_around(each.name) and each.is_known}
     if around:
         lines.append("Not part of a vehicle, but of its computer, sensors and battery:")
         lines += [f"  {name} = {_value(each)}" for name, each in around.items()]
@@ -103,23 +103,23 @@ def read_surroundings(file: Path, flight: str = "") -> tuple[str, Surroundings, 
     except (OSError, ValueError, RecursionError) as error:
         raise ValueError(one_line(f"{file}: must be a JSON file ({error})")) from None
     table = document.get("surroundings") if isinstance(document, dict) else None
-    known = document.get("known") if isinstance(document, dict) else None
-    if not (isinstance(table, dict) and isinstance(known, dict)):
+    given = document.get("known") if isinstance(document, dict) else None
+    if not (isinstance(table, dict) and isinstance(given, dict)):
         raise ValueError(f"{file}: must hold 'surroundings' and 'known', as 'skyarm identify' writes them")
-    found = dict[str, Any]()
+    values = dict[str, Any]()
     for each in dataclasses.fields(Surroundings):
         value, name = table.get(each.name, each.default), f"{file}: surroundings.{each.name}"
         if not isinstance(each.default, tuple):
-            found[each.name] = number(value, name)
+            values[each.name] = number(value, name)
         elif isinstance(value, (list, tuple)) and len(value) == len(each.default):
-            found[each.name] = tuple(number(entry, name) for entry in value)
+            values[each.name] = tuple(number(entry, name) for entry in value)
         else:
             raise ValueError(f"{name} = {shown(value)}: must be {len(each.default)} numbers")
     own = [each for each in document.get("numbers", []) if each.get("name") == f"{THRUST}{flight}"]
     if own and own[0].get("value") is not None:
-        found["thrust"] = number(own[0]["value"], f"{file}: {THRUST}{flight}", low=0.0, strict=True)
+        values["thrust"] = number(own[0]["value"], f"{file}: {THRUST}{flight}", low=0.0, strict=True)
     named = identified_name(str(document.get("start", "")))
-    return named, Surroundings(**found), number(known.get(VOLTAGE, 0.0), f"{file}: known.{VOLTAGE}", low=0.0)
+    return named, Surroundings(**values), number(given.get(VOLTAGE, 0.0), f"{file}: known.{VOLTAGE}", low=0.0)
 
 
 def is_around(name: str) -> bool:
@@ -127,10 +127,10 @@ def is_around(name: str) -> bool:
     return name.partition(".")[0] in {each.name for each in dataclasses.fields(Surroundings)}
 
 
-def _by_field(found: Identified) -> dict[str, list[IdentifiedNumber]]:
+def _by_field(identified: Identified) -> dict[str, list[IdentifiedNumber]]:
     """Numbers of the vehicle by the field of its file that holds them."""
     fields: dict[str, list[IdentifiedNumber]] = {}
-    for each in found.numbers:
+    for each in identified.numbers:
         if not is_around(each.name):
             fields.setdefault(_field(each.name), []).append(each)
     return fields

@@ -113,8 +113,8 @@ def of_a_body(inertia: Sym3) -> Sym3:
     if sizes[0] >= least:
         return inertia
     second = axes @ np.diag(np.maximum(sizes, least)) @ axes.T
-    found = np.trace(second) * np.eye(3) - second
-    return Sym3(*(float(found[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
+    moments = np.trace(second) * np.eye(3) - second
+    return Sym3(*(float(moments[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
 
 
 def with_changes(record: R, checked: bool, **changes: Any) -> R:
@@ -194,21 +194,21 @@ def _inertia(base: Body, numbers: Mapping[str, Scalar]) -> Sym3:
 
 def surroundings_with(numbers: Mapping[str, float]) -> Surroundings:
     """Surroundings of the vehicle from identified numbers; the usual ones where a number is missing."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for each in fields(Surroundings):
         if isinstance(each.default, tuple):
-            found[each.name] = tuple(numbers.get(f"{each.name}.{axis}", 0.0) for axis in "xyz")
+            values[each.name] = tuple(numbers.get(f"{each.name}.{axis}", 0.0) for axis in "xyz")
         else:
-            found[each.name] = numbers.get(each.name, each.default)
-    return Surroundings(**found)
+            values[each.name] = numbers.get(each.name, each.default)
+    return Surroundings(**values)
 
 
 def numbers_around(about: Surroundings) -> dict[str, float]:
     """Numbers of surroundings by name, but for the thrust, which is that of one flight."""
-    found = dict[str, float]()
+    numbers = dict[str, float]()
     for each in fields(about):
         value = getattr(about, each.name)
         parts = zip("xyz", value, strict=True) if isinstance(value, tuple) else ()
-        found |= {f"{each.name}.{axis}": part for axis, part in parts} or {each.name: value}
-    del found["thrust"]
-    return found
+        numbers |= {f"{each.name}.{axis}": part for axis, part in parts} or {each.name: value}
+    del numbers["thrust"]
+    return numbers

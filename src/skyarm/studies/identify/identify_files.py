@@ -64,8 +64,8 @@ def identify_files(
         read.append(flight)
     progress()
     _require_measurements(read)
-    fitted, known = read[: len(files)], dict(options.known)
-    full = known.pop(VOLTAGE, 0.0)
+    fitted, given = read[: len(files)], dict(options.known)
+    full = given.pop(VOLTAGE, 0.0)
     if full and not any("voltage" in flight for flight in fitted):
         raise ValueError(f"--known {VOLTAGE} = {full:g}: must be left out: no flight measures the voltage")
     felt = _gravity(read) if gravity is None else gravity
@@ -82,17 +82,17 @@ def identify_files(
         for fault in more:
             warn(fault)
 
-    found = identify_aligned(
+    identified = identify_aligned(
         fitted,
         start,
-        dataclasses.replace(options, full_voltage=full, known=known, gravity=felt),
+        dataclasses.replace(options, full_voltage=full, known=given, gravity=felt),
         report,
         held_out=read[len(files) :],
         progress=lambda words: progress(last=words),
     )
-    counted = [each for each, counts in zip(fitted, found.counted, strict=True) if counts]
+    counted = [each for each, counts in zip(fitted, identified.counted, strict=True) if counts]
     return IdentifiedReport(
-        found=found, start=start, flights=counted, known=options.known, faults=faults, clocks=clocks
+        found=identified, start=start, flights=counted, known=options.known, faults=faults, clocks=clocks
     )
 
 

@@ -102,13 +102,15 @@ def identify_aligned(
     tell("look for faults")
     parts = [each.section(*part) for each in flights for part in options.sections] or flights
     report([fault for each in (*parts, *held_out) for fault in find_faults(each, start)])
-    found = identify_by_windows(flights, start, options, progress)
-    report([_without_part(each) for each, counts in zip(flights, found.counted, strict=False) if not counts])
-    report(doubtful_numbers(found, start, flights[0].file, flights))
+    identified = identify_by_windows(flights, start, options, progress)
+    report([_without_part(each) for each, counts in zip(flights, identified.counted, strict=False) if not counts])
+    report(doubtful_numbers(identified, start, flights[0].file, flights))
     if not held_out:
-        return found
+        return identified
     tell("predict the held-out flights")
-    return dataclasses.replace(found, held_out=predict_held_out(found, start, held_out, options, seen=flights))
+    return dataclasses.replace(
+        identified, held_out=predict_held_out(identified, start, held_out, options, seen=flights)
+    )
 
 
 def _without_part(flight: FlightData) -> Fault:

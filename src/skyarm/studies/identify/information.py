@@ -107,10 +107,10 @@ def expected_numbers(flights: Sequence[FlightData], start: Vehicle) -> tuple[Exp
     logarithmic = {each.name for each in search.unknowns if each.positive}
     scale = search.scale(fit)
     positive = {each.name for each in scale.reported if logarithmic.intersection(each.parts)}
-    found, unseen = [], search.hidden_lags()
+    numbers, unseen = [], search.hidden_lags()
     for each in identified_numbers(fit, scale, search.sample)[0]:
         share = 0.5 * math.log(each.high / each.low) if each.name in positive else 0.0
-        found.append(
+        numbers.append(
             ExpectedNumber(
                 name=each.name,
                 unit=each.unit,
@@ -120,4 +120,4 @@ def expected_numbers(flights: Sequence[FlightData], start: Vehicle) -> tuple[Exp
                 data_share=0.0 if each.name in unseen else each.data_share,
             )
         )
-    return tuple(found)
+    return tuple(numbers)

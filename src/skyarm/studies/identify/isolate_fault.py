@@ -150,13 +150,13 @@ def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> 
         start: vehicle that its numbers will be identified for: rotors, joints and data sheet.
         isolate: look for the change of a channel that mends what the model does not explain: some ten seconds.
     """
-    found = check_log(flight, start)
-    if not any(each.severity == REFUSED for each in found):
-        found += faults_of(flight.file, _isolate(flight, start, [each.channel for each in found], isolate))
-    return tuple(sorted(found, key=lambda each: each.severity != REFUSED))
+    faults = check_log(flight, start)
+    if not any(each.severity == REFUSED for each in faults):
+        faults += faults_of(flight.file, _isolate(flight, start, [each.channel for each in faults], isolate))
+    return tuple(sorted(faults, key=lambda each: each.severity != REFUSED))
 
 
-def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str], search: bool) -> Iterator[Found]:
+def _isolate(flight: FlightData, start: Vehicle, faulty: Sequence[str], search: bool) -> Iterator[Found]:
     """Yield a late pose, and what the model leaves of a flight that has no other fault."""
     try:
         student_quantile()
@@ -165,24 +165,24 @@ def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str], search: bo
     aligned, clock = align_poses(flight)
     begin = flying_spans(commanded_speeds(flight, start), start)[0][0] - 1.0
     flights = flight.section(begin, begin + SECONDS), aligned.section(begin, begin + SECONDS)
-    found = list(_verdict(flights, start, told, search))
+    verdicts = list(_verdict(flights, start, faulty, search))
     if (
         clock is not None
         and abs(clock.offset) - clock.offset_error > LATE_POSE
-        and "pose" not in [row[1] for row in found]
+        and "pose" not in [row[1] for row in verdicts]
     ):
         way, off = ("late" if clock.offset < 0.0 else "early"), 1e3 * abs(clock.offset)
         finding = f"is {off:.0f} ± {1e3 * clock.offset_error:.0f} ms {way} against the gyro"
         yield WARNED, "quaternion", finding, "identify aligns it (skyarm.flight_data.clocks.align_poses)"
-    yield from found
+    yield from verdicts
 
 
-def _verdict(flights: Flights, start: Vehicle, told: Sequence[str], search: bool) -> Iterator[Found]:
+def _verdict(flights: Flights, start: Vehicle, faulty: Sequence[str], search: bool) -> Iterator[Found]:
     """Yield the fault of one channel that explains what the model leaves, else that the model does not explain it."""
     left = Leavings(start)
     before = left.rows(flights[1], *LAST) or Left({})
     sizes = {name: max(size for (of, _), size in before.sizes.items() if of == name) for name, _ in before.sizes}
-    bad = [name for name in sorted(sizes, key=lambda name: -sizes[name]) if sizes[name] >= ALARM and name not in told]
+    bad = [name for name in sorted(sizes, key=lambda name: -sizes[name]) if sizes[name] >= ALARM and name not in faulty]
     if not bad and abs(before.delay) > LONGEST_DELAY:
         finding = SHIFTED.format(-1e3 * (before.delay - USUAL_DELAY))
         yield REFUSED, ROTOR_COMMANDS, f"{finding}: they act {1e3 * before.delay:.0f} ms after they are stamped", CLOCK
@@ -192,8 +192,8 @@ def _verdict(flights: Flights, start: Vehicle, told: Sequence[str], search: bool
         elif bad and sizes[bad[0]] >= DOUBTFUL:
             noises = [f"{name} ({sizes[name]:.2g} times its noise)" for name in bad if name not in PUSHES]
             pushes = [f"an {name} {sizes[name]:.2g} times what is usual" for name in bad if name in PUSHES]
-            told = f"does not explain {', '.join(noises)}" if noises else ""
-            finding = f"{told}{' and ' if told and pushes else ''}{'leaves ' if pushes else ''}{' and '.join(pushes)}"
+            words = f"does not explain {', '.join(noises)}" if noises else ""
+            finding = f"{words}{' and ' if words and pushes else ''}{'leaves ' if pushes else ''}{' and '.join(pushes)}"
             if sizes[bad[0]] == math.inf:
                 finding = "flies to infinity under the commands"
             remedy = "no change of a channel mends it: check the vehicle file; numbers may be wrong by as much"
@@ -284,8 +284,8 @@ def _try_change(left: Leavings, flights: Flights, change: Change, amount: float,
     # a wrong rate puts the clock of the poses off as well
     turned = change.channel in ("gyro", "quaternion")
     changed = align_poses(change.of(stamped, amount))[0] if turned else change.of(aligned, amount)
-    found = None if _beyond_range(changed) else left.rows(changed, *how)
-    return [Tried(found.cost() + change.price, change, amount, found)] if found else []
+    leavings = None if _beyond_range(changed) else left.rows(changed, *how)
+    return [Tried(leavings.cost() + change.price, change, amount, leavings)] if leavings else []
 
 
 def _beyond_range(flight: FlightData) -> bool:

@@ -60,8 +60,8 @@ def command_samples(commands: Channel) -> Channel:
     steps = np.diff(values, axis=0)
     changed = np.flatnonzero((steps != 0.0).any(axis=1))
     if _is_regular(changed):
-        kept = np.concatenate([[0], changed + 1])
-        return replace(commands, time=time[kept], values=values[kept])
+        rows = np.concatenate([[0], changed + 1])
+        return replace(commands, time=time[rows], values=values[rows])
     bends = np.abs(np.diff(steps, axis=0))
     most = bends.max(axis=0, initial=0.0)
     least = np.where(bends > NOUGHT * most, bends, np.inf).min(axis=0, initial=np.inf)

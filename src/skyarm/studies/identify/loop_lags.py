@@ -171,9 +171,9 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
         searched[ROTORS] = _delay_and_lags("delay", **dict(zip(LAGS[1:], believed, strict=True)))
     driven = [name not in setpoints for name in names]
     # of a drive with a lag the means over the control periods act
-    known = {f"drives.{name}.hold": 1.0 for name, each in flown.items() if hasattr(each, "time_constant")}
-    known |= {f"drives.{name}.time_constant": USUAL for name in names if name not in searched}
-    fitted = _fit(flight, start, driven, searched, known | {"setpoint_hold": 1.0}, gravity) if searched else None
+    given = {f"drives.{name}.hold": 1.0 for name, each in flown.items() if hasattr(each, "time_constant")}
+    given |= {f"drives.{name}.time_constant": USUAL for name in names if name not in searched}
+    fitted = _fit(flight, start, driven, searched, given | {"setpoint_hold": 1.0}, gravity) if searched else None
 
     def lag(name: str) -> Lag:
         if fitted is None or name not in searched:
@@ -227,8 +227,8 @@ def _vary(commands: Array) -> bool:
 
 def _delay_and_lags(delay: str, **lags: float) -> list[Unknown]:
     """Unknown delay and time constants, from the name of the one, and names and usual values (s) of the others."""
-    found = [Unknown(name=name, unit="s", start=tau, spread=SLOW, positive=True) for name, tau in lags.items()]
-    return [Unknown(name=delay, unit="s", start=USUAL_DELAY, spread=LATE), *found]
+    constants = [Unknown(name=name, unit="s", start=tau, spread=SLOW, positive=True) for name, tau in lags.items()]
+    return [Unknown(name=delay, unit="s", start=USUAL_DELAY, spread=LATE), *constants]
 
 
 def _fit(
@@ -236,7 +236,7 @@ def _fit(
     start: Vehicle,
     driven: Sequence[bool],
     searched: Mapping[str, list[Unknown]],
-    known: Mapping[str, float],
+    given: Mapping[str, float],
     gravity: float,
 ) -> tuple[WindowErrors, WindowFit]:
     """Fit of delays and time constants by group, and of what need not be modelled rightly, to windows of a flight."""
@@ -246,7 +246,7 @@ def _fit(
     unknowns = [each for group in searched.values() for each in group]
     unknowns += [each for each in usual if each.name.startswith(MODELLED)]
     unknowns += [Unknown(name=f"gyro_bias.{axis}", unit="rad/s", start=0.0, spread=TURNING) for axis in "xyz"]
-    errors = WindowErrors(Windows([clocked], start, FIRST, FEW), start, unknowns, known, driven, servoed, gravity)
+    errors = WindowErrors(Windows([clocked], start, FIRST, FEW), start, unknowns, given, driven, servoed, gravity)
     first = fit_windows(errors, np.array([each.begin for each in unknowns]))
     # the speeds of slow rotors follow from more of the past
     slow, part = vehicle_with(start, errors.numbers(first.values)), min(BLOCK, max(FIRST, flight.duration / PARTS))
@@ -277,8 +277,8 @@ def _lag(name: str, searched: list[Unknown], errors: WindowErrors, fit: WindowFi
     together, alone, up, *more = (Estimated.of(value, half) for value, half in numbers)
     shares, _ = explained_shares(errors, fit)
     rates = [f"rate.{axis}" for axis in "xyz"] if name == ROTORS else [f"{name}.position"]
-    told = [shares[each] for each in rates if each in shares]
-    explained, reason = sum(told) / max(len(told), 1), ""
+    group_shares = [shares[each] for each in rates if each in shares]
+    explained, reason = sum(group_shares) / max(len(group_shares), 1), ""
     if not np.isfinite(halves).all():
         reason = "the commands do not show in the motion"
     elif delay > LONGEST or max(taus) > SLOWEST:

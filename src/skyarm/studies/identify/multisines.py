@@ -132,7 +132,7 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
     share = (np.arange(SINES) + draw.uniform(size=(count, SINES))) / SINES
     frequencies = np.exp(ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * share)
     steepness = STEEPEST * draw.uniform(size=(count, 1))
-    found = Segment(
+    segment = Segment(
         duration=duration,
         frequencies=frequencies,
         amplitudes=frequencies**-steepness,
@@ -144,22 +144,22 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
     size = room * draw.uniform(0.1, 1.0, size=count)
     offsets = middle + (room - size) * draw.uniform(-1.0, 1.0, size=count)
     offsets[:BASE_AXES] = 0.0
-    return within(dataclasses.replace(found, offsets=offsets), axes, size)
+    return within(dataclasses.replace(segment, offsets=offsets), axes, size)
 
 
 def mutate_segment(segment: Segment, axes: Axes, draw: np.random.Generator) -> Segment:
     """Segment near another one: some axes drawn anew, the others a little louder or softer."""
     other = draw_segment(axes, segment.duration, draw)
     anew = draw.uniform(size=len(axes.rest)) < 2.0 / len(axes.rest)
-    kept = segment.scale(draw.uniform(0.85, 1.3, size=len(axes.rest)))
-    found = dataclasses.replace(
+    scaled = segment.scale(draw.uniform(0.85, 1.3, size=len(axes.rest)))
+    mutated = dataclasses.replace(
         segment,
-        frequencies=np.where(anew[:, None], other.frequencies, kept.frequencies),
-        amplitudes=np.where(anew[:, None], other.amplitudes, kept.amplitudes),
-        phases=np.where(anew[:, None], other.phases, kept.phases),
-        offsets=np.where(anew, other.offsets, kept.offsets),
+        frequencies=np.where(anew[:, None], other.frequencies, scaled.frequencies),
+        amplitudes=np.where(anew[:, None], other.amplitudes, scaled.amplitudes),
+        phases=np.where(anew[:, None], other.phases, scaled.phases),
+        offsets=np.where(anew, other.offsets, scaled.offsets),
     )
-    return within(found, axes, None)
+    return within(mutated, axes, None)
 
 
 def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:

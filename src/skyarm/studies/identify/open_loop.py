@@ -114,8 +114,8 @@ def measured_states(
             half = max(FEWEST, math.ceil(SLOPE * place.rate)) // 2
             around = ((half, half), (2 * half, 0))
             velocity, before = (values_at(slopes_of(place, *each, 2)[1], late) for each in around)
-        known = "position" in flight
-        position = values_at(flight["position"], late) if known else integral_of(time, velocity)
+        has_position = "position" in flight
+        position = values_at(flight["position"], late) if has_position else integral_of(time, velocity)
     gyro, bias = flight["gyro"], np.array(about.gyro_bias)
     rate = measured_at(gyro, time, max(clocked.step, AVERAGED)) - bias
     rate_before = values_at(smooth_motion(gyro, TURN, 2, past=True)[0], time) - bias
@@ -236,9 +236,9 @@ class OpenLoop:
 
     def windows(self, places: Sequence[IntArray], seconds: float = 0.0) -> WindowErrors:
         """Windows of some seconds with their first steps in each flight, and what is measured less flown in them."""
-        found = self._errors.over(Windows(self.flights, self._vehicle, seconds, places=places))
-        found.take_samples(NONE)
-        return found
+        errors = self._errors.over(Windows(self.flights, self._vehicle, seconds, places=places))
+        errors.take_samples(NONE)
+        return errors
 
     def left(self, windows: Windows) -> IntArray:
         """Numbers (W,) of usable steps in a row from the windows' begins on."""
@@ -266,13 +266,13 @@ class OpenLoop:
                 axes; none by default.
         """
         lanes, step = errors.lanes(NONE, window_states(begins)), errors.windows.step
-        inputs, known, k = lanes.flights.inputs, lanes.flights.inputs["torque"].copy(), 0
+        inputs, own_torque, k = lanes.flights.inputs, lanes.flights.inputs["torque"].copy(), 0
         try:
             while True:
                 yield BaseStates(*(lanes.flights.state[name].T.copy() for name in FIELDS))
                 if pushes is not None:
                     force, torque = np.split(pushes((k + 0.5) * step).T, 2)
-                    inputs["force"][:], inputs["torque"][:] = force, known + torque
+                    inputs["force"][:], inputs["torque"][:] = force, own_torque + torque
                 lanes.advance(k)
                 k += 1
         finally:
@@ -351,11 +351,11 @@ class OpenLoopFlight:
         still = [begins.at_even_rates(k * step) for k in range(steps + 1)]
         # the last one ends with its part
         counts = np.minimum(loop.left(windows), steps) + 1
-        model, held = (
+        model, hold = (
             join_motions([self._motion(states, i, first, first + counts[i]) for i, first in enumerate(windows.begins)])
             for states in (flown, still)
         )
-        return PredictedMotion(model=model, held=held, begins=self._clocked.edges[windows.begins])
+        return PredictedMotion(model=model, held=hold, begins=self._clocked.edges[windows.begins])
 
     def _motion(self, states: Sequence[BaseStates], i: int, first: int, end: int) -> Motion:
         """Motion of one of several predictions, between two instants of the clock."""

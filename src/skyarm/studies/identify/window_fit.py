@@ -221,7 +221,7 @@ def _search(
     states, settled, memory = errors.first_states(), False, None
     for turn in range(turns):
         errors.take_samples(values)
-        found, there, normal = errors.normal(values, states, noise, memory=memory)
+        residuals, there, normal = errors.normal(values, states, noise, memory=memory)
         loose = loose_with(errors, spread)
         reduced = reduce(normal, states.beside, loose, prior)
         uphill = reduced.scores.sum(axis=0) + (values - start) / prior**2
@@ -229,7 +229,7 @@ def _search(
         cost = Cost(there, noise[errors.windows.owners], start, prior, loose)
         # no number goes by more than what is known of it before
         length = min(1.0, 1.0 / max(1e-9, float(np.abs(step / prior).max())))
-        before = cost.at(errors.innovations(found, there, memory), values, states)
+        before = cost.at(errors.innovations(residuals, there, memory), values, states)
         for _ in range(TRIES):
             change = length * step
             moved, free = values + change, states.moved_by(-length * reduced.shift - reduced.slopes @ change)
@@ -239,7 +239,7 @@ def _search(
                 break
             length *= SHORTER
         else:  # no step lowers the cost
-            change, moved, free, left = 0.0 * change, values, states, found
+            change, moved, free, left = 0.0 * change, values, states, residuals
         if not math.isfinite(before):
             raise ValueError("the start vehicle does not fly: its motion under the logged commands is no number")
         values, states = moved, free
@@ -329,7 +329,7 @@ def loose_with(errors: WindowErrors, spread: Array) -> Array:
 
 def first_noise(errors: WindowErrors) -> Array:
     """Sensor noise (flights, rows) from third differences of the samples, in which some motion is left."""
-    found = np.ones((len(errors.windows.flights), len(errors.rows)))
+    noise = np.ones((len(errors.windows.flights), len(errors.rows)))
     for i, flight in enumerate(errors.windows.flights):
         for j, (name, column) in enumerate(errors.rows):
             if name in flight.channels:
@@ -337,8 +337,8 @@ def first_noise(errors: WindowErrors) -> Array:
                 factor, shift = (2.0, 1) if name == "quaternion" else (1.0, 0)
                 bends = np.diff(flight.channels[name].values[:, column + shift], 3)
                 white = factor * 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(20.0)
-                found[i, j] = max(white, LEAST[name])
-    return found
+                noise[i, j] = max(white, LEAST[name])
+    return noise
 
 
 def new_noise(errors: WindowErrors, found: Array, there: Mask, noise: Array, normal: Normal, inverse: Array) -> Array:
@@ -370,8 +370,10 @@ def new_memory(errors: WindowErrors, found: Array, there: Mask, noise: Array) ->
         follow = np.diff(windows) == 0
         square = float(np.mean(rows**2)) if follow.any() else 0.0
         if square > 0.0:
-            kept = min(float(np.mean((rows[1:] * rows[:-1])[follow])) / square, 1.0 - 1e-9)
-            memory[i, j] = -float(np.mean(np.diff(when)[follow])) / math.log(kept) if kept > FAINT else 0.0
+            correlation = min(float(np.mean((rows[1:] * rows[:-1])[follow])) / square, 1.0 - 1e-9)
+            memory[i, j] = (
+                -float(np.mean(np.diff(when)[follow])) / math.log(correlation) if correlation > FAINT else 0.0
+            )
     # of what lasts longer a window shows no end: its size and its memory would grow together
     return np.minimum(memory, LASTS * errors.windows.length * errors.windows.step)
 
@@ -380,8 +382,8 @@ def new_spread(errors: WindowErrors, states: WindowStates, spread: Array, invers
     """Spread (6,) of the unexplained wrench over the windows, from its estimates and their uncertainty."""
     wrench = states.beside[:, :6]
     uncertain = inverse[:, errors.wrench, errors.wrench]
-    told = np.maximum((1.0 - uncertain / spread**2).sum(axis=0), 1e-3 * len(wrench))
-    size = np.clip(np.sqrt((wrench**2).sum(axis=0) / told), spread / SLOWLY, spread * SLOWLY)
+    effective = np.maximum((1.0 - uncertain / spread**2).sum(axis=0), 1e-3 * len(wrench))
+    size = np.clip(np.sqrt((wrench**2).sum(axis=0) / effective), spread / SLOWLY, spread * SLOWLY)
     return np.asarray(np.maximum(size, FIRM * errors.push))
 
 
@@ -393,7 +395,7 @@ def _fit_of(
     scores: Array,
     noise: Array,
     spread: Array,
-    found: Array,
+    residuals: Array,
     there: Mask,
     states: WindowStates,
     settled: bool,
@@ -403,20 +405,20 @@ def _fit_of(
     owners = errors.windows.owners
     parts, pulls = (np.stack([rows[each].sum(axis=0) for each in blocks]) for rows in (reduced.information, scores))
     curvature: Array = np.asarray(np.linalg.inv(reduced.total))
-    known = np.diag(prior**-2.0)
-    covariance = blocks_covariance(reduced.total, parts, pulls) + curvature @ known @ curvature
+    prior_information = np.diag(prior**-2.0)
+    covariance = blocks_covariance(reduced.total, parts, pulls) + curvature @ prior_information @ curvature
     flights = [owners == i for i in range(len(errors.windows.flights))]
     return WindowFit(
         values=values,
         curvature=curvature,
         covariance=covariance,
-        prior_information=known,
+        prior_information=prior_information,
         block_information=parts,
         stretch_information=np.stack([reduced.information[own].sum(axis=0) for own in flights]),
         stretch_scores=np.stack([scores[own].sum(axis=0) for own in flights]),
         noise=noise,
         spread=spread,
-        errors=found,
+        errors=residuals,
         counted=there,
         states=states,
         settled=settled,

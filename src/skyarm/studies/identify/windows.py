@@ -189,9 +189,9 @@ def _require_columns(flight: FlightData, start: Vehicle, speeds: Channel, sensor
     for name in (*({"accelerometer"} & {*sensors}), *(["joint_positions"] if start.n else [])):
         flight[name]  # raises
     for name in ("joint_positions", "joint_efforts", "joint_commands"):
-        held = flight[name].values.shape[1] if name in flight else start.n
-        if held != start.n:
-            raise ValueError(f"{flight.name}: {name}: {held} columns, vehicle '{start.name}' has {start.n}")
+        columns = flight[name].values.shape[1] if name in flight else start.n
+        if columns != start.n:
+            raise ValueError(f"{flight.name}: {name}: {columns} columns, vehicle '{start.name}' has {start.n}")
 
 
 def samples_on(channel: Channel, edges: Array) -> Samples:
@@ -251,12 +251,12 @@ def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) 
         mean = (integral(last) - integral(first)) / (last - first)[:, None]
         return Held(mean, mean, np.zeros(len(first)))
     little = 1e-6 * (edges[1:] - edges[:-1])
-    held = np.searchsorted(time, first + little, "right") - 1
-    after = np.minimum(held + 1, len(time) - 1)
-    switch = np.where((held + 1 < len(time)) & (time[after] < last - little), time[after], first)
+    sample = np.searchsorted(time, first + little, "right") - 1
+    after = np.minimum(sample + 1, len(time) - 1)
+    switch = np.where((sample + 1 < len(time)) & (time[after] < last - little), time[after], first)
     switch = np.maximum(switch, first)
     mean = (integral(last) - integral(switch)) / (last - switch)[:, None]
-    return Held(values[np.maximum(held, 0)], mean, switch - first)
+    return Held(values[np.maximum(sample, 0)], mean, switch - first)
 
 
 def lagging(held: Held, lag: float, step: float, flat: bool = False) -> Held:
@@ -288,11 +288,11 @@ def lagging(held: Held, lag: float, step: float, flat: bool = False) -> Held:
 def _without_gaps(channel: Channel, edges: Array) -> Mask:
     """Steps (N,) that lie in no gap of a channel, nor outside of it."""
     usual = float(np.median(np.diff(channel.time)))
-    found = (edges[:-1] >= channel.time[0] - usual) & (edges[1:] <= channel.time[-1] + usual)
+    usable = (edges[:-1] >= channel.time[0] - usual) & (edges[1:] <= channel.time[-1] + usual)
     wide = np.flatnonzero(np.diff(channel.time) > GAP * usual)
     for i in wide:
-        found &= (edges[1:] <= channel.time[i]) | (edges[:-1] >= channel.time[i + 1])
-    return np.asarray(found)
+        usable &= (edges[1:] <= channel.time[i]) | (edges[:-1] >= channel.time[i + 1])
+    return np.asarray(usable)
 
 
 class Windows:
@@ -330,23 +330,23 @@ class Windows:
         begins = np.concatenate([first + part for first, part in zip(self.firsts, rows, strict=False)])
         owners = np.repeat(np.arange(len(flights)), [len(part) for part in rows])
         if most and len(begins) > most:
-            kept = np.linspace(0, len(begins) - 1, most).astype(int)
-            begins, owners = begins[kept], owners[kept]
+            chosen = np.linspace(0, len(begins) - 1, most).astype(int)
+            begins, owners = begins[chosen], owners[chosen]
         self.begins: IntArray = begins
         self.owners: IntArray = owners
         self.count = len(begins)
 
     def _places(self, flight: Clocked) -> list[int]:
         """First steps of the windows of a flight, one behind the other where all steps are usable."""
-        found, k = list[int](), self.run_in
+        places, k = list[int](), self.run_in
         while k + self.length <= flight.size:
             bad = np.flatnonzero(~flight.usable[k : k + self.length])
             if bad.size:
                 k += int(bad[-1]) + 1
             else:
-                found.append(k)
+                places.append(k)
                 k += self.length
-        return found
+        return places
 
     def before(self, k: int) -> IntArray:
         """Indices (W,) of the steps k behind the windows' begins, not beyond their flights' first and last ones."""
@@ -359,7 +359,7 @@ class Windows:
         Args:
             late: sensor -> s, by which its samples are late, in all flights or (flights,) in each.
         """
-        found = dict[str, Samples]()
+        by_sensor = dict[str, Samples]()
         for name in dict.fromkeys(name for each in self.flights for name in each.channels):
             widths = [each.channels[name].values.shape[1] for each in self.flights if name in each.channels]
             if not widths:
@@ -372,8 +372,8 @@ class Windows:
                 for each, delay in zip(self.flights, delays, strict=True)
             ]
             rows = zip(*((each.values, each.share, each.there) for each in parts), strict=True)
-            found[name] = Samples(*(np.concatenate(each) for each in rows))
-        return found
+            by_sensor[name] = Samples(*(np.concatenate(each) for each in rows))
+        return by_sensor
 
     def commands(self, name: str, delay: float, hold: float = 0.0, lag: float = 0.0) -> Held:
         """Logged commands of all flights in each step of the clock, a dead time (s) later; zeros where none is logged.
@@ -446,7 +446,7 @@ class Windows:
         time = (there + rows.share[there]) * self.step
         usual = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
         half = max(2, round(AROUND / usual))
-        found = np.zeros((2, self.count, rows.values.shape[1]))
+        terms = np.zeros((2, self.count, rows.values.shape[1]))
         for i, (begin, owner) in enumerate(zip(self.begins, self.owners, strict=True)):
             first, last = np.searchsorted(there, self.firsts[owner : owner + 2])
             middle = int(np.clip(np.searchsorted(there, begin), first, max(first, last - 1)))
@@ -458,5 +458,5 @@ class Windows:
                 data = continuous(data)
             powers = np.vander(off, min(3, len(chosen)), increasing=True)
             fitted = np.linalg.lstsq(powers, data, rcond=None)[0]
-            found[: min(2, len(fitted)), i] = fitted[:2]
-        return found[0], found[1]
+            terms[: min(2, len(fitted)), i] = fitted[:2]
+        return terms[0], terms[1]

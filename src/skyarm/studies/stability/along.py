@@ -145,21 +145,21 @@ def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int
         flights.append((False, nominal(scenario), instants))
     total = sum(count for _, _, count in flights)
 
-    def told(done: int) -> None:
+    def report(done: int) -> None:
         if progress is not None:
             progress(done, total)
 
-    found: list[Instant] = []
-    told(0)
+    linearised: list[Instant] = []
+    report(0)
     for hover, flight, count in flights:
         for frozen in frozen_instants(flight, count):
-            found.append(instant_at(frozen.open_loop, hover=hover, time=frozen.time))
-            told(len(found))
+            linearised.append(instant_at(frozen.open_loop, hover=hover, time=frozen.time))
+            report(len(linearised))
     return Evidence(
         controller=scenario.controller.name,
         scenario=scenario.name,
-        instants=tuple(found),
-        completed=len(found) == total,
+        instants=tuple(linearised),
+        completed=len(linearised) == total,
         left_out=disturbances(scenario),
     )
 
@@ -225,8 +225,8 @@ class Locus:
 
 def hover_loci(scenario: Scenario) -> list[Locus]:
     """Nyquist loci of a scenario in hover: the weakest loop of each kind; empty if the vehicle crashes."""
-    found = frozen_hover(scenario)
-    return [] if found is None else loci(found.open_loop("down"))
+    hover = frozen_hover(scenario)
+    return [] if hover is None else loci(hover.open_loop("down"))
 
 
 def loci(loop: OpenLoop) -> list[Locus]:
@@ -286,15 +286,15 @@ class SettledHover:
         Args:
             values: path -> (sets,); every path.
         """
-        found: list[Instant | None] = []
+        instants: list[Instant | None] = []
         sets = np.array([values[path] for path in self.paths], dtype=float).T.tolist()
         for settled, numbers in zip(self.settle(values), sets, strict=True):
             if settled is None:
-                found.append(None)
+                instants.append(None)
                 continue
             loops = partial(self.open_loop, settled, numbers)
-            found.append(instant_at(loops, hover=True, time=self._time, measured=False))
-        return found
+            instants.append(instant_at(loops, hover=True, time=self._time, measured=False))
+        return instants
 
     def settle(self, values: Mapping[str, Array], threads: int = 1) -> list[LoopState | None]:
         """Simulate hover for each parameter set; returns final simulation states, None where hover was not reached."""

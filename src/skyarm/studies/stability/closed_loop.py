@@ -104,8 +104,8 @@ def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
     enters[queue[-1]] = np.eye(nu)
     shown = np.zeros((size, ny))
     shown[m] = loop.m_y
-    kept = _in_loop(A, enters, sent, loop.states or nx)
-    return Closed(A[np.ix_(kept, kept)], enters[kept], sent[:, kept], seen[:, kept], shown[kept], loop.u_y)
+    states = _in_loop(A, enters, sent, loop.states or nx)
+    return Closed(A[np.ix_(states, states)], enters[states], sent[:, states], seen[:, states], shown[states], loop.u_y)
 
 
 def gains(loop: OpenLoop, *, rotor_gain: float = 1.0, joint_gain: float = 1.0) -> Array:
@@ -137,12 +137,12 @@ def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> Mask:
 
 def _reachable(links: Mask, first: Mask) -> Mask:
     """Mask of the states reachable from the states ``first`` over any number of periods."""
-    found = first
+    reached = first
     while True:
-        more = found | (links[:, found].any(axis=1))
-        if (more == found).all():
-            return found
-        found = more
+        more = reached | (links[:, reached].any(axis=1))
+        if (more == reached).all():
+            return reached
+        reached = more
 
 
 def radius(loop: OpenLoop, **modified: Any) -> float:

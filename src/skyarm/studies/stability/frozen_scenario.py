@@ -68,16 +68,16 @@ def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
     Raises:
         ScenarioError: a memory moves with the plant or follows its state: the loop without it is another.
     """
-    kept, left_out = list[Any](), list[str]()
+    memoryless, left_out = list[Any](), list[str]()
     for i, part in enumerate(getattr(scenario, field)):
         name = f"environment.{field}[{i}]"
         memory = part.start(1.0 / scenario.rates.control, (0.5,) * (2 * part.uniforms))
         if not leaves(memory):
-            kept.append(part)
+            memoryless.append(part)
         else:
             _require_none(part.coupled or _follows_state(part, memory, scenario), name, part)
             left_out.append(f"{name} = {type(part).__name__}")
-    return tuple(kept), left_out
+    return tuple(memoryless), left_out
 
 
 def _follows_state(part: Component[Tree], memory: Any, scenario: Scenario) -> bool:
@@ -174,7 +174,7 @@ def require_no_memory(scenario: Scenario, first: LoopState) -> None:
     _require_none(leaves(first.agent.sensors[0].memory), "sensors", scenario.noise)
 
 
-def _require_none(held: Any, field: str, part: Any) -> None:
-    if held:
+def _require_none(present: Any, field: str, part: Any) -> None:
+    if present:
         what = f"{field} = {type(part).__name__}"
         raise ScenarioError(f"{what}: must be left out of margins, whose loop has no memory but the law's and drives'")

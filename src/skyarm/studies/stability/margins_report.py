@@ -94,10 +94,10 @@ def loop_rows(found: Evidence, *, every: bool) -> list[Row]:
     return rows + [(*_cells(several[name]), f"{several[name].disk:.2f}") for name in GROUPS_ALONE if name in several]
 
 
-def _smallest(found: Iterable[LoopMargin]) -> dict[str, LoopMargin]:
+def _smallest(margins: Iterable[LoopMargin]) -> dict[str, LoopMargin]:
     """Keep the smallest disk margin of each loop over all instants, by the loop's name."""
     least: dict[str, LoopMargin] = {}
-    for each in found:
+    for each in margins:
         if each.name not in least or each.disk < least[each.name].disk:
             least[each.name] = each
     return least

@@ -65,17 +65,17 @@ def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
     widths = STEP_SIZE * np.maximum(1.0, np.abs(np.delete(base, 3)))  # a rotation has one direction less
     turns = slice(3, 6)
     widths[turns] = STEP_SIZE
-    found = np.repeat(base[:, None], 4 * (count - 1), axis=1)
+    points = np.repeat(base[:, None], 4 * (count - 1), axis=1)
     for direction, width in enumerate(widths):
         for j, (steps, _) in enumerate(STENCIL):
             column = 4 * direction + j
             if 3 <= direction < 6:
                 v = [0.0, 0.0, 0.0]
                 v[direction - 3] = 0.5 * steps * width
-                found[3:7, column] = list(_rotate(attitude, v))
+                points[3:7, column] = list(_rotate(attitude, v))
             else:
-                found[direction if direction < 3 else direction + 1, column] += steps * width
-    return found, widths
+                points[direction if direction < 3 else direction + 1, column] += steps * width
+    return points, widths
 
 
 def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> list[Array]:
@@ -194,8 +194,8 @@ class Differentiator:
         scenario = with_held_lag(with_lag(own, lag))
         stages = Stages(scenario)
         power = tuple(
-            each.advance(kept, row.time, self._period, point.state, ())
-            for each, kept in zip(scenario.power, point.power, strict=True)
+            each.advance(charge, row.time, self._period, point.state, ())
+            for each, charge in zip(scenario.power, point.power, strict=True)
         )
         memories = (*self._components[: len(self._components) - len(power)], *power)
         air = stages.surroundings(memories, point.drives, row.time)

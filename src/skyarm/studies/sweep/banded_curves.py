@@ -137,12 +137,12 @@ def _curve(rows: Rows, metric: str, controller: str, over: Array) -> BandedCurve
     table: list[Sequence[float]] = []
     for cell in np.unique(cells):
         here = cells == cell
-        kept = column[here & flew & np.isfinite(column)]
-        found: tuple[float, ...] = (np.nan,) * 3
-        if kept.size:
-            ends = np.quantile(kept, BAND) if kept.size >= FEWEST_OF_BAND else (np.nan, np.nan)
-            found = (float(np.median(kept)), *map(float, ends))
-        table.append((float(np.median(over[here])), *found, int(here.sum()), int((here & ~flew).sum())))
+        flown = column[here & flew & np.isfinite(column)]
+        quantiles: tuple[float, ...] = (np.nan,) * 3
+        if flown.size:
+            ends = np.quantile(flown, BAND) if flown.size >= FEWEST_OF_BAND else (np.nan, np.nan)
+            quantiles = (float(np.median(flown)), *map(float, ends))
+        table.append((float(np.median(over[here])), *quantiles, int(here.sum()), int((here & ~flew).sum())))
     x, middle, low, high, episodes, lost = np.array(table, dtype=float).reshape(-1, 6).T
     return BandedCurve(
         controller=controller,

@@ -97,10 +97,10 @@ def _normal(value: object, at: str) -> Normal:
 
 
 def _list(value: object, at: str) -> Values:
-    found = _numbers(value, at, (1, MOST_VALUES), f"1 to {MOST_VALUES} numbers")
-    if len(set(found)) != len(found):
+    numbers = _numbers(value, at, (1, MOST_VALUES), f"1 to {MOST_VALUES} numbers")
+    if len(set(numbers)) != len(numbers):
         raise ValueError(f"{at} = {shown(value)}: must not hold a number twice")
-    return Values(found)
+    return Values(numbers)
 
 
 def _grid(value: Any, at: str) -> Values:
@@ -123,10 +123,10 @@ def _require_ascending(ends: tuple[float, float], at: str, value: object) -> Non
         raise ValueError(f"{at} = {shown(value)}: must be two numbers, the first below the second")
 
 
-def _numbers(value: object, at: str, counts: tuple[int, int], wanted: str) -> tuple[float, ...]:
+def _numbers(value: object, at: str, counts: tuple[int, int], expected: str) -> tuple[float, ...]:
     """Read a distribution's list of numbers from a file's value and check its length."""
     if not isinstance(value, list) or not counts[0] <= len(value) <= counts[1]:
-        raise ValueError(f"{at} = {shown(value)}: must be a list of {wanted}")
+        raise ValueError(f"{at} = {shown(value)}: must be a list of {expected}")
     return tuple(number(item, f"{at}[{i}]") for i, item in enumerate(value))
 
 

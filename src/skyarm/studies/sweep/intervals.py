@@ -60,12 +60,12 @@ def bootstrap_quantiles(
     """
     ordered = np.sort(values)
     n, generator = ordered.size, np.random.default_rng(seed)
-    found = []
+    intervals = []
     for share in shares:
         r = _rank(share, n)
         places = np.ceil(n * generator.beta(r, n - r + 1, resamples)).astype(int)
-        found.append(_percentile(ordered[np.clip(places, 1, n) - 1], confidence))
-    return found
+        intervals.append(_percentile(ordered[np.clip(places, 1, n) - 1], confidence))
+    return intervals
 
 
 def bootstrap_mean(

@@ -145,14 +145,14 @@ def _singles(source: str, ends: Mapping[str, tuple[float, float]]) -> list[_Sett
 
 def _derived_settings(study: Study, extreme: Mapping[str, tuple[int, int]]) -> list[_Setting]:
     """Parameter values to check before a sweep: episodes in which a derived parameter is smallest or largest."""
-    found = []
+    settings = []
     for path, episodes in extreme.items():
         for episode in dict.fromkeys(episodes):
             drawn = values(study, [episode])
             numbers = {name: float(drawn[name][0]) for name in study.paths}
             reached = f" reaches {numbers[path]:.6g}" if path in numbers else ""
-            found.append(_Setting(path, f'{study.source}: derived."{path}"{reached}', numbers))
-    return found
+            settings.append(_Setting(path, f'{study.source}: derived."{path}"{reached}', numbers))
+    return settings
 
 
 def fastest_plant(scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -> Scenario:
@@ -181,11 +181,11 @@ def _stiffest(source: str, scenario: Scenario, singles: Sequence[_Setting], deri
     for each in singles:
         if each.path.startswith((*PLANT, "changes.")):
             single = each.of(scenario)
-            found = _rate(each.where, single)
-            if found > rate:
+            single_rate = _rate(each.where, single)
+            if single_rate > rate:
                 worst |= each.numbers
-            if found > best_rate:
-                best, best_rate = single, found
+            if single_rate > best_rate:
+                best, best_rate = single, single_rate
     all_worst = _Setting("", "", worst)
     for each in (all_worst, *derived):
         try:
@@ -194,9 +194,9 @@ def _stiffest(source: str, scenario: Scenario, singles: Sequence[_Setting], deri
             if each is all_worst:  # extremes of several need not come together
                 continue
             raise
-        found = _rate(f"{source}: vary", together)
-        if found > best_rate:
-            best, best_rate = together, found
+        single_rate = _rate(f"{source}: vary", together)
+        if single_rate > best_rate:
+            best, best_rate = together, single_rate
     for each in (*singles, *derived):
         if each.path.startswith(STATED):
             best = min((best, each.of(best)), key=lambda changed: stated_step(changed) or math.inf)
@@ -235,16 +235,16 @@ def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path
     """
     if label not in study.scenarios:
         raise StudyError(f"label = {shown(label)}: {must_be_one_of(study.scenarios, label)}")
-    known = whole(episode)
-    if known is None or not 0 <= known < study.episodes:
+    index = whole(episode)
+    if index is None or not 0 <= index < study.episodes:
         raise StudyError(f"episode = {shown(episode)}: must be a whole number from 0 to {study.episodes - 1}")
-    episode, drawn = known, values(study, [known])
+    episode, drawn = index, values(study, [index])
     scenario = at_episode(study, label, {name: column[0] for name, column in drawn.items()}, episode)
     windows = study.windows.of_flight(scenario.duration, scenario.windows)
-    found = dataclasses.replace(scenario, windows=record_from(Windows, Fields(windows.plain(), "windows")))
+    flight = dataclasses.replace(scenario, windows=record_from(Windows, Fields(windows.plain(), "windows")))
     named = study.document["scenario"]
     base = named if named in list_scenarios() else Path(study.source).parent / named
-    return save_scenario(path, found, base, label if study.document["controllers"] else None)
+    return save_scenario(path, flight, base, label if study.document["controllers"] else None)
 
 
 LOOKED_AT = 1000

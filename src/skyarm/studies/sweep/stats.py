@@ -105,10 +105,10 @@ class Rows:
 
     def succeeded(self, controller: str) -> Mask:
         """Success of each flight of a controller: completed, with all metrics within their limits."""
-        found = self.of(controller, "status") == "completed"
+        success = self.of(controller, "status") == "completed"
         for name, limit in self.limits.items():
-            found = found & (self.of(controller, name) <= limit)
-        return np.asarray(found)
+            success = success & (self.of(controller, name) <= limit)
+        return np.asarray(success)
 
     def episode(self, controller: str, which: str) -> int:
         """Number of a controller's first episode without success, or of that with the largest value of a metric.
@@ -121,13 +121,13 @@ class Rows:
             StudyError: the rows have no such metric; no episode failed; or no episode has a value of the metric.
         """
         if which == FAILED:
-            found = ~self.succeeded(controller)
+            matching = ~self.succeeded(controller)
         else:
             column = self.of(controller, which)
-            found = column == np.max(column, initial=-np.inf, where=~np.isnan(column))
-        if not found.any():
+            matching = column == np.max(column, initial=-np.inf, where=~np.isnan(column))
+        if not matching.any():
             raise StudyError(f"{which!r}: must be true of an episode of {controller} in {self.folder}; it is of none")
-        return int(self.of(controller, "episode")[int(found.argmax())])
+        return int(self.of(controller, "episode")[int(matching.argmax())])
 
 
 def parse_limits(texts: list[str]) -> dict[str, float]:
@@ -136,16 +136,16 @@ def parse_limits(texts: list[str]) -> dict[str, float]:
     Raises:
         StudyError: a text of another form.
     """
-    found = {}
+    limits = {}
     for text in texts:
         name, _, value = text.partition("=")
         try:
-            found[name.strip()] = number(float(value), name)
+            limits[name.strip()] = number(float(value), name)
         except ValueError:
             raise StudyError(
                 f"--success = {shown(text)}: must be METRIC=LARGEST, such as position_error_mean=0.2"
             ) from None
-    return found
+    return limits
 
 
 def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[str, Any]:
@@ -163,7 +163,7 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
     """
     wins = {controller: rows.succeeded(controller) for controller in rows.controllers}
     flew = {controller: rows.of(controller, "status") == "completed" for controller in rows.controllers}
-    found: dict[str, Any] = {
+    facts: dict[str, Any] = {
         "schema": 1,
         "study": rows.manifest.name,
         "complete": rows.complete,
@@ -181,7 +181,7 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
     for controller in rows.controllers:
         counts = Counter(rows.of(controller, "status").tolist())
         won = int(wins[controller].sum())
-        found["controllers"][controller] = {
+        facts["controllers"][controller] = {
             "status": dict(sorted(counts.items())),
             "successes": won,
             "success_rate": won / rows.episodes,
@@ -190,26 +190,26 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
         }
     pairs = list(combinations(rows.controllers, 2))
     for one, other in pairs:
-        found["paired"][f"{one} - {other}"] = _success_difference(wins[one], wins[other], seed, confidence)
+        facts["paired"][f"{one} - {other}"] = _success_difference(wins[one], wins[other], seed, confidence)
     for metric in rows.metrics:
         columns = {controller: rows.of(controller, metric) for controller in rows.controllers}
         for controller, column in columns.items():
-            kept = column[flew[controller] & np.isfinite(column)]
-            found["controllers"][controller]["metrics"][metric] = _spread(kept, seed, confidence)
+            flown = column[flew[controller] & np.isfinite(column)]
+            facts["controllers"][controller]["metrics"][metric] = _spread(flown, seed, confidence)
         for one, other in pairs:
             difference = columns[one] - columns[other]
-            kept = difference[flew[one] & flew[other] & np.isfinite(difference)]
-            found["paired"][f"{one} - {other}"]["metrics"][metric] = _difference_statistics(kept, seed, confidence)
-    return _without_intervals(found) if rows.deterministic else found
+            flown = difference[flew[one] & flew[other] & np.isfinite(difference)]
+            facts["paired"][f"{one} - {other}"]["metrics"][metric] = _difference_statistics(flown, seed, confidence)
+    return _without_intervals(facts) if rows.deterministic else facts
 
 
-def _without_intervals(found: Any) -> Any:
+def _without_intervals(facts: Any) -> Any:
     """Statistics with every confidence interval set to None, for sweeps without random values."""
-    if not isinstance(found, dict):
-        return found
+    if not isinstance(facts, dict):
+        return facts
     return {
         key: None if key == "intervals" or key.endswith("_interval") else _without_intervals(each)
-        for key, each in found.items()
+        for key, each in facts.items()
     }
 
 
@@ -319,11 +319,11 @@ def summary(found: Mapping[str, Any]) -> list[str]:
     return lines + not_counted(found["files_not_counted"])
 
 
-def _rows_there(found: Mapping[str, Any]) -> str:
+def _rows_there(facts: Mapping[str, Any]) -> str:
     """Text on how many rows and episodes are there."""
-    if found["complete"]:
-        return f"{found['rows']} rows of {found['episodes']} episodes"
-    return f"incomplete: {found['rows']} of {found['rows_planned']} rows, {found['episodes']} episodes so far"
+    if facts["complete"]:
+        return f"{facts['rows']} rows of {facts['episodes']} episodes"
+    return f"incomplete: {facts['rows']} of {facts['rows_planned']} rows, {facts['episodes']} episodes so far"
 
 
 def metric_label(metric: str) -> str:

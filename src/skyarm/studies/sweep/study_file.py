@@ -148,10 +148,10 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     windows = chosen["windows"].of_flight(first.duration, first.windows)
     success = _success(top, chosen["metrics"])
     top.done()
-    told = {key: top.table.get(key) for key in ("scenario", "controllers", "duration", "vary")}
-    if told["controllers"] is not None:
-        told["controllers"] = list(scenarios)
-    document = {"schema": 1, "name": name, **told, **chosen, "windows": windows.plain()}
+    stated = {key: top.table.get(key) for key in ("scenario", "controllers", "duration", "vary")}
+    if stated["controllers"] is not None:
+        stated["controllers"] = list(scenarios)
+    document = {"schema": 1, "name": name, **stated, **chosen, "windows": windows.plain()}
     if derived:
         document["derived"] = {path: each.text for path, each in derived.items()}
     return Study(
@@ -205,10 +205,10 @@ def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int
 
 def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
     """Names of the metrics that a study computes of every flight."""
-    wanted = top.take("metrics", ["standard", "rotor_jitter", "rotor_saturation"])
-    if not isinstance(wanted, list) or not wanted:
-        raise ValueError(f"metrics = {shown(wanted)}: must be a list of names")
-    return metric_names(wanted, scenario.plant.vehicle.n, scenario.commands_setpoints)
+    names = top.take("metrics", ["standard", "rotor_jitter", "rotor_saturation"])
+    if not isinstance(names, list) or not names:
+        raise ValueError(f"metrics = {shown(names)}: must be a list of names")
+    return metric_names(names, scenario.plant.vehicle.n, scenario.commands_setpoints)
 
 
 def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:
@@ -221,13 +221,13 @@ def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[
     if duration is not None:
         duration = number(duration, "duration", low=0.0, strict=True)
     file: PathLike = named if named in list_scenarios() else folder / named
-    found = {}
+    scenarios = {}
     for controller in controllers:
         scenario = load_scenario(file, controller=controller, duration=duration)
         if any(path.startswith("changes.") for path in paths) and controller is not None:
             _require_numbered_alike(scenario, load_scenario(file, duration=duration))
-        found[controller or scenario.controller.name] = _ready(scenario, paths, derived)
-    return found
+        scenarios[controller or scenario.controller.name] = _ready(scenario, paths, derived)
+    return scenarios
 
 
 def _require_numbered_alike(scenario: Scenario, own: Scenario) -> None:
@@ -262,10 +262,10 @@ def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Sc
     return scenario
 
 
-def _success(top: Fields, known: tuple[str, ...]) -> dict[str, float]:
+def _success(top: Fields, metrics: tuple[str, ...]) -> dict[str, float]:
     fields = Fields(top.take("success", {}), "success")
     for name in fields.table:
-        if name not in known:
-            there = f"{did_you_mean(name, known)}there are {', '.join(known)}"
+        if name not in metrics:
+            there = f"{did_you_mean(name, metrics)}there are {', '.join(metrics)}"
             raise ValueError(f"success.{name}: is no metric of this study; {there}")
     return {name: fields.number(name) for name in fields.table}

@@ -303,5 +303,5 @@ def _error_quantile(errors: Array, kinds: IntArray) -> Array:
     One quantile over all would be that of the hardest kind alone.
     """
     each = [np.quantile(errors[:, kinds == kind], QUANTILE, axis=1, method="higher") for kind in np.unique(kinds)]
-    found: Array = np.exp(np.mean([np.log(np.maximum(one, SMALLEST)) for one in each], axis=0))
-    return found
+    combined: Array = np.exp(np.mean([np.log(np.maximum(one, SMALLEST)) for one in each], axis=0))
+    return combined

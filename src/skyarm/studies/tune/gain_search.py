@@ -96,7 +96,7 @@ def search(
         logarithms of the factors of every candidate (candidates, knobs), the starts first; scores by round.
     """
     asked = scatter(knobs, effort.scatter, seed, starts)
-    found = [judge(0, asked, effort.first_plants)]
+    rounds = [judge(0, asked, effort.first_plants)]
     logs = asked
     strategies: list[Any] = []
     begins = {1 + i * effort.rounds // len(STEPS): step for i, step in enumerate(STEPS)}
@@ -104,7 +104,9 @@ def search(
         if number in begins:
             step = begins[number]
             strategies = [
-                _strategy(_best(logs, found, weight), step, effort.population, seed + 1000 * number + i, _bounds(knobs))
+                _strategy(
+                    _best(logs, rounds, weight), step, effort.population, seed + 1000 * number + i, _bounds(knobs)
+                )
                 for i, weight in enumerate(WEIGHTS)
             ]
         asked = np.array([each.ask() for each in strategies for _ in range(effort.population)])
@@ -113,8 +115,8 @@ def search(
             mine = slice(i * effort.population, (i + 1) * effort.population)
             strategy.tell(list(zip(asked[mine], scores.cost(weight)[mine].tolist(), strict=True)))
         logs = np.vstack([logs, asked])
-        found.append(scores)
-    return logs, found
+        rounds.append(scores)
+    return logs, rounds
 
 
 def with_margins(scores: Scores, asked: Array, groups: Sequence[tuple[float, slice, int]], short: Shortness) -> Scores:
@@ -126,14 +128,14 @@ def with_margins(scores: Scores, asked: Array, groups: Sequence[tuple[float, sli
         groups: (weight, candidates, number of the best ones that need margins).
         short: looks at the margins.
     """
-    known = np.full(len(asked), np.nan)
+    shortfalls = np.full(len(asked), np.nan)
     while True:
-        now = dataclasses.replace(scores, short=np.nan_to_num(known, nan=0.0))
+        now = dataclasses.replace(scores, short=np.nan_to_num(shortfalls, nan=0.0))
         leading = [_leaders(now.cost(weight), which, count) for weight, which, count in groups]
-        missing = np.unique([k for each in leading for k in each if np.isnan(known[k])]).astype(int)
+        missing = np.unique([k for each in leading for k in each if np.isnan(shortfalls[k])]).astype(int)
         if not len(missing):
-            return dataclasses.replace(scores, short=np.where(np.isnan(known), NOT_LOOKED_AT, known))
-        known[missing] = short(asked[missing])
+            return dataclasses.replace(scores, short=np.where(np.isnan(shortfalls), NOT_LOOKED_AT, shortfalls))
+        shortfalls[missing] = short(asked[missing])
 
 
 def _leaders(cost: Array, which: slice, count: int) -> list[int]:
@@ -146,10 +148,10 @@ def costs(found: Sequence[Scores], weight: float) -> Array:
     return np.concatenate([scores.cost(weight) for scores in found])
 
 
-def _best(logs: Array, found: Sequence[Scores], weight: float) -> Array:
+def _best(logs: Array, rounds: Sequence[Scores], weight: float) -> Array:
     """Gain candidate of least cost, among those simulated on all plants if there are any."""
-    every = costs(found, weight)
-    first = len(found[0].error) if len(found) > 1 else 0
+    every = costs(rounds, weight)
+    first = len(rounds[0].error) if len(rounds) > 1 else 0
     best: Array = logs[first + int(every[first:].argmin())]
     return best
 
@@ -175,8 +177,8 @@ def scatter(knobs: Sequence[Knob], count: int, seed: int, starts: Array | None =
     reach = np.array(REACHES)[np.arange(rest) % len(REACHES)]
     around = centres[np.arange(rest) // len(REACHES) % len(centres)] + (2.0 * points - 1.0) * (BOX * reach[:, None])
     low, high = _bounds(knobs).T
-    found: Array = np.clip(np.vstack([begin, line, around]), low, high)
-    return found
+    candidates: Array = np.clip(np.vstack([begin, line, around]), low, high)
+    return candidates
 
 
 def exponent(knob: Knob) -> float:

@@ -52,8 +52,8 @@ def one_blas_thread() -> Any:
 
 def required_margins(scenario: Scenario) -> Required:
     """Stability margins that a scenario's gains must have."""
-    known = float(scenario.delays.measurement) + float(scenario.delays.command)
-    return Required(delay=max(DELAY_SHARE * known, PERIODS / scenario.rates.control), gain=GAIN)
+    nominal = float(scenario.delays.measurement) + float(scenario.delays.command)
+    return Required(delay=max(DELAY_SHARE * nominal, PERIODS / scenario.rates.control), gain=GAIN)
 
 
 def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[float]) -> Controller:
@@ -95,9 +95,9 @@ class HoverMargins:
             self._loops = SettledHover(calm(scenario), [f"controller.{'.'.join(place)}" for place, _ in numbers])
         except ValueError as error:
             self._why_none = str(error)
-        wanted, step = required_margins(scenario), 1.0 / scenario.rates.physics
-        self._delay = math.ceil(RESERVE * wanted.delay / step - 1e-9) * step
-        self._gain = RESERVE * wanted.gain
+        required, step = required_margins(scenario), 1.0 / scenario.rates.physics
+        self._delay = math.ceil(RESERVE * required.delay / step - 1e-9) * step
+        self._gain = RESERVE * required.gain
 
     def _values(self, loops: SettledHover, logs: Array) -> dict[str, Array]:
         return dict(zip(loops.paths, self._numbers[:, None] * np.exp(logs.T[self._knob]), strict=True))

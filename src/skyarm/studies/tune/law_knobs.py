@@ -92,10 +92,10 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
     layers = inner_place(controller)
     par = part(controller.par, layers)
     listed = tuned_factors().get(law)
-    found = [_knob_at(par, path) for path in listed] if listed else [*_gains_within(par, (), NUMBER, False)]
+    candidates = [_knob_at(par, path) for path in listed] if listed else [*_gains_within(par, (), NUMBER, False)]
     knobs = tuple(
         dataclasses.replace(each, numbers=tuple(((*layers, *at), value) for at, value in each.numbers))
-        for each in found
+        for each in candidates
         if each is not None
     )
     if not knobs:
@@ -197,12 +197,12 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) 
         knobs: of its law.
         label: name of the law as requested.
     """
-    known = _catalogue_gains(flight, knobs)
-    names = [name for name in (label, *known) if name in known]
-    if not names or not all(_same_shares(knob, at) for knob, at in zip(knobs, known[names[0]], strict=True)):
+    catalogue = _catalogue_gains(flight, knobs)
+    names = [name for name in (label, *catalogue) if name in catalogue]
+    if not names or not all(_same_shares(knob, at) for knob, at in zip(knobs, catalogue[names[0]], strict=True)):
         middle = [knob.values for knob in knobs]
     else:
-        middle = known[names[0]]
+        middle = catalogue[names[0]]
     moved = tuple(
         dataclasses.replace(knob, numbers=tuple((place, at[i]) for i, (place, _) in enumerate(knob.numbers)))
         for knob, at in zip(knobs, middle, strict=True)
@@ -212,7 +212,7 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) 
     place = flight.with_controller(dataclasses.replace(law, par=replace_at(law.par, numbers)))
     starts = {GIVEN: _log_factors([knob.values for knob in knobs], middle)}
     for name in dict.fromkeys(names):
-        row = _log_factors(known[name], middle)
+        row = _log_factors(catalogue[name], middle)
         # the given gains do not count: with good ones and with bad ones a search asks for as many others
         if not any(np.allclose(row, other, atol=1e-9) for key, other in starts.items() if key != GIVEN):
             starts[name] = row
@@ -229,7 +229,7 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, N
     names += [law] if law in LAWS else []
     model = plain_model(scenario.controller.par.model)
     facts = loop_facts(scenario.rates, scenario.delays)
-    found: dict[str, Numbers] = {}
+    gains: dict[str, Numbers] = {}
     for name in [*names, *PRESETS]:
         made = _make(name, model, facts)
         if made is None or made.name != law:
@@ -238,13 +238,13 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, N
             theirs = {knob.path: knob for knob in find_knobs(made, law)}
         except KnobError:
             continue
-        found[name] = [
+        gains[name] = [
             theirs[knob.path].values
             if knob.path in theirs and len(theirs[knob.path].numbers) == len(knob.numbers)
             else ()
             for knob in knobs
         ]
-    return found
+    return gains
 
 
 def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller | None:

@@ -32,12 +32,12 @@ def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
     """Gains of one set of the Pareto front, as in a gain file: parameter path -> value or list."""
     controller = tuning.plan.flight.controller
     tuned = with_gains(controller, tuning.plan.knobs, point.logs)
-    below, found = inner_place(controller), {}
+    below, gains = inner_place(controller), {}
     for knob in tuning.plan.knobs:
         place = (*below, *knob.path.split("."))
         values = [_short(float(value)) for _, value in walk(part(tuned.par, place), place) if isinstance(value, float)]
-        found[knob.path] = values[0] if len(set(values)) == 1 else values
-    return found
+        gains[knob.path] = values[0] if len(set(values)) == 1 else values
+    return gains
 
 
 def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Mapping[str, Any]) -> str:

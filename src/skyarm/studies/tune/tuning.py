@@ -181,12 +181,12 @@ class Tuner:
         """Simulate and score the gain candidates of one search round."""
         others = self._search_plants if number else None
         flown = scores(self._flights.fly(f"round_{number:03d}", asked, plants, others))
-        found = with_margins(flown, asked, self._candidates_for_margins(number, len(asked)), self._margins.costs)
+        judged = with_margins(flown, asked, self._candidates_for_margins(number, len(asked)), self._margins.costs)
         if number == 0:
-            self._first = (asked, found)
+            self._first = (asked, judged)
         self._done += len(asked) * plants
         self._progress(self._done, self._total, f"round {number} of {self._plan.effort.rounds}")
-        return found
+        return judged
 
     @cached_property
     def _search_plants(self) -> Plants:
@@ -195,8 +195,8 @@ class Tuner:
         A search that loses one plant in fifty does not see it on two dozen.
         """
         assert self._first is not None
-        asked, found = self._first
-        leaders = list(dict.fromkeys(int(found.cost(weight).argmin()) for weight in WEIGHTS))
+        asked, first_scores = self._first
+        leaders = list(dict.fromkeys(int(first_scores.cost(weight).argmin()) for weight in WEIGHTS))
         pool = self._drawn(POOL * self._plants.count, self._plan.seed)
         return with_lost(pool, self._plants.count, self._flights.fly("pool", asked[leaders], others=pool).lost)
 
@@ -243,13 +243,13 @@ class Tuner:
 
     def fly_aside(self, points: dict[str, Point]) -> dict[str, Aside]:
         """Validate the selected and the initial gains on plants and a reference path not used in tuning."""
-        wanted = required_margins(self._plan.flight)
+        required = required_margins(self._plan.flight)
         self._progress(self._total, self._total, "plants and a path kept aside")
         rows = np.array([each.logs for each in points.values()])
         flown = scores(self._flown_once("aside", self._plan.aside, ASIDE, 3, rows))
         tables = zip(points.items(), flown.tip, flown.jitter, flown.lost, strict=True)
         return {
-            name: Aside(tip=float(tip), jitter=float(jitter), lost=float(lost), meets=is_allowed(point, wanted))
+            name: Aside(tip=float(tip), jitter=float(jitter), lost=float(lost), meets=is_allowed(point, required))
             for (name, point), tip, jitter, lost in tables
         }
 
@@ -392,24 +392,24 @@ def _tune(plan: Plan, crew: Crew, progress: Progress) -> Tuning:
     )
     plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
     tuner = Tuner(plan, plants, crew, progress)
-    logs, found = search(plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows)
+    logs, rounds = search(plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows)
     # of the scatter nobody flew all plants; the starts come along
-    best = len(found[0].error) + np.array(finalists(found[1:], SEMIFINALISTS))
+    best = len(rounds[0].error) + np.array(finalists(rounds[1:], SEMIFINALISTS))
     count = len(start.starts)
     asked = logs[[*range(count), *best]]
     again, drawn = tuner.again(asked)
     last = [*range(count), *(count + k for k in finalists([again.part(slice(count, None))]))]
     points = tuner.check(asked[last], drawn.part(last))
-    wanted = required_margins(plan.flight)
-    front, picked = front_of(points[:count], points[count:], wanted)
-    known = dict(zip(start.starts, points, strict=False))
-    aside = tuner.fly_aside({**known, PICKED: front[picked]})
+    required = required_margins(plan.flight)
+    front, picked = front_of(points[:count], points[count:], required)
+    starting = dict(zip(start.starts, points, strict=False))
+    aside = tuner.fly_aside({**starting, PICKED: front[picked]})
     return Tuning(
         plan=plan,
         before=points[0],
         points=tuple(front),
         picked=picked,
-        required=wanted,
+        required=required,
         plants=plants,
         aside=aside,
     )
