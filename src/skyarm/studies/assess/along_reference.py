@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.motion_demand import ActuatorDemand, demand_of_motion, motion_of
-from skyarm.records.arrays import Array, stack_values
+from skyarm.records.arrays import Array, Mask, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.scenario.scenario_record import Scenario
@@ -163,7 +162,7 @@ def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
 
 
 def _saturation(
-    question: str, demand: ActuatorDemand, share: Array, parts: list[tuple[str, str]], reversed_: Any = None
+    question: str, demand: ActuatorDemand, share: Array, parts: list[tuple[str, str]], reversed_: Mask | None = None
 ) -> Finding:
     """Check result for all rotors or all joints: which saturates first, when, and for what share of the flight."""
     within = share <= 1.0  # false for what is no number

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import Any
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.plant.interface import require_gravity
@@ -36,6 +35,7 @@ from skyarm.studies.assess.thrust import largest_payload, largest_side_force, th
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.pages import Facts
 from skyarm.world.payload import Payload
 
 QUESTION = "delay margin"
@@ -110,7 +110,7 @@ class Assessment:
         """Check results that are faults, then those that are warnings."""
         return [each for level in (FAULT, WARNING) for each in self.findings if each.level == level]
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> Facts:
         """Results of a feasibility check as plain data, for a JSON file."""
         return {
             "name": self.name,

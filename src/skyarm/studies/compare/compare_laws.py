@@ -20,7 +20,11 @@ from skyarm.studies.compare.run_suite import Suite, fly_suite
 from skyarm.studies.flights.executor import Progress
 from skyarm.view.pages import Report, section
 
-SUITES: dict[str, Any] = {SUITE: Comparison, ENVELOPE: Envelope, CONTACT: ContactSuite}
+SUITES: dict[str, type[Comparison] | type[Envelope] | type[ContactSuite]] = {
+    SUITE: Comparison,
+    ENVELOPE: Envelope,
+    CONTACT: ContactSuite,
+}
 
 
 @immutable

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -252,7 +251,7 @@ def _lanes(cell: Cell, axis: Axis) -> list[Document]:
     return lanes
 
 
-def _finite(value: Any) -> float | None:
+def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
@@ -272,7 +271,7 @@ def point_of_plants(flights: Sequence[Record]) -> Document:
     return {**point, "status": gone[0] if gone else "completed", "lost": bool(gone), "plants": {**counts, "each": each}}
 
 
-def _over(flights: Sequence[Record], key: str, how: Any) -> float | None:
+def _over(flights: Sequence[Record], key: str, how: Callable[[list[float]], float]) -> float | None:
     numbers = [each[key] for each in flights if each[key] is not None]
     combined = float(how(numbers)) if numbers else math.nan
     return combined if math.isfinite(combined) else None

@@ -156,7 +156,7 @@ def swinging(setting: Setting, amplitude: float = 1.0) -> Scenario:
     return along(setting, joints=swings(setting, (amplitude,), 1.0, SWING_PHASE))
 
 
-def moving_base(setting: Setting, **axes: Any) -> Scenario:
+def moving_base(setting: Setting, **axes: Signal) -> Scenario:
     """Envelope trial: the base follows reference signals while the arm swings gently."""
     return along(setting, joints=swings(setting, ARM, ARM_HZ, ARM_PHASE), **axes)
 
@@ -324,7 +324,7 @@ SLOWLY = partial(Axis, noisy=True)
 VERTICAL = partial(MOVING, title="vertical sine of 0.2 m, arm swinging", unit="Hz", build=vertical,
                    numbers=frequencies("z.1"))  # fmt: skip
 
-LATE_IN_FLIGHT: Mapping[str, Any] = {"build": slow_circle_with_onset, "numbers": same("changes.0.value")}
+LATE_IN_FLIGHT = partial(SLOWLY, build=slow_circle_with_onset, numbers=same("changes.0.value"), start=ONSET, shown=1e3)
 
 ROWS = (
     MOVING(
@@ -392,14 +392,14 @@ ROWS = (
         values=(0.0, 0.005, 0.01, 0.015, 0.02, LONGEST), numbers=same(LATE),
         build=partial(slow_circle, delays=Delays(measurement=DELAY, longest_command=LONGEST)),
     ),
-    SLOWLY(
+    LATE_IN_FLIGHT(
         name="delay_in_flight", title="slow circle, commands late from 8 s on, unknown to the law", unit="ms",
-        shown=1e3, values=(0.0, 0.01, 0.02, 0.03, LATEST), start=ONSET, **LATE_IN_FLIGHT,
+        values=(0.0, 0.01, 0.02, 0.03, LATEST),
     ),
     *(
-        SLOWLY(
-            name=vehicle, title=f"the same on {vehicle}", unit="ms late", shown=1e3,
-            values=(0.0, 0.01, 0.02, 0.03), start=ONSET, vehicle=vehicle, **LATE_IN_FLIGHT,
+        LATE_IN_FLIGHT(
+            name=vehicle, title=f"the same on {vehicle}", unit="ms late", values=(0.0, 0.01, 0.02, 0.03),
+            vehicle=vehicle,
         )
         for vehicle in VEHICLES
     ),

@@ -23,6 +23,7 @@ from skyarm.records.immutable import immutable
 from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -123,7 +124,7 @@ def _spare_thrust(vehicle: Vehicle) -> float:
     return (most if math.isfinite(most) else 3.0) - 1.0
 
 
-def _swing_range(joint: Any) -> tuple[float, float]:
+def _swing_range(joint: Joint) -> tuple[float, float]:
     """Mid position of a joint's swing, and the amplitude that corresponds to 1, within the joint's limits."""
     low, high = float(joint.lower), float(joint.upper)
     middle = 0.0 if low < 0.0 < high or not math.isfinite(low + high) else 0.5 * (low + high)

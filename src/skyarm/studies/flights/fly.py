@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections import OrderedDict
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -78,7 +77,7 @@ def _batch(work: Work) -> Batch:
 
 def _one_by_one(work: Work) -> Rows:
     """Metrics, status and end of flights that fly one after the other; NaN for a metric that one of them lacks."""
-    rows: list[dict[str, Any]] = []
+    rows: list[dict[str, float | str | bytes]] = []
     for k in range(work.count):
         log = run(one_scenario(work, k))
         metrics = score(log, _metrics_of(work, log), work.windows) if work.measure is None else work.measure(log)
@@ -96,7 +95,7 @@ def _metrics_of(work: Work, log: Log) -> list[str]:
     return [name for name in work.metrics if name not in setpoints]
 
 
-def _column(values: list[Any]) -> Array:
+def _column(values: list[float | str | bytes]) -> Array:
     return np.array(values, dtype=object if isinstance(values[0], bytes) else None)
 
 

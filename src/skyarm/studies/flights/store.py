@@ -16,8 +16,10 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from functools import cached_property, lru_cache
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +30,11 @@ from skyarm.records.files.unpacked import LARGEST, require_size
 from skyarm.records.files.writing import LOCK, one_writer
 from skyarm.records.immutable import immutable
 from skyarm.studies.flights.work import AUTOPILOT, Rows, Work
+
+if TYPE_CHECKING:
+    from pyarrow import Array as ArrowArray
+    from pyarrow import ChunkedArray, DataType, DictionaryArray
+    from pyarrow.parquet import ParquetFile
 
 FILE = re.compile(r"(?P<label>.+)\.(?P<digest>[0-9a-f]{64})\.parquet")
 
@@ -41,13 +48,12 @@ LONGEST = 120
 
 
 @lru_cache(maxsize=1)
-def _parquet() -> Any:
+def _parquet() -> ModuleType | None:
     """Package pyarrow.parquet; None if it is not installed: then rows are flown, and not kept."""
     try:
-        import pyarrow.parquet
+        return import_module("pyarrow.parquet")
     except ImportError:
         return None
-    return pyarrow.parquet
 
 
 def require_parquet() -> None:
@@ -62,18 +68,19 @@ def require_parquet() -> None:
 
 def pack_rows(rows: Rows, metadata: Mapping[bytes, bytes]) -> bytes:
     """Content of a Parquet file of rows; a pickle, which never leaves these processes, without pyarrow."""
-    if _parquet() is None:
+    parquet = _parquet()
+    if parquet is None:
         return pickle.dumps(rows)
     import pyarrow as pa
 
     words = [name for name, column in rows.items() if column.dtype.kind == "U"]
     columns = {name: _words(pa, each) if name in words else _numbers(pa, each) for name, each in rows.items()}
     table, sink = pa.table(columns).replace_schema_metadata(metadata), io.BytesIO()
-    _parquet().write_table(table, sink, compression="zstd", use_dictionary=words)
+    parquet.write_table(table, sink, compression="zstd", use_dictionary=words)
     return sink.getvalue()
 
 
-def _words(pa: Any, column: Any) -> Any:
+def _words(pa: ModuleType, column: Array) -> DictionaryArray:
     words, places = np.unique(column, return_inverse=True)
     texts = [word.encode() for word in words.tolist()]
     ends = np.cumsum([0, *map(len, texts)]).astype(np.int32)
@@ -81,7 +88,7 @@ def _words(pa: Any, column: Any) -> Any:
     return pa.DictionaryArray.from_arrays(_numbers(pa, places.astype(np.int32)), strings)
 
 
-def _numbers(pa: Any, column: Any) -> Any:
+def _numbers(pa: ModuleType, column: Array) -> ArrowArray:
     if column.dtype.kind not in "fiu":
         return pa.array(column)
     kind, content = pa.from_numpy_dtype(column.dtype), pa.py_buffer(np.ascontiguousarray(column))
@@ -105,7 +112,7 @@ def unpack_rows(content: bytes) -> Rows:
         raise ValueError(f"must be a Parquet file: {error}") from None
 
 
-def _column(column: Any) -> Array:
+def _column(column: ChunkedArray) -> Array:
     """Column of a table as an array: words share their letters, however many rows have them."""
     import pyarrow as pa
 
@@ -119,18 +126,19 @@ def _column(column: Any) -> Array:
     return np.asarray(words[whole.indices.to_numpy()])
 
 
-def open_rows(content: bytes) -> Any:
+def open_rows(content: bytes) -> ParquetFile:
     """Parquet file of rows, after a check of its columns and of the size that it unpacks to.
 
     Raises:
         ValueError: it is no such file, would unpack to too much, or has columns that rows do not have.
     """
     import pyarrow as pa
+    from pyarrow.parquet import ParquetFile
 
     if not content.startswith(MAGIC):
         raise ValueError("must be a Parquet file")
     try:
-        file = _parquet().ParquetFile(io.BytesIO(content), page_checksum_verification=True)
+        file = ParquetFile(io.BytesIO(content), page_checksum_verification=True)
         facts, schema = file.metadata, file.schema_arrow
         groups = [facts.row_group(k) for k in range(facts.num_row_groups)]
         columns = [group.column(i) for group in groups for i in range(group.num_columns)]
@@ -149,7 +157,7 @@ def open_rows(content: bytes) -> Any:
     return file
 
 
-def _is_of_rows(kind: Any) -> bool:
+def _is_of_rows(kind: DataType) -> bool:
     """True for types of columns that rows have; plain text could be unpacked again for every row."""
     import pyarrow as pa
 
@@ -164,11 +172,12 @@ def concatenate(files: Iterable[tuple[bytes, Sequence[str]]]) -> bytes:
     The status is plain text there, as whoever reads that file has always had it.
     """
     import pyarrow as pa
+    from pyarrow.parquet import write_table
 
     tables = [open_rows(content).read().select(list(names)) for content, names in files]
     table, sink = pa.concat_tables(tables, promote_options="default").replace_schema_metadata(), io.BytesIO()
     place = table.column_names.index("status")
-    _parquet().write_table(table.set_column(place, "status", table["status"].cast("string")), sink)
+    write_table(table.set_column(place, "status", table["status"].cast("string")), sink)
     return sink.getvalue()
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import field
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TypeVarTuple
 
 import numpy as np
 
@@ -31,6 +31,9 @@ Rows = dict[str, Array]
 AUTOPILOT = "autopilot"
 """Status of a flight that ended because an autopilot's program failed; in rows its cause follows."""
 
+
+Arguments = TypeVarTuple("Arguments")
+"""Types of the arguments of a call that flies a work."""
 
 Measure = Callable[[Log], Mapping[str, float | None]]
 """Metrics of a log that the catalogue has no names for. A function of a module, or a partial of one."""
@@ -59,7 +62,7 @@ class Work:
     scenario: Scenario
     columns: Mapping[str, Array] = field(default_factory=dict)
     episodes: Array = field(default_factory=partial(np.zeros, 1, int))
-    fixed: Mapping[str, Any] = field(default_factory=dict)
+    fixed: Mapping[str, str | Array] = field(default_factory=dict)
     metrics: tuple[str, ...] = ()
     windows: Windows | None = None
     seed: int = 0

@@ -11,7 +11,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.scenario.save import scenario_text
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import run
@@ -76,7 +77,7 @@ class DesignedFlight:
         saturated: share of commands at a rotor's limit.
     """
 
-    document: Mapping[str, Any]
+    document: Mapping[str, Plain]
     numbers: Sequence[Sharpened]
     tilt: float
     box: tuple[float, float, float]
@@ -163,9 +164,9 @@ def _flight_data(log: Log) -> FlightData:
 
 def scenario_document(
     vehicle: Vehicle, name: str, segments: Sequence[Segment], axes: Axes, seconds: float, seed: int
-) -> dict[str, Any]:
+) -> dict[str, Plain]:
     """Scenario in which a vehicle flies segments of multisines, as tables of a scenario file."""
-    sensors: dict[str, Any] = {k: v for k, v in dataclasses.asdict(NOISE).items() if v}
+    sensors: dict[str, Plain] = {k: v for k, v in dataclasses.asdict(NOISE).items() if v}
     sensors["imu"] = {"kind": "imu"}
     if vehicle.n:
         sensors["encoders"] = {"kind": "encoders"}

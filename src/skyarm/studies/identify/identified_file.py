@@ -6,11 +6,10 @@ import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from skyarm.records.files import number, one_line, shown
 from skyarm.studies.identify.identified_numbers import GIVEN, Identified, IdentifiedNumber
-from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.identified_parts import Surroundings, surroundings_with
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT, THRUST
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_text import vehicle_text
@@ -106,20 +105,20 @@ def read_surroundings(file: Path, flight: str = "") -> tuple[str, Surroundings, 
     given = document.get("known") if isinstance(document, dict) else None
     if not (isinstance(table, dict) and isinstance(given, dict)):
         raise ValueError(f"{file}: must hold 'surroundings' and 'known', as 'skyarm identify' writes them")
-    values = dict[str, Any]()
+    values = dict[str, float]()
     for each in dataclasses.fields(Surroundings):
         value, name = table.get(each.name, each.default), f"{file}: surroundings.{each.name}"
         if not isinstance(each.default, tuple):
             values[each.name] = number(value, name)
         elif isinstance(value, (list, tuple)) and len(value) == len(each.default):
-            values[each.name] = tuple(number(entry, name) for entry in value)
+            values |= {f"{each.name}.{axis}": number(entry, name) for axis, entry in zip("xyz", value, strict=True)}
         else:
             raise ValueError(f"{name} = {shown(value)}: must be {len(each.default)} numbers")
     own = [each for each in document.get("numbers", []) if each.get("name") == f"{THRUST}{flight}"]
     if own and own[0].get("value") is not None:
         values["thrust"] = number(own[0]["value"], f"{file}: {THRUST}{flight}", low=0.0, strict=True)
     named = identified_name(str(document.get("start", "")))
-    return named, Surroundings(**values), number(given.get(VOLTAGE, 0.0), f"{file}: known.{VOLTAGE}", low=0.0)
+    return named, surroundings_with(values), number(given.get(VOLTAGE, 0.0), f"{file}: known.{VOLTAGE}", low=0.0)
 
 
 def is_around(name: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import fields
@@ -14,6 +15,7 @@ from skyarm.algebra import Sym3, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import rebuild
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT, KNOTS, rises_of_thrust, second_moments
 from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -121,15 +123,15 @@ def with_changes(record: R, checked: bool, **changes: Any) -> R:
     """Copy of a record with other fields, checked or not."""
     if checked:
         return dataclasses.replace(record, **changes)
-    made = object.__new__(type(record))
-    for each in fields(record):
-        object.__setattr__(made, each.name, changes.get(each.name, getattr(record, each.name)))
-    return made
+    changed = copy.copy(record)  # which runs no checks
+    for name, value in changes.items():
+        object.__setattr__(changed, name, value)
+    return changed
 
 
 def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, Scalar], checked: bool) -> Rotor:
     """Rotor with identified numbers, which are those of the first one."""
-    changes: dict[str, Any] = {}
+    changes: dict[str, Scalar | Vec3 | ThrustTable] = {}
     for name in SCALED:
         if f"rotors.{name}" in numbers:
             # the ratio first: of alike rotors it is exactly 1, and the number is the one that is reported
@@ -157,7 +159,7 @@ def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
         com=Vec3(*(numbers.get(f"{name}.com.{axis}", getattr(body.com, axis)) for axis in "xyz")),
         inertia=Sym3(*(getattr(body.inertia, each.name) * scale for each in fields(Sym3))),
     )
-    frictions: dict[str, Any] = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
+    frictions: dict[str, Scalar] = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
     if checked:
         frictions |= {name: max(frictions[name], 0.0) for name in ("damping", "coulomb") if name in frictions}
     return with_changes(link, checked, body=moved, joint=with_changes(link.joint, checked, **frictions))
@@ -194,21 +196,22 @@ def _inertia(base: Body, numbers: Mapping[str, Scalar]) -> Sym3:
 
 def surroundings_with(numbers: Mapping[str, float]) -> Surroundings:
     """Surroundings of the vehicle from identified numbers; the usual ones where a number is missing."""
-    values: dict[str, Any] = {}
-    for each in fields(Surroundings):
-        if isinstance(each.default, tuple):
-            values[each.name] = tuple(numbers.get(f"{each.name}.{axis}", 0.0) for axis in "xyz")
-        else:
-            values[each.name] = numbers.get(each.name, each.default)
-    return Surroundings(**values)
+    usual = Surroundings()
+    return rebuild(usual, (numbers.get(name, value) for name, value in _by_name(usual).items()))
 
 
 def numbers_around(about: Surroundings) -> dict[str, float]:
     """Numbers of surroundings by name, but for the thrust, which is that of one flight."""
+    numbers = _by_name(about)
+    del numbers["thrust"]
+    return numbers
+
+
+def _by_name(about: Surroundings) -> dict[str, float]:
+    """All numbers of surroundings by name, in the order of its fields."""
     numbers = dict[str, float]()
     for each in fields(about):
         value = getattr(about, each.name)
         parts = zip("xyz", value, strict=True) if isinstance(value, tuple) else ()
         numbers |= {f"{each.name}.{axis}": part for axis, part in parts} or {each.name: value}
-    del numbers["thrust"]
     return numbers

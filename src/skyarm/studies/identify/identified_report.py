@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from skyarm.studies.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, 
 from skyarm.studies.identify.log_checks import Fault
 from skyarm.studies.identify.logged_commands import period_note
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.pages import Facts
 
 VEHICLE, NUMBERS, TABLE, FIGURE = "vehicle.toml", "identified.json", "prediction.csv", "prediction.png"
 """Names of the file of the vehicle, of all numbers, and of the errors of predictions."""
@@ -88,7 +88,7 @@ class IdentifiedReport:
             lines.append(f"voltage: is measured and not used: state that of the rotors' data, --known {VOLTAGE}=VALUE")
         return [printable(line) for line in lines]
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Facts:
         """All numbers as plain data; a value that the flights do not show is null."""
         identified, unknown = self.found, dict.fromkeys(("value", "low", "high"))
         return {

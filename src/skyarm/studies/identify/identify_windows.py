@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -197,8 +197,8 @@ def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = No
     short = search.errors(search.first, FEW)
     near = fit_windows(short, search.begin, lasting=search.slow, progress=progress)
     some = search.errors(search.whole, SOME, short)
-    options: dict[str, Any] = {"lasting": search.slow, "progress": progress}
-    fit = fit_windows(some, near.values, noise=near.noise, spread=near.spread, **options)
+    fit_again = partial(fit_windows, lasting=search.slow, progress=progress)
+    fit = fit_again(some, near.values, noise=near.noise, spread=near.spread)
     while any(each.name.endswith(".coulomb") for each in search.unknowns) and some.replay.substeps < FINEST:
         finer = search.errors(search.whole, SOME, finer=2 * some.replay.substeps)
         finer.samples, finer.taken = some.samples, some.taken
@@ -206,7 +206,7 @@ def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = No
         if np.sqrt(np.mean(moved**2, axis=(0, 1))).max() < UNMOVED:
             break
         some = finer
-        fit = fit_windows(some, fit.values, noise=fit.noise, spread=fit.spread, **options)
+        fit = fit_again(some, fit.values, noise=fit.noise, spread=fit.spread)
     return some, fit
 
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.records.plain import Plain
 from skyarm.reference.signals import signal_from
 from skyarm.studies.tune.excitation import rest_and_size
 from skyarm.vehicle.linkage import Joint
@@ -67,13 +67,13 @@ class Segment:
         amplitudes, offsets = self.amplitudes * factors[:, None], self.offsets * factors
         return dataclasses.replace(self, amplitudes=amplitudes, offsets=offsets)
 
-    def table(self, axis: int) -> dict[str, Any]:
+    def table(self, axis: int) -> dict[str, Plain]:
         """Signal of an axis, as a table of a scenario file, on the segment's own clock."""
-        sines = [
+        sines: list[Plain] = [
             {"kind": "sine", "amplitude": round(float(a), 5), "frequency_hz": round(float(f), 4), "phase": float(p)}
             for a, f, p in zip(self.amplitudes[axis], self.frequencies[axis], self.phases[axis].round(3), strict=True)
         ]
-        ramps = [
+        ramps: list[Plain] = [
             {"kind": "ramp", "start": start, "duration": EASING, "height": height, "shape": "quintic"}
             for start, height in ((0.0, 1.0), (self.duration - EASING, -1.0))
         ]
@@ -178,14 +178,14 @@ def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:
     return dataclasses.replace(segment, amplitudes=segment.amplitudes * factor[:, None], offsets=offsets)
 
 
-def reference_table(segments: Sequence[Segment], axes: Axes) -> dict[str, Any]:
+def reference_table(segments: Sequence[Segment], axes: Axes) -> dict[str, Plain]:
     """Table ``[reference]`` of a scenario file in which segments follow each other."""
-    signals: list[list[Any]] = []
+    signals: list[Plain] = []
     for axis, rest in enumerate(axes.rest.tolist()):
-        pieces: list[Any] = [round(rest, 5)]
+        pieces: list[Plain] = [round(rest, 5)]
         start = 0.0
         for each in segments:
-            moved = {"kind": "shifted", "delay": start, "signal": each.table(axis)}
+            moved: dict[str, Plain] = {"kind": "shifted", "delay": start, "signal": each.table(axis)}
             pieces.append({"kind": "windowed", "start": start, "stop": start + each.duration, "signal": moved})
             start += each.duration
         signals.append(pieces)

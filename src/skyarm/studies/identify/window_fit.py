@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -62,7 +62,11 @@ LEAST = {
 """Least noise of a sensor, SI units: after a noiseless one the search would creep."""
 
 
-def student_quantile() -> Any:
+Quantile = Callable[[Array, float], Array]
+"""Function of degrees of freedom and of a probability."""
+
+
+def student_quantile() -> Quantile:
     """Import the quantile function of Student's t distribution from SciPy.
 
     Raises:
@@ -72,7 +76,8 @@ def student_quantile() -> Any:
         from scipy.special import stdtrit
     except ImportError:
         raise ValueError(f"scipy: is missing; 'skyarm identify' {needs_extra('identify')}") from None
-    return stdtrit
+    quantile: Quantile = stdtrit
+    return quantile
 
 
 def student_quantiles(influence: Array, information: Array) -> Array:
@@ -193,13 +198,15 @@ def fit_windows(
         return _search(errors, begin, noise, spread, block, turns, lasting, progress)
 
 
-def _one_thread() -> Any:
+@contextmanager
+def _one_thread() -> Iterator[None]:
     """Context in which BLAS has one thread: for matrices of some hundred rows more of them wait in a busy loop."""
     try:
         from threadpoolctl import threadpool_limits
     except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
         raise missing_extra("identify") from error
-    return threadpool_limits(1, user_api="blas")
+    with threadpool_limits(1, user_api="blas"):
+        yield
 
 
 def _search(

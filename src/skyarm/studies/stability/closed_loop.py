@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -113,7 +112,7 @@ def gains(loop: OpenLoop, *, rotor_gain: float = 1.0, joint_gain: float = 1.0) -
     return np.array([rotor_gain] * loop.rotors + [joint_gain] * (loop.u_m.shape[0] - loop.rotors))
 
 
-def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **modified: Any) -> Array:
+def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **modified: float) -> Array:
     """Transition matrix of the closed loop over one control period, with extra delay or modified gains."""
     return close_loop(loop, extra_delay).matrix(gains(loop, **modified))
 
@@ -145,7 +144,7 @@ def _reachable(links: Mask, first: Mask) -> Mask:
         reached = more
 
 
-def radius(loop: OpenLoop, **modified: Any) -> float:
+def radius(loop: OpenLoop, **modified: float) -> float:
     """Spectral radius of the closed loop with extra delay or modified gains; inf if not finite."""
     return spectral_radius(closed_loop(loop, **modified))
 

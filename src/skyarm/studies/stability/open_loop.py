@@ -15,12 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import data
+from skyarm.algebra.scalars import Scalar, data
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.lower import repeat
@@ -29,10 +29,10 @@ from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.rigid_body import COUPLED_STEP, accelerate
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.surroundings import Memories, Surroundings
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
@@ -111,15 +111,19 @@ def _tangent(states: Array, still: Array) -> Array:
     return np.vstack([states[:3] - still[:3, None], turn, states[7:] - still[7:, None]])
 
 
+Given: TypeAlias = tuple[tuple[Scalar, Scalar], tuple[Scalar, ...]]
+"""Arrival time of a command, s, and share of the rotors' lag; numbers of the paths."""
+
+
 @immutable
 class OpenPoint:
     """Operating point of one open-loop control period; the battery's internal state is constant."""
 
     state: State
-    drives: tuple[Any, ...]
+    drives: Memories
     old: Command
     new: Command
-    memory: Any
+    memory: Tree
     seen: Measurement
     power: Any
 
@@ -175,8 +179,8 @@ class Differentiator:
         row = inputs.row_at(0, first)
 
         def step(
-            point: OpenPoint, given: tuple[Any, ...], fed: Row[Reference], _uniforms: Any
-        ) -> tuple[OpenPoint, Any]:
+            point: OpenPoint, given: Given, fed: Row[Reference], _uniforms: Sequence[Scalar]
+        ) -> tuple[OpenPoint, tuple[Scalar, ...]]:
             return point, self._outputs(point, given, fed)
 
         given = ((0.0, 0.0), self._numbers)
@@ -185,7 +189,7 @@ class Differentiator:
         self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=0)
         self._row = len(leaves(row))
 
-    def _outputs(self, point: OpenPoint, given: tuple[Any, ...], row: Row[Reference]) -> tuple[Any, ...]:
+    def _outputs(self, point: OpenPoint, given: Given, row: Row[Reference]) -> tuple[Scalar, ...]:
         """Next state, measurement, controller state and command, for given arrival times, rotor lag and parameters."""
         (late, lag), numbers = given
         own = self.scenario

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from statistics import NormalDist
-from typing import Any
 
 import numpy as np
 
@@ -103,10 +102,10 @@ def _list(value: object, at: str) -> Values:
     return Values(numbers)
 
 
-def _grid(value: Any, at: str) -> Values:
+def _grid(value: object, at: str) -> Values:
     start, stop, _ = _numbers(value, at, (3, 3), "3 numbers, [start, stop, count]")
     _require_ascending((start, stop), at, value)
-    given = value[2]
+    given = value[2] if isinstance(value, list) else None
     if type(given) is not int or not 2 <= given <= MOST_VALUES:
         raise ValueError(f"{at}[2] = {shown(given)}: must be a whole number from 2 to {MOST_VALUES}")
     return Values(tuple(np.linspace(start, stop, given).tolist()))
@@ -139,7 +138,7 @@ KINDS: Mapping[str, Callable[[object, str], Distribution]] = {
 }
 
 
-def distribution_from(table: Any, at: str) -> Distribution:
+def distribution_from(table: object, at: str) -> Distribution:
     """Distribution from a table with one field, such as ``{ uniform = [0.5, 1.5] }``.
 
     Raises:

@@ -19,9 +19,9 @@ import ast
 import math
 import re
 from collections.abc import Collection, Mapping
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from skyarm.records.arrays import Array
 from skyarm.records.files import Fields, did_you_mean, shown
@@ -43,7 +43,7 @@ LETTER = "\N{LATIN SMALL LETTER E WITH ACUTE}"
 
 NAMES = re.compile(rf'"(?P<quoted>[^"]+)"|(?<![\w.])(?P<plain>{WORD}(?:\.\w+)*)(?P<call>\s*\()?', re.ASCII)
 
-OPERATIONS: Mapping[type[ast.AST], Any] = {
+OPERATIONS: Mapping[type[ast.AST], np.ufunc] = {
     ast.UAdd: np.positive,
     ast.USub: np.negative,
     ast.Call: np.sqrt,
@@ -75,7 +75,7 @@ class Expression:
     words: Mapping[str, str]
     field: str = "expression"
 
-    def value(self, numbers: Mapping[str, Any]) -> Array:
+    def value(self, numbers: Mapping[str, npt.ArrayLike]) -> Array:
         """Evaluate the expression for given numbers or arrays by name, which broadcast.
 
         Raises:
@@ -83,7 +83,7 @@ class Expression:
         """
         return self._value(self.tree, numbers)
 
-    def _value(self, node: ast.expr, numbers: Mapping[str, Any]) -> Array:
+    def _value(self, node: ast.expr, numbers: Mapping[str, npt.ArrayLike]) -> Array:
         if isinstance(node, ast.Constant):
             return np.asarray(float(str(node.value)))
         if isinstance(node, ast.Name):
@@ -104,7 +104,7 @@ class Expression:
         return values
 
 
-def read_expression(text: Any, known: Collection[str], field: str = "expression") -> Expression:
+def read_expression(text: object, known: Collection[str], field: str = "expression") -> Expression:
     """Parse an arithmetic expression of named parameters.
 
     Args:
@@ -171,7 +171,7 @@ def is_own_name(text: str) -> bool:
     return NAME.fullmatch(text) is not None
 
 
-def derived_from(table: Any, varied: Collection[str]) -> dict[str, Expression]:
+def derived_from(table: object, varied: Collection[str]) -> dict[str, Expression]:
     """Parse the expressions of a study's table ``derived``, by parameter.
 
     Args:

@@ -7,7 +7,6 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -125,7 +124,7 @@ def _unit(scenario: Scenario, path: str) -> str:
         return ""
 
 
-def _code_and_endings(study: Study) -> dict[str, Any]:
+def _code_and_endings(study: Study) -> dict[str, dict[str, str] | list[str]]:
     """Digests of user code and user-defined termination statuses on which a sweep's results depend."""
     own = dict.fromkeys(ending.status for scenario in study.scenarios.values() for ending in scenario.endings)
     rows = [row.load() for name, row in registrations("metric").items() if name in study.metrics]

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from skyarm.studies.sweep.intervals import bootstrap_mean, bootstrap_quantiles, 
 from skyarm.studies.sweep.manifest import MANIFEST, Manifest, read_manifest
 from skyarm.studies.sweep.rows import not_counted, rows_there
 from skyarm.studies.sweep.study import StudyError
-from skyarm.view.pages import image, render_template
+from skyarm.view.pages import Facts, image, render_template
 from skyarm.view.pages import page as plain_page
 
 FAILED = "failed"
@@ -148,7 +147,7 @@ def parse_limits(texts: list[str]) -> dict[str, float]:
     return limits
 
 
-def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[str, Any]:
+def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> Facts:
     """Statistics of a sweep as plain data: success rates, quantiles and paired differences.
 
     Args:
@@ -163,7 +162,7 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
     """
     wins = {controller: rows.succeeded(controller) for controller in rows.controllers}
     flew = {controller: rows.of(controller, "status") == "completed" for controller in rows.controllers}
-    facts: dict[str, Any] = {
+    facts: Facts = {
         "schema": 1,
         "study": rows.manifest.name,
         "complete": rows.complete,
@@ -203,17 +202,13 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
     return _without_intervals(facts) if rows.deterministic else facts
 
 
-def _without_intervals(facts: Any) -> Any:
+def _without_intervals(facts: Facts) -> Facts:
     """Statistics with every confidence interval set to None, for sweeps without random values."""
-    if not isinstance(facts, dict):
-        return facts
-    return {
-        key: None if key == "intervals" or key.endswith("_interval") else _without_intervals(each)
-        for key, each in facts.items()
-    }
+    every = {key: _without_intervals(each) if isinstance(each, dict) else each for key, each in facts.items()}
+    return {key: None if key == "intervals" or key.endswith("_interval") else each for key, each in every.items()}
 
 
-def _spread(values: Array, seed: int, confidence: float) -> dict[str, Any] | None:
+def _spread(values: Array, seed: int, confidence: float) -> Facts | None:
     if not values.size:
         return None
     return {
@@ -224,7 +219,7 @@ def _spread(values: Array, seed: int, confidence: float) -> dict[str, Any] | Non
     }
 
 
-def _difference_statistics(difference: Array, seed: int, confidence: float) -> dict[str, Any] | None:
+def _difference_statistics(difference: Array, seed: int, confidence: float) -> Facts | None:
     """Mean and median of paired differences, and share of negative ones (ties count half)."""
     if not difference.size:
         return None
@@ -240,7 +235,7 @@ def _difference_statistics(difference: Array, seed: int, confidence: float) -> d
     }
 
 
-def _success_difference(one: Array, other: Array, seed: int, confidence: float) -> dict[str, Any]:
+def _success_difference(one: Array, other: Array, seed: int, confidence: float) -> Facts:
     counts = {
         "both": int((one & other).sum()),
         "only_first": int((one & ~other).sum()),
@@ -276,7 +271,7 @@ class Pictures:
         return written
 
 
-def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> str:
+def page(found: Facts, manifest: Manifest, pictures: Pictures) -> str:
     """HTML page of a sweep's statistics and robustness maps, in one self-contained file.
 
     Args:
@@ -299,10 +294,10 @@ def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> st
     return plain_page(manifest.title or manifest.name, facts, body)
 
 
-def summary(found: Mapping[str, Any]) -> list[str]:
+def summary(found: Facts) -> list[str]:
     """Text lines for a terminal: success rates of a sweep, and how many flights are missing."""
 
-    def interval(pair: Any, form: str) -> str:
+    def interval(pair: Sequence[float] | None, form: str) -> str:
         return "" if pair is None else f" [{pair[0]:{form}}, {pair[1]:{form}}]"
 
     lines = []
@@ -319,7 +314,7 @@ def summary(found: Mapping[str, Any]) -> list[str]:
     return lines + not_counted(found["files_not_counted"])
 
 
-def _rows_there(facts: Mapping[str, Any]) -> str:
+def _rows_there(facts: Facts) -> str:
     """Text on how many rows and episodes are there."""
     if facts["complete"]:
         return f"{facts['rows']} rows of {facts['episodes']} episodes"

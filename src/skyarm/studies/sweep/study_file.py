@@ -93,7 +93,7 @@ def load_study(name_or_path: PathLike, controllers: Sequence[str] | None = None)
         return study_from(changed, folder, source=text)
 
 
-def _require_no_file_law(controllers: Any) -> None:
+def _require_no_file_law(controllers: object) -> None:
     """Refuse controllers from code files in a study file."""
     for name in controllers if isinstance(controllers, list) else ():
         if is_law_of_file(name):
@@ -167,13 +167,13 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     )
 
 
-def _whole(at: str, value: Any, most: int) -> int:
+def _whole(at: str, value: object, most: int) -> int:
     if type(value) is not int or not 1 <= value <= most:
         raise ValueError(f"{at} = {shown(value)}: must be a whole number from 1 to {most}")
     return value
 
 
-def _vary(table: Any, design: str) -> dict[str, Distribution]:
+def _vary(table: object, design: str) -> dict[str, Distribution]:
     fields = Fields(table, "vary")
     vary = {path: distribution_from(value, f'vary."{path}"') for path, value in fields.table.items()}
     if design == "sobol" and not 1 <= len(vary) <= DIMENSIONS:

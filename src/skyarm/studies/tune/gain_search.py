@@ -13,7 +13,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -98,7 +97,7 @@ def search(
     asked = scatter(knobs, effort.scatter, seed, starts)
     rounds = [judge(0, asked, effort.first_plants)]
     logs = asked
-    strategies: list[Any] = []
+    strategies: list[CMA] = []
     begins = {1 + i * effort.rounds // len(STEPS): step for i, step in enumerate(STEPS)}
     for number in range(1, effort.rounds + 1):
         if number in begins:
@@ -193,6 +192,6 @@ def _bounds(knobs: Sequence[Knob]) -> Array:
     return np.array([[-BOX, (min(BOX, -math.log(most)) if most <= 1.0 else BOX) + 1e-9] for most in mosts])
 
 
-def _strategy(mean: Array, step: float, population: int, seed: int, bounds: Array) -> Any:
+def _strategy(mean: Array, step: float, population: int, seed: int, bounds: Array) -> CMA:
     inside = np.clip(mean, bounds[:, 0] + 1e-6, bounds[:, 1] - 1e-6)
     return CMA(mean=inside, sigma=step, bounds=bounds, seed=seed % 2**32, population_size=population)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from skyarm.control.controller import Controller
 from skyarm.records.arrays import Array
 from skyarm.records.leaves import replace_at
 from skyarm.scenario.scenario_record import Scenario, with_words
+from skyarm.simulate.loop_state import LoopState
 from skyarm.studies.stability.along import Instant, SettledHover
 from skyarm.studies.stability.closed_loop import OpenLoop, radius
 from skyarm.studies.stability.frozen_scenario import LAGS
@@ -45,9 +46,11 @@ RESERVE = 1.04
 """Factor on what is required, so that a candidate that just passes keeps passing where it is measured."""
 
 
-def one_blas_thread() -> Any:
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
     """Context manager that limits BLAS to one thread, faster for the small matrices of a loop."""
-    return threadpool_limits(1, user_api="blas")
+    with threadpool_limits(1, user_api="blas"):
+        yield
 
 
 def required_margins(scenario: Scenario) -> Required:
@@ -113,7 +116,7 @@ class HoverMargins:
             return np.zeros(len(logs))
         values = self._values(loops, logs)
 
-        def cost(settled: Any, numbers: Sequence[float]) -> float:
+        def cost(settled: LoopState | None, numbers: Sequence[float]) -> float:
             if settled is None:
                 return DIVERGED
             return max(failed_tests(loops.open_loop(settled, numbers, lag), self._delay, self._gain) for lag in LAGS)

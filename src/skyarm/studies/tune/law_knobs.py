@@ -17,7 +17,6 @@ import math
 import re
 import typing
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.arrays import Array
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, is_record, part, parts, replace_at, walk
+from skyarm.records.leaves import Place, Tree, is_record, part, parts, replace_at, walk
 from skyarm.records.units import NUMBER, Unit, declared_fields
 from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_record import Scenario
@@ -113,7 +112,7 @@ def _is_meant(word: str, path: str) -> bool:
     return f"{path}.".startswith(f"{word}.")
 
 
-def _knob_at(par: Any, path: str) -> Knob | None:
+def _knob_at(par: Tree, path: str) -> Knob | None:
     place: Place = tuple(path.split("."))
     record, unit = par, NUMBER
     for name in place:
@@ -125,7 +124,7 @@ def _knob_at(par: Any, path: str) -> Knob | None:
     return _knob(place, record, unit)
 
 
-def _gains_within(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]:
+def _gains_within(record: Tree, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]:
     """Tunable gains in a nested dataclass of a controller's parameters, by the units of its fields."""
     if is_record(record) and not isinstance(record, Vec3):
         declared = declared_fields(type(record))
@@ -146,7 +145,7 @@ def _gains_within(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterato
         yield knob
 
 
-def _fixed_length(kind: Any) -> bool:
+def _fixed_length(kind: object) -> bool:
     """True if a field's annotation is a tuple of fixed length."""
     return typing.get_origin(kind) is tuple and Ellipsis not in typing.get_args(kind)
 
@@ -157,7 +156,7 @@ def _is_gain(unit: Unit) -> bool:
     return bool(GAIN.search(unit.unit)) and not BOUNDED.search(unit.meaning)
 
 
-def _knob(place: Place, record: Any, unit: Unit) -> Knob | None:
+def _knob(place: Place, record: Tree, unit: Unit) -> Knob | None:
     """Tunable gain made of all positive numbers in a parameter dataclass; None if all are zero."""
     numbers = tuple((at, value) for at, value in walk(record, place) if type(value) is float and value > 0.0)
     return Knob(path=".".join(place), unit=unit.unit, numbers=numbers) if numbers else None

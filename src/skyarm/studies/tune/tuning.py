@@ -14,7 +14,6 @@ import math
 from collections.abc import Sequence
 from contextlib import nullcontext
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -43,6 +42,7 @@ from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, req
 from skyarm.studies.tune.law_knobs import Knob, find_knobs, with_catalogue_gains
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.pages import Facts
 
 LEADERS = 3
 """Of the scatter, for each weight: candidates whose margins are looked at."""
@@ -84,7 +84,7 @@ class Plan:
     own: Scenario | None = None
     unseen: int = UNSEEN
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """Settings that determine a tuning's result besides scenario and controller, as plain data."""
         return {
             **{name: text for name, text in versions("cmaes").items() if name != "python"},
