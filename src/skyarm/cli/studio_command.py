@@ -102,7 +102,7 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     from skyarm.flight_data.flight_data import load_flight
     from skyarm.flight_data.motion import joints_in_order
     from skyarm.studies.identify.identified_file import read_surroundings
-    from skyarm.studies.identify.identified_parts import Surroundings
+    from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
     from skyarm.studies.identify.identified_report import NUMBERS
     from skyarm.studies.identify.isolate_fault import find_faults
     from skyarm.studies.identify.open_loop import OpenLoopFlight
@@ -112,7 +112,7 @@ def _replay(flight: str, vehicle: str, horizon: float, delay: float | None, colu
     require_within("--horizon", horizon, *HORIZONS)
     model = load_vehicle(vehicle)
     flown = joints_in_order(load_flight(flight, columns), model)
-    about, full = Surroundings(delay=float(flown.facts.get("command_delay", 0.0))), 0.0
+    about, full = IdentifiedSurroundings(delay=float(flown.facts.get("command_delay", 0.0))), 0.0
     beside = Path(vehicle).parent / NUMBERS
     if Path(vehicle).is_file() and beside.is_file():
         of, about_it, volts = read_surroundings(beside, flown.name)

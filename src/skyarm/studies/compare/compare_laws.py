@@ -9,7 +9,7 @@ from typing import Any
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import Document
+from skyarm.studies.compare.cell_flights import Document
 from skyarm.studies.compare.comparison import SUITE, Comparison
 from skyarm.studies.compare.contact_suite import CONTACT, ContactSuite
 from skyarm.studies.compare.contact_tasks import OWN

@@ -7,7 +7,7 @@ from dataclasses import field
 
 from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
-from skyarm.studies.compare.cells import JITTER, LIMITED, Document, Flights, Record
+from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights, Document, Record
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import DPI, Refused, SummarySuite
 from skyarm.studies.compare.suite import CASES, Condition, conditions
@@ -23,7 +23,7 @@ BRIEF, WIDEST = ("step", "part"), "case3_wind"
 
 
 @immutable
-class Comparison(SummarySuite[Flights]):
+class Comparison(SummarySuite[CellFlights]):
     """Benchmark that compares all shipped controllers on the same cases and perturbed plants.
 
     Attributes:
@@ -43,17 +43,17 @@ class Comparison(SummarySuite[Flights]):
         flights = {name: each.episodes for name, each in self.conditions.items()}
         return {"laws": list(self.entrants), "conditions": flights, "seed": self.seed, "plant": self.plant}
 
-    def flights(self) -> list[Flights]:
+    def flights(self) -> list[CellFlights]:
         """All flights of the comparison, grouped by controller, condition and case."""
         return [
-            Flights(entrant=entrant, case=CASES[case], condition=condition, seed=self.seed, plant=self.plant)
+            CellFlights(entrant=entrant, case=CASES[case], condition=condition, seed=self.seed, plant=self.plant)
             for entrant in self.entrants.values()
             for condition in self.conditions.values()
             for case in condition.cases
             if not condition.spread or case == WIDEST or entrant.group not in BRIEF
         ]
 
-    def plan_cells(self) -> tuple[list[Flights], Refused]:
+    def plan_cells(self) -> tuple[list[CellFlights], Refused]:
         """All flights of the comparison, and an empty mapping, since no controller is excluded."""
         return self.flights(), {}
 
@@ -92,7 +92,7 @@ def _share(summary: Record | None) -> Share | None:
 
 
 @immutable(kw_only=False)
-class Column:
+class ReportColumn:
     """Column of a results table: heading, case, metric, and the factor from SI to the heading's unit."""
 
     head: str
@@ -104,19 +104,19 @@ class Column:
 BASE, JOINT, TOOL = (f"{what}_error_mean_continuous" for what in ("position", "joint", "ee"))
 
 TRACKING = (
-    Column("case 1 base, mm", "case1", BASE),
-    Column("case 1 joints, mrad", "case1", JOINT),
-    Column("case 2 base, mm", "case2", BASE),
-    Column("case 2 joints, mrad", "case2", JOINT),
-    Column("gust base x, mm", "case2_gust", "gust_peak_x_continuous"),
-    Column("gust tip x, mm", "case2_gust", "gust_ee_peak_x_continuous"),
-    Column("case 3 base, mm", "case3", BASE),
-    Column("case 3 tip, mm", "case3", TOOL),
-    Column("wind base, mm", "case3_wind", BASE),
-    Column("wind tip, mm", "case3_wind", TOOL),
-    Column("45 deg tip, mm", "case3_wind_45", TOOL),
-    Column("side tip, mm", "case3_wind_side", TOOL),
-    Column("50 g, wind tip, mm", "case3_wind_payload", TOOL),
+    ReportColumn("case 1 base, mm", "case1", BASE),
+    ReportColumn("case 1 joints, mrad", "case1", JOINT),
+    ReportColumn("case 2 base, mm", "case2", BASE),
+    ReportColumn("case 2 joints, mrad", "case2", JOINT),
+    ReportColumn("gust base x, mm", "case2_gust", "gust_peak_x_continuous"),
+    ReportColumn("gust tip x, mm", "case2_gust", "gust_ee_peak_x_continuous"),
+    ReportColumn("case 3 base, mm", "case3", BASE),
+    ReportColumn("case 3 tip, mm", "case3", TOOL),
+    ReportColumn("wind base, mm", "case3_wind", BASE),
+    ReportColumn("wind tip, mm", "case3_wind", TOOL),
+    ReportColumn("45 deg tip, mm", "case3_wind_45", TOOL),
+    ReportColumn("side tip, mm", "case3_wind_side", TOOL),
+    ReportColumn("50 g, wind tip, mm", "case3_wind_payload", TOOL),
 )
 """Where the laws are on the truth."""
 
@@ -133,13 +133,13 @@ COST = (
             *(("side", "case3_wind_side"), ("50 g, wind", "case3_wind_payload")),
         )
         for column in (
-            Column(f"{head} jitter, rad/s", case, JITTER, 1.0),
-            Column(f"{head} at a limit, %", case, LIMITED, 100.0),
+            ReportColumn(f"{head} jitter, rad/s", case, JITTER, 1.0),
+            ReportColumn(f"{head} at a limit, %", case, LIMITED, 100.0),
         )
     ),
-    Column("joint torque 1, mN m RMS", "case3_wind", "tau1_rms"),
-    Column("attitude motion, rad/s", "case3_wind", "rate_rms", 1.0),
-    Column("largest tilt, deg", "case3_wind", "tilt_max", 57.29577951308232),
+    ReportColumn("joint torque 1, mN m RMS", "case3_wind", "tau1_rms"),
+    ReportColumn("attitude motion, rad/s", "case3_wind", "rate_rms", 1.0),
+    ReportColumn("largest tilt, deg", "case3_wind", "tilt_max", 57.29577951308232),
 )
 """What the errors were bought with: rotor jitter and saturation wherever the tip's error is shown."""
 
@@ -173,7 +173,7 @@ GROUPS = {
 """Group of an entrant -> its title."""
 
 
-def value(summaries: Record, column: Column, entrant: str) -> float | None:
+def value(summaries: Record, column: ReportColumn, entrant: str) -> float | None:
     """Mean of a column's metric for a controller, in the column's unit; None if no flight was completed."""
     statistics = summaries.get(column.case, {}).get(entrant)
     spread = statistics["metrics"].get(column.metric) if statistics else None
@@ -254,7 +254,7 @@ def _table_by_kind(head: list[str], rows: list[list[str]], entrants: Mapping[str
     return Table(head=head, rows=rows, caption=caption, groups=[(title, some) for title, some in groups if some])
 
 
-def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[Column]) -> list[list[str]]:
+def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[ReportColumn]) -> list[list[str]]:
     """Table rows of errors on the unperturbed plant, one per controller with any result."""
     return [
         [name, *(number(value(summaries, column, name)) for column in columns)]

@@ -18,10 +18,10 @@ from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import JITTER, LIMITED, ONE_BY_ONE, Cell, Document, Flights, Record
+from skyarm.studies.compare.cell_flights import JITTER, LIMITED, ONE_BY_ONE, Cell, CellFlights, Document, Record
 from skyarm.studies.compare.entrants import TUNED, Entrant
-from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, TIP, TIP_MAX, Axis, plants_at
-from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
+from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, TIP, TIP_MAX, EnvelopeAxis, plants_at
+from skyarm.studies.compare.envelope_setting import DURATION, PAPER, EnvelopeSetting, setting_of
 from skyarm.studies.compare.run_suite import DPI, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.view.figures.comparison_figures import envelope_figure
@@ -41,7 +41,7 @@ QUICK = 10.0
 
 
 @immutable(slots=False)
-class AxisFlights(Flights):
+class AxisFlights(CellFlights):
     """Flights of one controller in a trial at increasing difficulty, all with the same noise.
 
     Attributes:
@@ -56,12 +56,12 @@ class AxisFlights(Flights):
     same_noise = True
 
     @property
-    def axis(self) -> Axis:
+    def axis(self) -> EnvelopeAxis:
         """Difficulty axis of these flights: a trial with one parameter that grows."""
         return AXES[self.case.name]
 
     @property
-    def setting(self) -> Setting:
+    def setting(self) -> EnvelopeSetting:
         """Hover scenario of the vehicle, with the scales of its envelope trials."""
         return setting_of(self.vehicle, self.duration, self.plant)
 
@@ -97,7 +97,7 @@ class AxisFlights(Flights):
 
 
 def axis_flights(
-    law: str, axis: Axis, setting: Setting, *, seed: int = 0, plant: str = "rigid_body"
+    law: str, axis: EnvelopeAxis, setting: EnvelopeSetting, *, seed: int = 0, plant: str = "rigid_body"
 ) -> list[AxisFlights]:
     """Flights of a controller along one difficulty axis: one batch if possible, else one entry per value.
 
@@ -150,11 +150,11 @@ class Envelope(Suite[AxisFlights]):
     settings = ("vehicle", "seed", "plant", "quick")
 
     @property
-    def setting(self) -> Setting:
+    def setting(self) -> EnvelopeSetting:
         """Hover scenario of the vehicle, with the scales of its envelope trials."""
         return setting_of(self.vehicle, QUICK if self.quick else DURATION, self.plant)
 
-    def setting_of_axis(self, name: str) -> Setting:
+    def setting_of_axis(self, name: str) -> EnvelopeSetting:
         """Hover scenario of the vehicle that flies a difficulty axis, the envelope's or the axis' own."""
         return setting_of(AXES[name].vehicle or self.vehicle, self.setting.duration, self.plant)
 
@@ -168,7 +168,7 @@ class Envelope(Suite[AxisFlights]):
             if not (servos and AXES[name].torques) and (self.vehicle == PAPER or not AXES[name].vehicle)
         )
 
-    def axis(self, name: str) -> Axis:
+    def axis(self, name: str) -> EnvelopeAxis:
         """Difficulty axis by name, with only the values to be simulated."""
         axis = AXES[name]
         return dataclasses.replace(axis, values=(axis.values[0], axis.values[-1])) if self.quick else axis
@@ -228,7 +228,7 @@ JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base; time wi
 """What the numbers of an axis are, in words."""
 
 
-def points_of(cell: Cell, axis: Axis, values: int | None = None) -> list[Document]:
+def points_of(cell: Cell, axis: EnvelopeAxis, values: int | None = None) -> list[Document]:
     """Results along a difficulty axis as plain data: errors in m, tilt in rad, status, crashed or not.
 
     Of an axis of plants one for each of so many ``values``.
@@ -240,7 +240,7 @@ def points_of(cell: Cell, axis: Axis, values: int | None = None) -> list[Documen
     return [point_of_plants(lanes[k : k + count]) for k in range(0, len(lanes), count)]
 
 
-def _lanes(cell: Cell, axis: Axis) -> list[Document]:
+def _lanes(cell: Cell, axis: EnvelopeAxis) -> list[Document]:
     lanes = []
     for k, status in enumerate(cell.status):
         numbers = {
@@ -277,7 +277,7 @@ def _over(flights: Sequence[Record], key: str, how: Callable[[list[float]], floa
     return combined if math.isfinite(combined) else None
 
 
-def axis_record(axis: Axis, setting: Setting) -> Document:
+def axis_record(axis: EnvelopeAxis, setting: EnvelopeSetting) -> Document:
     """Description of a difficulty axis as plain data, without results; values in display units."""
     return {
         "title": axis.title,

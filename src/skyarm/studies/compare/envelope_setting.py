@@ -44,7 +44,7 @@ DURATION = 20.0
 
 
 @immutable
-class Setting:
+class EnvelopeSetting:
     """Hover scenario of a vehicle, and the scales of the envelope's trials with the vehicle.
 
     Attributes:
@@ -69,7 +69,7 @@ class Setting:
 
 
 @lru_cache(maxsize=8)
-def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "rigid_body") -> Setting:
+def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "rigid_body") -> EnvelopeSetting:
     """Hover scenario and trial scales of a vehicle given by name or file.
 
     Raises:
@@ -81,7 +81,7 @@ def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "r
     middle, swing = zip(*(_swing_range(link.joint) for link in truth.links), strict=True)
     hover = _hover(vehicle, truth, duration, plant)
     reference = Trajectory(z=Constant(_height(truth)), joints=tuple(Constant(value) for value in middle))
-    return Setting(
+    return EnvelopeSetting(
         vehicle=vehicle,
         hover=hover.with_reference(reference),
         weight=float(truth.mass) / float(load_vehicle(PAPER).mass),

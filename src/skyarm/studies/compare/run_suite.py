@@ -17,7 +17,7 @@ from typing import ClassVar, Generic, TypeVar
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.records.files import PathLike, needs_extra, require_writable, taken_back, write_atomically
 from skyarm.records.registry.plugins import identities
-from skyarm.studies.compare.cells import NAMES, Cell, Document, Flights, Record, table
+from skyarm.studies.compare.cell_flights import NAMES, Cell, CellFlights, Document, Record, table
 from skyarm.studies.flights import Crew, Store
 from skyarm.studies.flights.executor import Progress
 from skyarm.studies.flights.store import ROWS, concatenate, files_by_label, unpack_rows
@@ -25,7 +25,7 @@ from skyarm.view.pages import Report
 
 DPI = 160
 PAGE = "report.html"
-F = TypeVar("F", bound=Flights)
+F = TypeVar("F", bound=CellFlights)
 
 Refused = Mapping[str, str]
 """Law, or law and trial -> why it does not fly."""

@@ -107,7 +107,7 @@ class Candidate:
 
 
 @immutable(eq=False)
-class Measured:
+class MeasuredNoise:
     """Sensors of a measured flight with their noise, by which segments are judged.
 
     Attributes:
@@ -133,7 +133,7 @@ class Measured:
         return np.array([each.in_vehicle for each in self.search.unknowns])
 
 
-def measured_noise(flight: FlightData, vehicle: Vehicle) -> Measured:
+def measured_noise(flight: FlightData, vehicle: Vehicle) -> MeasuredNoise:
     """Noise of a flight of a vehicle whose numbers are known nearly.
 
     Raises:
@@ -141,10 +141,12 @@ def measured_noise(flight: FlightData, vehicle: Vehicle) -> Measured:
     """
     search = search_of([flight], vehicle)
     errors, fit = first_fits(search)
-    return Measured(flight=flight, search=search, plant=errors, noise=fit.noise, loose=loose_with(errors, fit.spread))
+    return MeasuredNoise(
+        flight=flight, search=search, plant=errors, noise=fit.noise, loose=loose_with(errors, fit.spread)
+    )
 
 
-def information_of(flight: FlightData, measured: Measured) -> Array:
+def information_of(flight: FlightData, measured: MeasuredNoise) -> Array:
     """Information matrix (P, P) of a flight on the numbers of the vehicle whose search it was measured for."""
     search = measured.search
     clocked = on_clock(flight, search.start, search.flights[0].step)
@@ -197,7 +199,7 @@ def volume_gain(information: Array, prior: Array, inside: Mask) -> float:
 
 def design_segments(
     vehicle: Vehicle,
-    measured: Measured,
+    measured: MeasuredNoise,
     axes: Axes,
     limits: DesignLimits,
     *,

@@ -35,13 +35,13 @@ from skyarm.studies.identify.open_loop import (
     NONE,
     SLOPE,
     BaseStates,
-    OpenLoop,
+    OpenLoopPredictor,
     no_poses,
     places_of,
     window_states,
 )
 from skyarm.studies.identify.unknowns import THRUST
-from skyarm.studies.identify.window_errors import Normal, WindowErrors, WindowStates
+from skyarm.studies.identify.window_errors import NormalEquations, WindowErrors, WindowStates
 from skyarm.studies.identify.window_fit import (
     Reduced,
     first_noise,
@@ -51,7 +51,7 @@ from skyarm.studies.identify.window_fit import (
     reduce,
     student_quantile,
 )
-from skyarm.studies.identify.windows import Windows, clock_step, on_clock
+from skyarm.studies.identify.windows import ClockedWindows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
 APART = 0.1
@@ -128,8 +128,8 @@ def predict_held_out(
     thrusts = [found.surroundings.thrust] * count
     thrusts += [found.searched.get(f"{THRUST}{each.name}", found.surroundings.thrust) for each in learnt]
     before = surroundings_with({**{each.name: each.start for each in found.numbers}, **options.known})
-    identified = OpenLoop(found.vehicle, found.surroundings, every, clocks, options.gravity, thrusts)
-    at_start = OpenLoop(start, before, flights, clocks[:count], options.gravity)
+    identified = OpenLoopPredictor(found.vehicle, found.surroundings, every, clocks, options.gravity, thrusts)
+    at_start = OpenLoopPredictor(start, before, flights, clocks[:count], options.gravity)
     slower = max((found.vehicle, start), key=lambda each: float(time_constants(each.rotors).max(initial=0.0)))
 
     def begins(which: Collection[int], behind: float, apart: float) -> list[IntArray]:
@@ -222,14 +222,15 @@ class Ends:
 
 
 def ends_of(
-    loop: OpenLoop,
+    loop: OpenLoopPredictor,
     errors: WindowErrors,
     horizons: Sequence[float],
     begins: BaseStates,
     pushes: Callable[[float], Array] | None = None,
 ) -> list[Ends]:
-    """Predictions over horizons (s) from the begins of windows on; the arguments are those of :meth:`OpenLoop.ahead`.
+    """Predictions over horizons (s) from the begins of windows on.
 
+    The arguments are those of :meth:`OpenLoopPredictor.ahead`.
     Predictions that leave what is usable before their end are none.
     """
     windows, step, left = errors.windows, errors.windows.step, loop.left(errors.windows)
@@ -294,7 +295,7 @@ def shares_of(ends: Ends) -> Array:
 
 
 @immutable(kw_only=False, eq=False)
-class Past:
+class PastWeight:
     """Weight of a flight's past in its prediction.
 
     Attributes:
@@ -312,7 +313,7 @@ class Past:
     memory: float
     shares: Sequence[Array]
 
-    def begins(self, loop: OpenLoop, errors: WindowErrors) -> tuple[BaseStates, Callable[[float], Array]]:
+    def begins(self, loop: OpenLoopPredictor, errors: WindowErrors) -> tuple[BaseStates, Callable[[float], Array]]:
         """States at the begins of windows, and the wrench some time (s) after."""
         state, wrench = end_of_past(loop, errors, self.seconds, self.noise, self.spread)
         begins = _replace_fields(loop.begins(errors.windows), state, self.smoothed)
@@ -324,7 +325,7 @@ def _replace_fields(states: BaseStates, others: BaseStates, names: Sequence[str]
     return dataclasses.replace(states, **{name: getattr(others, name) for name in names})
 
 
-def learn_from_past(loop: OpenLoop, errors: WindowErrors, horizons: Sequence[float]) -> Past:
+def learn_from_past(loop: OpenLoopPredictor, errors: WindowErrors, horizons: Sequence[float]) -> PastWeight:
     """Choose how the past counts, by the least mean logarithm of position and attitude errors in flights of the fit.
 
     What makes neither of them larger than without a past goes before what does.
@@ -334,7 +335,7 @@ def learn_from_past(loop: OpenLoop, errors: WindowErrors, horizons: Sequence[flo
         errors: of windows in the flights of the fit.
         horizons: s.
     """
-    chosen, least = list[Past](), (True, math.inf)
+    chosen, least = list[PastWeight](), (True, math.inf)
     without = [errors_of(each, WHOLE) for each in ends_of(loop, errors, horizons, loop.begins(errors.windows))]
     for seconds in PASTS:
         before = past_windows(loop, errors.windows, seconds)
@@ -350,11 +351,11 @@ def learn_from_past(loop: OpenLoop, errors: WindowErrors, horizons: Sequence[flo
             good = [a.position <= WORSE * b.position and a.attitude <= WORSE * b.attitude for a, b in far]
             score = not all(good), sum(math.log(max(each.position * each.attitude, 1e-300)) for each, _ in far)
             if score < least:
-                chosen, least = [Past(seconds, noise, spread, smoothed, memory, shares)], score
+                chosen, least = [PastWeight(seconds, noise, spread, smoothed, memory, shares)], score
     return chosen[0]
 
 
-def past_windows(loop: OpenLoop, windows: Windows, seconds: float) -> WindowErrors:
+def past_windows(loop: OpenLoopPredictor, windows: ClockedWindows, seconds: float) -> WindowErrors:
     """Windows of some seconds that end where others begin."""
     places = windows.begins - windows.firsts[windows.owners] - round(seconds / windows.step)
     return loop.windows([places[windows.owners == i] for i in range(len(windows.flights))], seconds)
@@ -380,7 +381,7 @@ def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
 
 def _turn(
     before: WindowErrors, states: WindowStates, noise: Array, spread: Array
-) -> tuple[Array, Mask, Normal, Reduced, WindowStates]:
+) -> tuple[Array, Mask, NormalEquations, Reduced, WindowStates]:
     """One Gauss-Newton step of the states and wrenches of windows whose vehicle is known."""
     errors, there, normal = before.normal(NONE, states, noise)
     reduced = reduce(normal, states.beside, loose_with(before, spread), NONE)
@@ -388,7 +389,7 @@ def _turn(
 
 
 def end_of_past(
-    loop: OpenLoop, errors: WindowErrors, seconds: float, noise: Array, spread: Array
+    loop: OpenLoopPredictor, errors: WindowErrors, seconds: float, noise: Array, spread: Array
 ) -> tuple[BaseStates, Array]:
     """States at the begins of windows, and the wrench (W, 6) that nothing explains, from the seconds before."""
     before = past_windows(loop, errors.windows, seconds)
@@ -400,7 +401,7 @@ def end_of_past(
     return last, states.beside
 
 
-def fading(wrench: Array, windows: Windows, memory: float) -> Callable[[float], Array]:
+def fading(wrench: Array, windows: ClockedWindows, memory: float) -> Callable[[float], Array]:
     """Function from s after the begins of windows to the wrench (W, 6) expected there: its mean stays, the rest fades.
 
     Args:
@@ -418,7 +419,7 @@ def fading(wrench: Array, windows: Windows, memory: float) -> Callable[[float], 
     return lambda t: lasting + (math.exp(-t / memory) if memory else 0.0) * (wrench - lasting)
 
 
-def one_step_errors(loop: OpenLoop, places: Sequence[IntArray]) -> tuple[float, OneStep, OneStep]:
+def one_step_errors(loop: OpenLoopPredictor, places: Sequence[IntArray]) -> tuple[float, OneStep, OneStep]:
     """Period of the accelerometer (s), errors of the mean accelerations over it, and spread of what is measured."""
     count = loop.averaged
     whole = loop.left(loop.windows(places).windows) >= 2 * count

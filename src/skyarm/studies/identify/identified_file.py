@@ -9,7 +9,7 @@ from pathlib import Path
 
 from skyarm.records.files import number, one_line, shown
 from skyarm.studies.identify.identified_numbers import GIVEN, Identified, IdentifiedNumber
-from skyarm.studies.identify.identified_parts import Surroundings, surroundings_with
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings, surroundings_with
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT, THRUST
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_text import vehicle_text
@@ -84,7 +84,7 @@ def _head(identified: Identified, start: Vehicle, flights: Sequence[str]) -> lis
     return lines
 
 
-def read_surroundings(file: Path, flight: str = "") -> tuple[str, Surroundings, float]:
+def read_surroundings(file: Path, flight: str = "") -> tuple[str, IdentifiedSurroundings, float]:
     """Surroundings of an identification from the file of all its numbers, of which vehicle, and its rotors' voltage.
 
     Args:
@@ -106,7 +106,7 @@ def read_surroundings(file: Path, flight: str = "") -> tuple[str, Surroundings, 
     if not (isinstance(table, dict) and isinstance(given, dict)):
         raise ValueError(f"{file}: must hold 'surroundings' and 'known', as 'skyarm identify' writes them")
     values = dict[str, float]()
-    for each in dataclasses.fields(Surroundings):
+    for each in dataclasses.fields(IdentifiedSurroundings):
         value, name = table.get(each.name, each.default), f"{file}: surroundings.{each.name}"
         if not isinstance(each.default, tuple):
             values[each.name] = number(value, name)
@@ -123,7 +123,7 @@ def read_surroundings(file: Path, flight: str = "") -> tuple[str, Surroundings, 
 
 def is_around(name: str) -> bool:
     """True for a number of computer, sensors, battery or air, which is not part of a vehicle."""
-    return name.partition(".")[0] in {each.name for each in dataclasses.fields(Surroundings)}
+    return name.partition(".")[0] in {each.name for each in dataclasses.fields(IdentifiedSurroundings)}
 
 
 def _by_field(identified: Identified) -> dict[str, list[IdentifiedNumber]]:

@@ -15,7 +15,7 @@ import numpy as np
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.held_out_errors import HeldOut
-from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
 from skyarm.studies.identify.window_fit import NORMAL, WindowFit, variances_of
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -89,7 +89,7 @@ class Identified:
     numbers: tuple[IdentifiedNumber, ...]
     correlation: Array
     vehicle: Vehicle
-    surroundings: Surroundings
+    surroundings: IdentifiedSurroundings
     explained: Mapping[str, float]
     deviation: Mapping[str, float]
     settled: bool

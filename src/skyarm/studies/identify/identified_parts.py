@@ -34,7 +34,7 @@ OF_SERVOS = ("stiffness", "damping", "integral", "latency", "speed_limit")
 
 
 @immutable
-class Surroundings:
+class IdentifiedSurroundings:
     """Delays, places and offsets of a flight and of its sensors, identified beside the vehicle.
 
     Attributes:
@@ -194,20 +194,20 @@ def _inertia(base: Body, numbers: Mapping[str, Scalar]) -> Sym3:
     return Sym3(xx=at["y"] + at["z"], yy=at["x"] + at["z"], zz=at["x"] + at["y"], **products)
 
 
-def surroundings_with(numbers: Mapping[str, float]) -> Surroundings:
+def surroundings_with(numbers: Mapping[str, float]) -> IdentifiedSurroundings:
     """Surroundings of the vehicle from identified numbers; the usual ones where a number is missing."""
-    usual = Surroundings()
+    usual = IdentifiedSurroundings()
     return rebuild(usual, (numbers.get(name, value) for name, value in _by_name(usual).items()))
 
 
-def numbers_around(about: Surroundings) -> dict[str, float]:
+def numbers_around(about: IdentifiedSurroundings) -> dict[str, float]:
     """Numbers of surroundings by name, but for the thrust, which is that of one flight."""
     numbers = _by_name(about)
     del numbers["thrust"]
     return numbers
 
 
-def _by_name(about: Surroundings) -> dict[str, float]:
+def _by_name(about: IdentifiedSurroundings) -> dict[str, float]:
     """All numbers of surroundings by name, in the order of its fields."""
     numbers = dict[str, float]()
     for each in fields(about):

@@ -18,7 +18,7 @@ from skyarm.records.text_tables import Row, aligned_lines, shown_number
 from skyarm.studies.identify.held_out_errors import HOLD, IDENTIFIED, PAST, START, HeldOut, table_horizons
 from skyarm.studies.identify.identified_file import VOLTAGE, identified_file
 from skyarm.studies.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, Identified, IdentifiedNumber
-from skyarm.studies.identify.log_checks import Fault
+from skyarm.studies.identify.log_checks import LogFault
 from skyarm.studies.identify.logged_commands import period_note
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.pages import Facts
@@ -55,7 +55,7 @@ class IdentifiedReport:
     start: Vehicle
     flights: Sequence[FlightData]
     known: Mapping[str, float]
-    faults: Sequence[Fault]
+    faults: Sequence[LogFault]
     clocks: Mapping[str, ClockOffset]
 
     def lines(self) -> list[str]:

@@ -15,7 +15,7 @@ from skyarm.studies.identify.identified_file import VOLTAGE
 from skyarm.studies.identify.identified_report import IdentifiedReport
 from skyarm.studies.identify.identify_flights import identify_aligned
 from skyarm.studies.identify.identify_windows import SearchOptions
-from skyarm.studies.identify.log_checks import Fault, require_no_refusal
+from skyarm.studies.identify.log_checks import LogFault, require_no_refusal
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -29,7 +29,7 @@ def identify_files(
     columns: str | None,
     gravity: float | None,
     despite_faults: bool,
-    warn: Callable[[Fault], object],
+    warn: Callable[[LogFault], object],
     progress: Callable[..., None],
 ) -> IdentifiedReport:
     """Identify a vehicle from files of flights.
@@ -53,7 +53,7 @@ def identify_files(
     for each in held_out:
         if Path(each).resolve() in fit:
             raise ValueError(f"--held-out = {shown(each)}: must not be among the flights of the fit")
-    every, read, clocks, faults = [*files, *held_out], list[FlightData](), dict[str, ClockOffset](), list[Fault]()
+    every, read, clocks, faults = [*files, *held_out], list[FlightData](), dict[str, ClockOffset](), list[LogFault]()
     for i, file in enumerate(every):
         progress(i, len(every), f"read {Path(file).name}")
         flight, clock = align_poses(joints_in_order(load_flight(file, columns), start))
@@ -76,7 +76,7 @@ def identify_files(
             if end <= flight.start:
                 raise ValueError(f"--end = {end:g}: must be above {flight.start:g} s, the begin of {flight.name}")
 
-    def report(more: Sequence[Fault]) -> None:
+    def report(more: Sequence[LogFault]) -> None:
         faults.extend(more)
         require_no_refusal(() if despite_faults else more)
         for fault in more:

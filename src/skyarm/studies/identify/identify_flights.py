@@ -14,7 +14,7 @@ from skyarm.studies.identify.held_out import predict_held_out
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identify_windows import WHOLE, SearchOptions, identify_by_windows
 from skyarm.studies.identify.isolate_fault import find_faults
-from skyarm.studies.identify.log_checks import WARNED, Fault, require_no_refusal
+from skyarm.studies.identify.log_checks import WARNED, LogFault, require_no_refusal
 from skyarm.studies.identify.possible_numbers import doubtful_numbers, require_possible_numbers
 from skyarm.studies.identify.unknowns import second_moments_of
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -88,7 +88,7 @@ def identify_aligned(
     flights: Sequence[FlightData],
     start: Vehicle,
     options: SearchOptions,
-    report: Callable[[Sequence[Fault]], None],
+    report: Callable[[Sequence[LogFault]], None],
     *,
     held_out: Sequence[FlightData],
     progress: Callable[[str], None] | None,
@@ -113,11 +113,11 @@ def identify_aligned(
     )
 
 
-def _without_part(flight: FlightData) -> Fault:
+def _without_part(flight: FlightData) -> LogFault:
     """Warning of a flight without a part that counts."""
     finding = f"no part counts: nowhere {WHOLE:g} s in the air without a gap"
     remedy = "leave it out, or fly longer"
-    return Fault(severity=WARNED, file=flight.file, channel="time", finding=finding, remedy=remedy)
+    return LogFault(severity=WARNED, file=flight.file, channel="time", finding=finding, remedy=remedy)
 
 
 def known_of_search(start: Vehicle, known: Mapping[str, float], prefix: str) -> tuple[Vehicle, dict[str, float]]:
@@ -159,7 +159,7 @@ def weigh_vehicle(vehicle: Vehicle, mass: float, name: str) -> Vehicle:
     return dataclasses.replace(vehicle, base=dataclasses.replace(vehicle.base, mass=mass - carried))
 
 
-def _report(faults: Sequence[Fault], despite_faults: bool) -> None:
+def _report(faults: Sequence[LogFault], despite_faults: bool) -> None:
     """Warn of faults; raise an error for one for which a flight is refused."""
     require_no_refusal(() if despite_faults else faults)
     for fault in faults:

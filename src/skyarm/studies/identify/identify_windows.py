@@ -38,7 +38,7 @@ from skyarm.studies.identify.unknowns import (
 )
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import WindowFit, first_noise, fit_windows
-from skyarm.studies.identify.windows import Clocked, Windows, clock_step, on_clock
+from skyarm.studies.identify.windows import Clocked, ClockedWindows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FIRST, WHOLE, SLOW = 0.06, 0.25, 1.0
@@ -137,7 +137,7 @@ class WindowSearch:
         Raises:
             ValueError: one line: there are hardly any windows.
         """
-        windows = Windows(self.flights, self.start, seconds, most)
+        windows = ClockedWindows(self.flights, self.start, seconds, most)
         if windows.count < FEWEST:
             names = ", ".join(each.name for each in self.flights)
             raise ValueError(

@@ -14,7 +14,7 @@ from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_numbers import SHOWN, identified_numbers
 from skyarm.studies.identify.identify_windows import first_fits, search_of
-from skyarm.studies.identify.windows import Windows
+from skyarm.studies.identify.windows import ClockedWindows
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NOT_EXCITED = "not in this flight"
@@ -102,7 +102,7 @@ def expected_numbers(flights: Sequence[FlightData], start: Vehicle) -> tuple[Exp
     """
     search = search_of(flights, start)
     some, near = first_fits(search)
-    whole = Windows(search.flights, search.start, search.whole)
+    whole = ClockedWindows(search.flights, search.start, search.whole)
     fit = near.of_more(whole.count / some.windows.count)
     logarithmic = {each.name for each in search.unknowns if each.positive}
     scale = search.scale(fit)

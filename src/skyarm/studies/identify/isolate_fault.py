@@ -27,7 +27,7 @@ from skyarm.studies.identify.channel_changes import (
     ORDER_ROTORS,
     ROTOR_COMMANDS,
     SHIFTED,
-    Change,
+    ChannelChange,
     channel_changes,
     leave_out,
 )
@@ -39,13 +39,13 @@ from skyarm.studies.identify.identify_windows import (
     moved_joints,
     unknowns_of_sensors,
 )
-from skyarm.studies.identify.log_checks import RANGES, RARE, REFUSED, WARNED, Fault, Found, check_log, faults_of
+from skyarm.studies.identify.log_checks import RANGES, RARE, REFUSED, WARNED, Found, LogFault, check_log, faults_of
 from skyarm.studies.identify.logged_commands import commanded_speeds, flying_spans
 from skyarm.studies.identify.possible_numbers import LONGEST_DELAY
 from skyarm.studies.identify.unknowns import USUAL_DELAY, unknowns_of, with_servos, without_tilts
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import LEAST, TURNS, first_noise, fit_windows, student_quantile
-from skyarm.studies.identify.windows import SENSORS, Windows, clock_step, on_clock
+from skyarm.studies.identify.windows import SENSORS, ClockedWindows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Rows: TypeAlias = Mapping[tuple[str, int], float]
@@ -130,7 +130,7 @@ class Tried(NamedTuple):
     """Change by an amount, with what it leaves and its cost with the price."""
 
     cost: float
-    change: Change
+    change: ChannelChange
     amount: float
     left: Left
 
@@ -138,11 +138,11 @@ class Tried(NamedTuple):
 Flights: TypeAlias = tuple[FlightData, FlightData]
 """Flight as it is stamped, and with its poses on the clock of the gyro."""
 
-Trial: TypeAlias = Callable[[Change, float, tuple[int, int]], list[Tried]]
+Trial: TypeAlias = Callable[[ChannelChange, float, tuple[int, int]], list[Tried]]
 """Change, amount, windows and turns -> what it leaves; nothing where it cannot be flown."""
 
 
-def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> tuple[Fault, ...]:
+def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> tuple[LogFault, ...]:
     """Faults of a measured flight, the refused first.
 
     Args:
@@ -272,13 +272,15 @@ def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left
 
 def _each_best(tried: Sequence[Tried]) -> list[Tried]:
     """Best amount of each change, the best change first."""
-    best = dict[Change, Tried]()
+    best = dict[ChannelChange, Tried]()
     for each in sorted(tried, key=attrgetter("cost")):
         best.setdefault(each.change, each)
     return [*best.values()]
 
 
-def _try_change(left: Leavings, flights: Flights, change: Change, amount: float, how: tuple[int, int]) -> list[Tried]:
+def _try_change(
+    left: Leavings, flights: Flights, change: ChannelChange, amount: float, how: tuple[int, int]
+) -> list[Tried]:
     """Change by an amount with what it leaves; nothing where it cannot be flown."""
     stamped, aligned = flights
     # a wrong rate puts the clock of the poses off as well
@@ -293,7 +295,7 @@ def _beyond_range(flight: FlightData) -> bool:
     return bool((np.abs(flight["gyro"].values) > RANGES["gyro"]).any(axis=1).mean() >= RARE)
 
 
-def _best_amount(trial: Trial, change: Change, amount: float) -> float:
+def _best_amount(trial: Trial, change: ChannelChange, amount: float) -> float:
     """Best amount of a change within those that are tried, from one of them by halves of the distance to the next.
 
     The distance is the larger one of both sides, so that no amount lies out of reach of the one that is next to it.
@@ -337,7 +339,9 @@ class Leavings:
             step *= 1 if most >= LAST[0] else max(1, math.floor(COARSE / step + 1e-6))
             driven, servoed = moved_joints([flight], self._start)
             start = with_servos(self._start, servoed)
-            windows = Windows([on_clock(flight, start, step, sensors=SENSORS)], start, max(FIRST, SAMPLES / rate), most)
+            windows = ClockedWindows(
+                [on_clock(flight, start, step, sensors=SENSORS)], start, max(FIRST, SAMPLES / rate), most
+            )
             if windows.count < FEWEST:
                 return None
             every = unknowns_of(start, curve=False, velocity=True, voltage=False, driven=driven, servoed=servoed)

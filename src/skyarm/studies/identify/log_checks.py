@@ -25,7 +25,7 @@ REFUSED, WARNED = "refused", "warned"
 
 
 @immutable
-class Fault:
+class LogFault:
     """Fault of a measured flight.
 
     Attributes:
@@ -61,7 +61,7 @@ CUT, UNIT = "cut the flight to sections without it", "state its unit in columns.
 RANGE = "state low and high in columns.toml"
 
 
-def require_no_refusal(faults: Sequence[Fault]) -> None:
+def require_no_refusal(faults: Sequence[LogFault]) -> None:
     """Check that there is no fault for which a flight is refused.
 
     Raises:
@@ -72,7 +72,7 @@ def require_no_refusal(faults: Sequence[Fault]) -> None:
             raise ValueError(fault.words)
 
 
-def check_log(flight: FlightData, start: Vehicle) -> list[Fault]:
+def check_log(flight: FlightData, start: Vehicle) -> list[LogFault]:
     """Faults of a measured flight, each once, that show without a model.
 
     Args:
@@ -82,9 +82,9 @@ def check_log(flight: FlightData, start: Vehicle) -> list[Fault]:
     return faults_of(flight.file, _faults(flight, start))
 
 
-def faults_of(file: str, rows: Iterable[Found]) -> list[Fault]:
+def faults_of(file: str, rows: Iterable[Found]) -> list[LogFault]:
     """Faults of a file, each once."""
-    return [Fault(severity=a, file=file, channel=b, finding=c, remedy=d) for a, b, c, d in dict.fromkeys(rows)]
+    return [LogFault(severity=a, file=file, channel=b, finding=c, remedy=d) for a, b, c, d in dict.fromkeys(rows)]
 
 
 def _faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:

@@ -32,7 +32,7 @@ from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.unknowns import USUAL_DELAY, Unknown, servo_of, unknowns_of, without_tilts
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import BLOCK, WindowFit, fit_windows
-from skyarm.studies.identify.windows import Windows, clock_step, on_clock
+from skyarm.studies.identify.windows import ClockedWindows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
 
 
@@ -246,11 +246,13 @@ def _fit(
     unknowns = [each for group in searched.values() for each in group]
     unknowns += [each for each in usual if each.name.startswith(MODELLED)]
     unknowns += [Unknown(name=f"gyro_bias.{axis}", unit="rad/s", start=0.0, spread=TURNING) for axis in "xyz"]
-    errors = WindowErrors(Windows([clocked], start, FIRST, FEW), start, unknowns, given, driven, servoed, gravity)
+    errors = WindowErrors(
+        ClockedWindows([clocked], start, FIRST, FEW), start, unknowns, given, driven, servoed, gravity
+    )
     first = fit_windows(errors, np.array([each.begin for each in unknowns]))
     # the speeds of slow rotors follow from more of the past
     slow, part = vehicle_with(start, errors.numbers(first.values)), min(BLOCK, max(FIRST, flight.duration / PARTS))
-    errors = errors.over(Windows([clocked], slow, min(WHOLE, part)))
+    errors = errors.over(ClockedWindows([clocked], slow, min(WHOLE, part)))
     return errors, fit_windows(errors, first.values, noise=first.noise, block=part)
 
 

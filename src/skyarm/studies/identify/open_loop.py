@@ -23,11 +23,11 @@ from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files import one_line
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.identified_parts import Surroundings, numbers_around
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings, numbers_around
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.unknowns import THRUST, without_tilts
 from skyarm.studies.identify.window_errors import WindowErrors, WindowStates, with_heavy_joints
-from skyarm.studies.identify.windows import RUN_IN, Clocked, Windows, clock_step, on_clock
+from skyarm.studies.identify.windows import RUN_IN, Clocked, ClockedWindows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SLOPE, FEWEST = 0.1, 5
@@ -80,7 +80,7 @@ class BaseStates:
 
 
 def measured_states(
-    flight: FlightData, clocked: Clocked, about: Surroundings, joints: int
+    flight: FlightData, clocked: Clocked, about: IdentifiedSurroundings, joints: int
 ) -> tuple[BaseStates, BaseStates, Array]:
     """Measured states of a flight at the edges of its clock; level and at rest where no pose is measured.
 
@@ -186,7 +186,7 @@ def smooth_motion(measured: Channel, seconds: float, degree: int, *, past: bool 
         size = max(least, size // 2)
 
 
-class OpenLoop:
+class OpenLoopPredictor:
     """Model of a vehicle that flies on from instants of measured flights of one clock, under their commands.
 
     Args:
@@ -206,7 +206,7 @@ class OpenLoop:
     def __init__(
         self,
         vehicle: Vehicle,
-        about: Surroundings,
+        about: IdentifiedSurroundings,
         flights: Sequence[FlightData],
         clocked: Sequence[Clocked],
         gravity: float,
@@ -223,7 +223,7 @@ class OpenLoop:
         thrust = {f"{THRUST}{each.name}": share for each, share in zip(self.flights, shares, strict=True)}
         still, anywhere = [False] * vehicle.n, [np.zeros(0, int)] * len(flights)
         self._errors = WindowErrors(
-            Windows(self.flights, vehicle, 0.0, places=anywhere),
+            ClockedWindows(self.flights, vehicle, 0.0, places=anywhere),
             with_heavy_joints(vehicle),
             [],
             numbers_around(about) | thrust,
@@ -236,21 +236,21 @@ class OpenLoop:
 
     def windows(self, places: Sequence[IntArray], seconds: float = 0.0) -> WindowErrors:
         """Windows of some seconds with their first steps in each flight, and what is measured less flown in them."""
-        errors = self._errors.over(Windows(self.flights, self._vehicle, seconds, places=places))
+        errors = self._errors.over(ClockedWindows(self.flights, self._vehicle, seconds, places=places))
         errors.take_samples(NONE)
         return errors
 
-    def left(self, windows: Windows) -> IntArray:
+    def left(self, windows: ClockedWindows) -> IntArray:
         """Numbers (W,) of usable steps in a row from the windows' begins on."""
         bad = np.concatenate([~each.usable for each in self.flights])
         ends = np.union1d(np.flatnonzero(bad), windows.firsts[1:])
         return np.asarray(ends[np.searchsorted(ends, windows.begins)] - windows.begins)
 
-    def measured_at(self, windows: Windows, steps: int | IntArray) -> BaseStates:
+    def measured_at(self, windows: ClockedWindows, steps: int | IntArray) -> BaseStates:
         """Measured states some steps after the windows' begins."""
         return self.measured.at(windows.begins + windows.owners + steps)
 
-    def begins(self, windows: Windows) -> BaseStates:
+    def begins(self, windows: ClockedWindows) -> BaseStates:
         """States at the windows' begins from what is measured until then."""
         return self.known.at(windows.begins + windows.owners)
 
@@ -317,7 +317,7 @@ class OpenLoopFlight:
         self,
         flight: FlightData,
         vehicle: Vehicle,
-        about: Surroundings | None = None,
+        about: IdentifiedSurroundings | None = None,
         *,
         gravity: float = GRAVITY,
         full_voltage: float = 0.0,
@@ -339,7 +339,7 @@ class OpenLoopFlight:
         self._joints = np.zeros((self._clocked.size + 1, 0))
         if vehicle.n:
             self._joints = values_at(flight["joint_positions"], self._clocked.edges)
-        self._loop = OpenLoop(vehicle, about or Surroundings(), [flight], [self._clocked], gravity)
+        self._loop = OpenLoopPredictor(vehicle, about or IdentifiedSurroundings(), [flight], [self._clocked], gravity)
 
     def over(self, horizon: float) -> PredictedMotion:
         """Motion of the model, and of held velocity and rate, set back to the measured state after each horizon, s."""

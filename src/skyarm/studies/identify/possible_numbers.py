@@ -9,7 +9,7 @@ import numpy as np
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.studies.identify.identified_numbers import Identified
-from skyarm.studies.identify.log_checks import REFUSED, SHORTEST_FLIGHT, WARNED, Fault, Found, faults_of
+from skyarm.studies.identify.log_checks import REFUSED, SHORTEST_FLIGHT, WARNED, Found, LogFault, faults_of
 from skyarm.studies.identify.logged_commands import commanded_speeds, time_constants
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -92,7 +92,7 @@ def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix:
 
 def doubtful_numbers(
     found: Identified, start: Vehicle, file: str, flights: Sequence[FlightData] = ()
-) -> tuple[Fault, ...]:
+) -> tuple[LogFault, ...]:
     """Faults that show in the numbers only: far from the start vehicle, or of a model that explains nothing.
 
     Args:

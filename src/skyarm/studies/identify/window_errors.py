@@ -23,7 +23,7 @@ from skyarm.records.immutable import immutable
 from skyarm.simulate.replay import Flights, Numbers, Replay
 from skyarm.studies.identify.identified_parts import vehicle_with, with_changes
 from skyarm.studies.identify.unknowns import THRUST, Unknown, servo_of
-from skyarm.studies.identify.windows import Held, Samples, Windows
+from skyarm.studies.identify.windows import ClockedWindows, Held, SensorSamples
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FREE = {"position": 1e3, "quaternion": 1.0, "velocity": 3.0, "rate": 10.0, "joints": 1.0, "joint_rates": 30.0}
@@ -118,7 +118,7 @@ def turn_attitudes(attitude: Array, turn: Array) -> Array:
 
 
 @immutable(kw_only=False, eq=False)
-class Normal:
+class NormalEquations:
     """Normal equations of a least-squares fit: x unknowns of each of W windows, and P vehicle parameters.
 
     Attributes:
@@ -162,7 +162,7 @@ class WindowErrors:
 
     def __init__(
         self,
-        windows: Windows,
+        windows: ClockedWindows,
         start: Vehicle,
         unknowns: Sequence[Unknown],
         known: Mapping[str, float],
@@ -183,7 +183,7 @@ class WindowErrors:
         self.replay = self._make_replay(windows.step, finer)
         self._take_windows(windows)
 
-    def _take_windows(self, windows: Windows) -> None:
+    def _take_windows(self, windows: ClockedWindows) -> None:
         """Take samples and free numbers of windows."""
         start, driven, servoed = self.start, self.driven, self.servoed
         self.windows = windows
@@ -267,7 +267,7 @@ class WindowErrors:
             late["accelerometer"] = np.asarray(delays["accelerometer"] - 0.5 * self.windows.step * self.averaged)
         self.samples = self._samples(late)
 
-    def _samples(self, late: Mapping[str, float | Array]) -> dict[str, Samples]:
+    def _samples(self, late: Mapping[str, float | Array]) -> dict[str, SensorSamples]:
         """Samples of the sensors that are compared, by their delays, s."""
         samples = self.windows.samples(late)
         if self.given is not None:
@@ -278,7 +278,7 @@ class WindowErrors:
         """Simulated lanes at the begins of the windows: at the estimate, and as many that differ in one direction."""
         return WindowLanes(self, self.replay, searched, states, directions)
 
-    def over(self, windows: Windows) -> WindowErrors:
+    def over(self, windows: ClockedWindows) -> WindowErrors:
         """Errors of other windows of the same step, by the same simulated plant."""
         errors = copy.copy(self)
         errors._take_windows(windows)
@@ -332,7 +332,7 @@ class WindowErrors:
         noise: Array,
         outlier: float = OUTLIER,
         memory: Array | None = None,
-    ) -> tuple[Array, Mask, Normal]:
+    ) -> tuple[Array, Mask, NormalEquations]:
         """Errors (steps, W, rows), which of them count, and the normal equations under noise (flights, rows).
 
         Beyond ``outlier`` standard deviations an error counts by its size only; with a memory (flights, rows), s, so
@@ -377,7 +377,11 @@ class WindowErrors:
         add()
         mixed, common, push = np.split(sums[:, :-1], [x, size - 1], axis=2)
         pull = sums[:, -1, :x]
-        return errors, there, Normal(of_rows.sum(axis=0), mixed.transpose(0, 2, 1), common, pull, push[..., 0], of_rows)
+        return (
+            errors,
+            there,
+            NormalEquations(of_rows.sum(axis=0), mixed.transpose(0, 2, 1), common, pull, push[..., 0], of_rows),
+        )
 
     def _nothing(self) -> tuple[Array, Mask]:
         """Empty errors (steps, W, rows), and the mask of those that count."""
@@ -455,7 +459,7 @@ class WindowErrors:
 
 
 def _error(
-    name: str, before: Array, now: Array, rate: Array, samples: Samples, at: IntArray, step: float
+    name: str, before: Array, now: Array, rate: Array, samples: SensorSamples, at: IntArray, step: float
 ) -> tuple[Array, Array]:
     """Errors (columns, lanes, W) of a sensor within a step, and the slope (columns, W) of its reading, per second.
 
@@ -619,7 +623,7 @@ class WindowLanes:
                 inputs["setpoints_before"][i] = inputs["setpoints_after"][i] = effort
         self.flights.step()
 
-    def read(self, sensors: Mapping[str, Samples]) -> dict[str, Array]:
+    def read(self, sensors: Mapping[str, SensorSamples]) -> dict[str, Array]:
         """Readings (columns, candidates, W) of sensors, but for the accelerometer."""
         state, names = self.flights.state, {*sensors, "gyro"} - {"accelerometer"}
         return {name: state[READ.get(name, name)].reshape(self._shape).copy() for name in names}

@@ -20,8 +20,8 @@ from skyarm.compile.machine_code import missing_extra
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.files.packages import needs_extra
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.window_errors import OUTLIER, Normal, WindowErrors, WindowStates
-from skyarm.studies.identify.windows import Windows
+from skyarm.studies.identify.window_errors import OUTLIER, NormalEquations, WindowErrors, WindowStates
+from skyarm.studies.identify.windows import ClockedWindows
 
 TURNS = 40
 """Most turns of the search."""
@@ -308,7 +308,7 @@ def bounded_step(information: Array, uphill: Array, least: Array) -> Array:
     return step
 
 
-def reduce(normal: Normal, beside: Array, loose: Array, prior: Array) -> Reduced:
+def reduce(normal: NormalEquations, beside: Array, loose: Array, prior: Array) -> Reduced:
     """Eliminate the unknowns of each window from the normal equations by the Schur complement.
 
     Args:
@@ -348,7 +348,9 @@ def first_noise(errors: WindowErrors) -> Array:
     return noise
 
 
-def new_noise(errors: WindowErrors, found: Array, there: Mask, noise: Array, normal: Normal, inverse: Array) -> Array:
+def new_noise(
+    errors: WindowErrors, found: Array, there: Mask, noise: Array, normal: NormalEquations, inverse: Array
+) -> Array:
     """Sensor noise (flights, rows) by restricted maximum likelihood, for the freedom that windows' unknowns take."""
     owners = errors.windows.owners
     taken = np.einsum("wxy,rwxy->wr", inverse, normal.of_rows)
@@ -451,7 +453,7 @@ def blocks_covariance(total: Array, parts: Array, scores: Array) -> Array:
     return np.asarray(moves.T @ moves)
 
 
-def blocks_of(windows: Windows, seconds: float = BLOCK) -> list[IntArray]:
+def blocks_of(windows: ClockedWindows, seconds: float = BLOCK) -> list[IntArray]:
     """Indices of the windows in each block of time of a flight."""
     size = max(1, round(seconds / windows.step))
     keys = windows.owners * 10**9 + (windows.begins - windows.firsts[windows.owners]) // size

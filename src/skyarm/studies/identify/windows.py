@@ -58,7 +58,7 @@ AROUND = 0.05
 
 
 @immutable(kw_only=False, eq=False)
-class Samples:
+class SensorSamples:
     """Samples of one sensor on the clock, of each step at most one: the mean of those that fall into it.
 
     Attributes:
@@ -194,7 +194,7 @@ def _require_columns(flight: FlightData, start: Vehicle, speeds: Channel, sensor
             raise ValueError(f"{flight.name}: {name}: {columns} columns, vehicle '{start.name}' has {start.n}")
 
 
-def samples_on(channel: Channel, edges: Array) -> Samples:
+def samples_on(channel: Channel, edges: Array) -> SensorSamples:
     """Samples of a measured channel, at most one in each step of a clock with even edges (s)."""
     step, size = float(edges[1] - edges[0]), len(edges) - 1
     place = np.ceil((channel.time - edges[0]) / step - 1e-6).astype(int) - 1
@@ -209,14 +209,14 @@ def samples_on(channel: Channel, edges: Array) -> Samples:
         values[count == 0] = [1.0, 0.0, 0.0, 0.0]
         values = unit_rows(values)
     share = np.bincount(place, (time - edges[place]) / step, size) / least
-    return Samples(values, np.clip(share, 0.0, 1.0), count > 0)
+    return SensorSamples(values, np.clip(share, 0.0, 1.0), count > 0)
 
 
-def _no_samples(size: int, width: int) -> Samples:
+def _no_samples(size: int, width: int) -> SensorSamples:
     """Samples of a sensor that is missing; attitudes are such as may be divided by their length."""
     values = np.zeros((size, width))
     values[:, :1] = width == 4
-    return Samples(values, np.zeros(size), np.zeros(size, dtype=bool))
+    return SensorSamples(values, np.zeros(size), np.zeros(size, dtype=bool))
 
 
 @immutable(kw_only=False, eq=False)
@@ -295,7 +295,7 @@ def _without_gaps(channel: Channel, edges: Array) -> Mask:
     return np.asarray(usable)
 
 
-class Windows:
+class ClockedWindows:
     """Short windows of measured flights, cut where the vehicle flies and no needed sensor has a gap.
 
     Args:
@@ -353,13 +353,13 @@ class Windows:
         first, last = self.firsts[self.owners], self.firsts[self.owners + 1] - 1
         return np.asarray(np.clip(self.begins + k, first, last), dtype=np.int64)
 
-    def samples(self, late: Mapping[str, float | Array] | None = None) -> dict[str, Samples]:
+    def samples(self, late: Mapping[str, float | Array] | None = None) -> dict[str, SensorSamples]:
         """Samples of each sensor on the clock, all flights one after the other; marked absent where it is missing.
 
         Args:
             late: sensor -> s, by which its samples are late, in all flights or (flights,) in each.
         """
-        by_sensor = dict[str, Samples]()
+        by_sensor = dict[str, SensorSamples]()
         for name in dict.fromkeys(name for each in self.flights for name in each.channels):
             widths = [each.channels[name].values.shape[1] for each in self.flights if name in each.channels]
             if not widths:
@@ -372,7 +372,7 @@ class Windows:
                 for each, delay in zip(self.flights, delays, strict=True)
             ]
             rows = zip(*((each.values, each.share, each.there) for each in parts), strict=True)
-            by_sensor[name] = Samples(*(np.concatenate(each) for each in rows))
+            by_sensor[name] = SensorSamples(*(np.concatenate(each) for each in rows))
         return by_sensor
 
     def commands(self, name: str, delay: float, hold: float = 0.0, lag: float = 0.0) -> Held:
@@ -420,7 +420,7 @@ class Windows:
             speeds = np.asarray(speed_after(every, speeds, after[:, at], self.step - begun))
         return speeds
 
-    def first_states(self, samples: Mapping[str, Samples]) -> dict[str, Array]:
+    def first_states(self, samples: Mapping[str, SensorSamples]) -> dict[str, Array]:
         """First estimates (W, k) of the states at the windows' begins, from parabolas through samples around them."""
 
         def parabola(name: str, width: int) -> tuple[Array, Array]:
@@ -440,7 +440,7 @@ class Windows:
             "joint_rates": parabola("joint_rates", 0)[0] if "joint_rates" in samples else joint_rates,
         }
 
-    def _parabola(self, rows: Samples) -> tuple[Array, Array]:
+    def _parabola(self, rows: SensorSamples) -> tuple[Array, Array]:
         """Value and slope (W, k) at each window's begin, of a parabola through the nearest samples."""
         there = np.flatnonzero(rows.there)
         time = (there + rows.share[there]) * self.step

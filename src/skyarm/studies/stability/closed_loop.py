@@ -9,7 +9,7 @@ import numpy as np
 
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
-from skyarm.studies.stability.loop_channels import Channel
+from skyarm.studies.stability.loop_channels import LoopChannel
 
 
 @immutable
@@ -41,7 +41,7 @@ class OpenLoop:
     measurement_delay: int = 0
     command_delay: float = 0.0
     states: int = 0
-    channels: tuple[Channel, ...] = ()
+    channels: tuple[LoopChannel, ...] = ()
 
 
 @immutable(kw_only=False, eq=False)

@@ -23,7 +23,7 @@ import numpy as np
 from skyarm.records.arrays import Array, Complex
 from skyarm.records.immutable import immutable
 from skyarm.studies.stability.closed_loop import Closed, OpenLoop, gains
-from skyarm.studies.stability.loop_channels import COMMANDS, MEASUREMENTS, Channel, numbered_channels
+from skyarm.studies.stability.loop_channels import COMMANDS, MEASUREMENTS, LoopChannel, numbered_channels
 
 MOST = 2.0
 """Largest symmetric disk margin: S is 1 far above a sampled loop's bandwidth, so that |S - 1/2| reaches a half."""
@@ -253,7 +253,7 @@ class CutLoops:
 class _Port:
     """Commands or measurements at which the loop is cut, with their closed-loop frequency responses."""
 
-    channels: tuple[Channel, ...]
+    channels: tuple[LoopChannel, ...]
     frequencies: Array
     T: Complex
     response: Response

@@ -11,7 +11,7 @@ from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.studies.stability.along import frozen_hover
+from skyarm.studies.stability.flight_margins import frozen_hover
 from skyarm.studies.stability.frozen_scenario import LAGS
 from skyarm.studies.stability.margins import delay_margin
 

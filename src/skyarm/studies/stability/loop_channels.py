@@ -24,7 +24,7 @@ NAMES = {"quaternion": "attitude", "specific_force": "acceleration"}
 
 
 @immutable(eq=False)
-class Channel:
+class LoopChannel:
     """Scalar signal at which the loop is cut for a margin, as a row and a column of its command or measurement.
 
     Attributes:
@@ -40,16 +40,16 @@ class Channel:
     enters: Array
 
 
-def single(names: Sequence[str], group: str, port: str, size: int, first: int = 0) -> list[Channel]:
+def single(names: Sequence[str], group: str, port: str, size: int, first: int = 0) -> list[LoopChannel]:
     """Cut points at consecutive entries of a command or measurement vector of length ``size``."""
     one = np.eye(size)
     return [
-        Channel(name=name, group=group, port=port, reads=one[first + i], enters=one[first + i])
+        LoopChannel(name=name, group=group, port=port, reads=one[first + i], enters=one[first + i])
         for i, name in enumerate(names)
     ]
 
 
-def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[Channel, ...]:
+def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[LoopChannel, ...]:
     """Cut points named by number, for a loop whose rotors, joints and measurements have no names."""
     size = rotors + joints
     channels = single([f"rotor {i + 1}" for i in range(rotors)], "rotors", COMMANDS, size)
@@ -58,7 +58,7 @@ def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[Chan
     return (*channels, *single(names, "measured", MEASUREMENTS, measurements))
 
 
-def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quaternion) -> tuple[Channel, ...]:
+def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quaternion) -> tuple[LoopChannel, ...]:
     """Signals at which a vehicle's loop is cut: rotors, body torques and thrust, joint drives, measurements.
 
     Args:
@@ -85,7 +85,7 @@ def wrenches(rotors: Sequence[Rotor]) -> Array:
     return np.array(columns).reshape(len(rotors), 6).T
 
 
-def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[Channel]:
+def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[LoopChannel]:
     """Cut points at body torques and thrust; also at lateral force if the rotors span all six axes."""
     B = wrenches(rotors)
     lengths = np.linalg.norm(B, axis=1, keepdims=True)
@@ -98,7 +98,7 @@ def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[Channel]:
     reads, enters = scaled[:axes] * slope, np.linalg.pinv(scaled[:axes]) / slope[:, None]
     none = np.zeros(size - len(speeds))
     return [
-        Channel(
+        LoopChannel(
             name=name,
             group="pushes",
             port=COMMANDS,
@@ -109,10 +109,10 @@ def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[Channel]:
     ]
 
 
-def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Quaternion) -> list[Channel]:
+def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Quaternion) -> list[LoopChannel]:
     """Cut points at a measurement, one per entry except for time."""
     size = 1 + sum(VECTORS.values()) + 2 * len(joints) + len(rotors)
-    channels: list[Channel] = []
+    channels: list[LoopChannel] = []
     place = 1
     for field, count in VECTORS.items():
         group = NAMES.get(field, field)
@@ -132,7 +132,7 @@ def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Q
     return channels
 
 
-def _rotations(names: Sequence[str], group: str, size: int, place: int, attitude: Quaternion) -> list[Channel]:
+def _rotations(names: Sequence[str], group: str, size: int, place: int, attitude: Quaternion) -> list[LoopChannel]:
     """Cut points at a measured attitude: small rotations about the base's axes."""
     w, x, y, z = (float(c) for c in attitude)
     Q = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
@@ -140,5 +140,5 @@ def _rotations(names: Sequence[str], group: str, size: int, place: int, attitude
     for i, name in enumerate(names):
         enters, reads = np.zeros(size), np.zeros(size)
         enters[place : place + 4], reads[place : place + 4] = Q[:, i], 4.0 * Q[:, i]
-        channels.append(Channel(name=name, group=group, port=MEASUREMENTS, reads=reads, enters=enters))
+        channels.append(LoopChannel(name=name, group=group, port=MEASUREMENTS, reads=reads, enters=enters))
     return channels

@@ -45,7 +45,7 @@ from skyarm.simulate.plant_steps import rigid_body_plant
 from skyarm.simulate.stages import Stages
 from skyarm.studies.stability.closed_loop import OpenLoop
 from skyarm.studies.stability.frozen_scenario import SHARES, nominal, require_no_memory, with_held_lag, with_lag
-from skyarm.studies.stability.loop_channels import Channel, vehicle_channels
+from skyarm.studies.stability.loop_channels import LoopChannel, vehicle_channels
 
 STEP_SIZE = 1e-4
 """Step of a difference, in the number's unit or relative where the number is above 1: fourth order leaves 1e-12."""
@@ -269,7 +269,7 @@ class Differentiator:
             channels=self._channels(point, base),
         )
 
-    def _channels(self, point: OpenPoint, base: Array) -> tuple[Channel, ...]:
+    def _channels(self, point: OpenPoint, base: Array) -> tuple[LoopChannel, ...]:
         """Signals at which the loop is cut for its margins, at this operating point."""
         at: OpenPoint = rebuild(point, iter(base.tolist()))
         speeds = [float(speed) for speed in at.new.rotor_speeds]

@@ -36,7 +36,7 @@ PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
 
 
 @immutable(kw_only=False)
-class Plan:
+class SweepPlan:
     """Study that has been checked at the extremes of its varied parameters and is ready to be simulated.
 
     Attributes:
@@ -88,7 +88,7 @@ class _Setting:
             return with_numbers(scenario, self.numbers)
 
 
-def prepare(study: Study) -> Plan:
+def prepare(study: Study) -> SweepPlan:
     """Check a sweep at the extremes of its parameters, and return its plan of batches.
 
     Raises:
@@ -113,7 +113,7 @@ def prepare(study: Study) -> Plan:
         units={path: unit for path in study.paths if (unit := _unit(first, path))},
         noise=any(draws_needed(scenario) for scenario in study.scenarios.values()),
     )
-    return Plan(study, _stiffest(study.source, first, singles, together), manifest)
+    return SweepPlan(study, _stiffest(study.source, first, singles, together), manifest)
 
 
 def _unit(scenario: Scenario, path: str) -> str:

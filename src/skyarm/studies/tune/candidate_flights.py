@@ -17,7 +17,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.perturbed_plants import arm_length
 from skyarm.studies.flights import Crew, Rows, Work
 from skyarm.studies.tune.excitation import KINDS, Plants
-from skyarm.studies.tune.law_knobs import Knob
+from skyarm.studies.tune.law_knobs import GainKnob
 
 LARGEST_TILT = math.radians(80.0)
 """A flight that leans by more counts as lost, though it may come back."""
@@ -106,7 +106,7 @@ class CandidateFlights:
     def __init__(
         self,
         scenario: Scenario,
-        knobs: Sequence[Knob],
+        knobs: Sequence[GainKnob],
         plants: Plants,
         crew: Crew,
         *,

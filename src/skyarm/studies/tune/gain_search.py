@@ -21,7 +21,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
 from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores
-from skyarm.studies.tune.law_knobs import LARGEST_FACTOR, Knob
+from skyarm.studies.tune.law_knobs import LARGEST_FACTOR, GainKnob
 
 try:
     from cmaes import CMA
@@ -80,7 +80,7 @@ NOT_LOOKED_AT = 3.0
 
 
 def search(
-    knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int, starts: Array | None = None
+    knobs: Sequence[GainKnob], effort: Effort, judge: Judge, *, seed: int, starts: Array | None = None
 ) -> tuple[Array, list[Scores]]:
     """Search for gains from calm to stiff; returns all candidates and their scores.
 
@@ -155,7 +155,7 @@ def _best(logs: Array, rounds: Sequence[Scores], weight: float) -> Array:
     return best
 
 
-def scatter(knobs: Sequence[Knob], count: int, seed: int, starts: Array | None = None) -> Array:
+def scatter(knobs: Sequence[GainKnob], count: int, seed: int, starts: Array | None = None) -> Array:
     """First gain candidates: initial gains, gains scaled by bandwidth, and Sobol points about the initial gains.
 
     The first start are the gains that were given. They may be off by any factor: where others are known, nothing is
@@ -180,13 +180,13 @@ def scatter(knobs: Sequence[Knob], count: int, seed: int, starts: Array | None =
     return candidates
 
 
-def exponent(knob: Knob) -> float:
+def exponent(knob: GainKnob) -> float:
     """Exponent of a gain's scaling with loop bandwidth: 2 for a stiffness, 1 for a damping or a filter."""
     stiff = ("1/s^2", "N/m", "N m/rad")
     return 2.0 if knob.unit.startswith(stiff) else 1.0
 
 
-def _bounds(knobs: Sequence[Knob]) -> Array:
+def _bounds(knobs: Sequence[GainKnob]) -> Array:
     """Bounds on the logarithm of each gain factor (gains, 2); a gain that is a fraction stays at most one."""
     mosts = [max(knob.values) if knob.path.endswith("share") else math.inf for knob in knobs]
     return np.array([[-BOX, (min(BOX, -math.log(most)) if most <= 1.0 else BOX) + 1e-9] for most in mosts])

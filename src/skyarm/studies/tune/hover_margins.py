@@ -16,11 +16,11 @@ from skyarm.records.arrays import Array
 from skyarm.records.leaves import replace_at
 from skyarm.scenario.scenario_record import Scenario, with_words
 from skyarm.simulate.loop_state import LoopState
-from skyarm.studies.stability.along import Instant, SettledHover
 from skyarm.studies.stability.closed_loop import OpenLoop, radius
+from skyarm.studies.stability.flight_margins import LinearisedInstant, SettledHover
 from skyarm.studies.stability.frozen_scenario import LAGS
 from skyarm.studies.tune.front import LoopMargins, Required
-from skyarm.studies.tune.law_knobs import Knob
+from skyarm.studies.tune.law_knobs import GainKnob
 
 try:
     from threadpoolctl import threadpool_limits
@@ -59,7 +59,7 @@ def required_margins(scenario: Scenario) -> Required:
     return Required(delay=max(DELAY_SHARE * nominal, PERIODS / scenario.rates.control), gain=GAIN)
 
 
-def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[float]) -> Controller:
+def with_gains(controller: Controller, knobs: Sequence[GainKnob], logs: Sequence[float]) -> Controller:
     """Controller with the parameters of each tunable gain multiplied by the gain's factor."""
     numbers = {
         place: value * math.exp(log) for knob, log in zip(knobs, logs, strict=True) for place, value in knob.numbers
@@ -73,7 +73,7 @@ def calm(flight: Scenario) -> Scenario:
     return with_words(flight, delays=delays, forces=flight.forces[:-1])
 
 
-def margins_of(hover: Instant | None) -> LoopMargins:
+def margins_of(hover: LinearisedInstant | None) -> LoopMargins:
     """Stability margins of a linearised hover as tuning needs them; zero if the hover did not settle."""
     if hover is None:
         return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0))
@@ -88,7 +88,7 @@ class HoverMargins:
         threads: results do not depend on it.
     """
 
-    def __init__(self, scenario: Scenario, knobs: Sequence[Knob], threads: int = 1) -> None:
+    def __init__(self, scenario: Scenario, knobs: Sequence[GainKnob], threads: int = 1) -> None:
         numbers = [(place, value) for knob in knobs for place, value in knob.numbers]
         self._numbers = np.array([value for _, value in numbers])
         self._knob = np.array([i for i, knob in enumerate(knobs) for _ in knob.numbers])

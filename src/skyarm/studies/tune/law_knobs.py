@@ -51,7 +51,7 @@ class KnobError(ValueError):
 
 
 @immutable
-class Knob:
+class GainKnob:
     """Tunable gain: one common factor on several parameter values of a controller.
 
     Attributes:
@@ -77,7 +77,7 @@ def inner_place(controller: Controller) -> Place:
     return place
 
 
-def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | None = None) -> tuple[Knob, ...]:
+def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | None = None) -> tuple[GainKnob, ...]:
     """Find the tunable gains of a controller.
 
     Args:
@@ -112,7 +112,7 @@ def _is_meant(word: str, path: str) -> bool:
     return f"{path}.".startswith(f"{word}.")
 
 
-def _knob_at(par: Tree, path: str) -> Knob | None:
+def _knob_at(par: Tree, path: str) -> GainKnob | None:
     place: Place = tuple(path.split("."))
     record, unit = par, NUMBER
     for name in place:
@@ -124,7 +124,7 @@ def _knob_at(par: Tree, path: str) -> Knob | None:
     return _knob(place, record, unit)
 
 
-def _gains_within(record: Tree, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]:
+def _gains_within(record: Tree, place: Place, unit: Unit, fixed: bool) -> Iterator[GainKnob]:
     """Tunable gains in a nested dataclass of a controller's parameters, by the units of its fields."""
     if is_record(record) and not isinstance(record, Vec3):
         declared = declared_fields(type(record))
@@ -156,10 +156,10 @@ def _is_gain(unit: Unit) -> bool:
     return bool(GAIN.search(unit.unit)) and not BOUNDED.search(unit.meaning)
 
 
-def _knob(place: Place, record: Tree, unit: Unit) -> Knob | None:
+def _knob(place: Place, record: Tree, unit: Unit) -> GainKnob | None:
     """Tunable gain made of all positive numbers in a parameter dataclass; None if all are zero."""
     numbers = tuple((at, value) for at, value in walk(record, place) if type(value) is float and value > 0.0)
-    return Knob(path=".".join(place), unit=unit.unit, numbers=numbers) if numbers else None
+    return GainKnob(path=".".join(place), unit=unit.unit, numbers=numbers) if numbers else None
 
 
 Numbers = list[tuple[float, ...]]
@@ -179,7 +179,7 @@ class Centred:
     """
 
     flight: Scenario
-    knobs: tuple[Knob, ...]
+    knobs: tuple[GainKnob, ...]
     starts: Mapping[str, tuple[float, ...]]
 
     @property
@@ -188,7 +188,7 @@ class Centred:
         return np.array(list(self.starts.values()))
 
 
-def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) -> Centred:
+def with_catalogue_gains(flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Centred:
     """Tuning flight centred at the catalogue's gains if there are any, else at its own.
 
     Args:
@@ -218,7 +218,7 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) 
     return Centred(flight=place, knobs=moved, starts=starts)
 
 
-def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, Numbers]:
+def _catalogue_gains(scenario: Scenario, knobs: tuple[GainKnob, ...]) -> dict[str, Numbers]:
     """Known gains of a control law: name of default, tuned or preset gains -> their values.
 
     None for a law that the catalogue does not know; no numbers of a knob that a preset does not have.
@@ -254,7 +254,7 @@ def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller |
         return None
 
 
-def _same_shares(knob: Knob, numbers: tuple[float, ...]) -> bool:
+def _same_shares(knob: GainKnob, numbers: tuple[float, ...]) -> bool:
     """True if given values of a gain are its current values times one common factor."""
     if not numbers:
         return False

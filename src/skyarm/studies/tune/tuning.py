@@ -39,7 +39,7 @@ from skyarm.studies.tune.excitation import KINDS, Plants, draw_plants, of_vehicl
 from skyarm.studies.tune.front import POINTS, Point, Required, finalists, front_of, is_allowed
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
 from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, required_margins, with_gains
-from skyarm.studies.tune.law_knobs import Knob, find_knobs, with_catalogue_gains
+from skyarm.studies.tune.law_knobs import GainKnob, find_knobs, with_catalogue_gains
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.pages import Facts
@@ -64,7 +64,7 @@ PICKED = "pick"
 
 
 @immutable(slots=False)
-class Plan:
+class TuningPlan:
     """Settings of a gain tuning: flights, tunable gains, size of the search, seed.
 
     Attributes:
@@ -77,7 +77,7 @@ class Plan:
     flight: Scenario
     check: Scenario
     aside: Scenario
-    knobs: tuple[Knob, ...]
+    knobs: tuple[GainKnob, ...]
     effort: Effort
     seed: int
     label: str
@@ -123,7 +123,7 @@ class Tuning:
         aside: name -> validation scores of the selected point and of every initial set of gains.
     """
 
-    plan: Plan
+    plan: TuningPlan
     before: Point
     points: tuple[Point, ...]
     picked: int
@@ -155,7 +155,7 @@ class Tuner:
         crew: flies them; results do not depend on it. progress: called after every round.
     """
 
-    def __init__(self, plan: Plan, plants: Plants, crew: Crew, progress: Progress) -> None:
+    def __init__(self, plan: TuningPlan, plants: Plants, crew: Crew, progress: Progress) -> None:
         self._plan, self._crew = plan, crew
         self._plants = with_own(plants) if plan.own else plants
         self._progress, self._done = progress, 0
@@ -327,7 +327,7 @@ def tune(
 
 def plan_of(
     scenario: Scenario, moves: bool, label: str, knobs: Sequence[str] | None, effort: Effort, seed: int
-) -> Plan:
+) -> TuningPlan:
     """Plan of a tuning for a scenario.
 
     Args:
@@ -340,7 +340,7 @@ def plan_of(
     """
     scenario.controller.require_compiled("skyarm tune")
     flight, own = tuning_flight(scenario), tuning_flight(scenario, own_motion=True)
-    return Plan(
+    return TuningPlan(
         flight=flight,
         check=own if moves else flight,
         own=shorten(own) if moves else None,
@@ -353,7 +353,7 @@ def plan_of(
 
 
 def tune_plan(
-    plan: Plan,
+    plan: TuningPlan,
     *,
     workers: int = 1,
     on: str = LOCAL,
@@ -378,7 +378,7 @@ def tune_plan(
         return _tune(plan, crew, progress or (lambda *_: None))
 
 
-def _tune(plan: Plan, crew: Crew, progress: Progress) -> Tuning:
+def _tune(plan: TuningPlan, crew: Crew, progress: Progress) -> Tuning:
     """Tune the gains of a controller with a crew."""
     start = with_catalogue_gains(plan.flight, plan.knobs, plan.label)
     law = start.flight.controller

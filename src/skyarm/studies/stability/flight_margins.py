@@ -34,7 +34,7 @@ SETTLING = 5.0
 
 
 @immutable
-class Instant:
+class LinearisedInstant:
     """Stability margins of the loop linearised at one time of a flight, for rising and falling rotor speeds.
 
     Attributes:
@@ -64,7 +64,9 @@ class Instant:
         return max(lows), min(highs)
 
 
-def instant_at(open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float, measured: bool = True) -> Instant:
+def instant_at(
+    open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float, measured: bool = True
+) -> LinearisedInstant:
     """Compute the stability margins of the loop linearised at one time of a flight.
 
     Args:
@@ -74,7 +76,7 @@ def instant_at(open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float
         measured: cut the loop at the measurement too.
     """
     by_lag = {lag: margins_of_loop(open_loop(lag), measured=measured) for lag in LAGS}
-    return Instant(hover=hover, time=time, by_lag=by_lag, swings=delay_margin(open_loop("between")))
+    return LinearisedInstant(hover=hover, time=time, by_lag=by_lag, swings=delay_margin(open_loop("between")))
 
 
 @immutable
@@ -88,7 +90,7 @@ class Evidence:
 
     controller: str
     scenario: str
-    instants: tuple[Instant, ...]
+    instants: tuple[LinearisedInstant, ...]
     completed: bool
     left_out: tuple[str, ...] = ()
 
@@ -149,7 +151,7 @@ def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int
         if progress is not None:
             progress(done, total)
 
-    linearised: list[Instant] = []
+    linearised: list[LinearisedInstant] = []
     report(0)
     for hover, flight, count in flights:
         for frozen in frozen_instants(flight, count):
@@ -280,13 +282,13 @@ class SettledHover:
         self._row = inputs.rows[flight.steps - 1].tolist()
         self._time = float(self._row[0])
 
-    def margins(self, values: Mapping[str, Array]) -> list[Instant | None]:
+    def margins(self, values: Mapping[str, Array]) -> list[LinearisedInstant | None]:
         """Stability margins for each parameter set, cut at the commands alone; None if its hover diverged.
 
         Args:
             values: path -> (sets,); every path.
         """
-        instants: list[Instant | None] = []
+        instants: list[LinearisedInstant | None] = []
         sets = np.array([values[path] for path in self.paths], dtype=float).T.tolist()
         for settled, numbers in zip(self.settle(values), sets, strict=True):
             if settled is None:

@@ -94,7 +94,7 @@ class Cell:
 
 
 @immutable
-class Flights:
+class CellFlights:
     """Description of the flights of one controller in one case and condition.
 
     Attributes:
