@@ -15,7 +15,7 @@ from skyarm.studies.identify import identify_files as files_of
 from skyarm.studies.identify import identify_flights as flights_of
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identified_parts import SCALED, IdentifiedSurroundings, vehicle_with
-from skyarm.studies.identify.identify_files import identify_files
+from skyarm.studies.identify.identify_files import FlightFiles, identify_files
 from skyarm.studies.identify.identify_flights import identify_aligned
 from skyarm.studies.identify.identify_windows import SearchOptions
 from skyarm.studies.identify.log_checks import REFUSED, WARNED, LogFault
@@ -178,10 +178,9 @@ def of_files(*names, held_out=(), **changed):
     usual = {"options": SearchOptions(), "join": None, "columns": None, "gravity": None, "despite_faults": False}
     words = {**usual, **changed}
     report = identify_files(
-        names,
+        FlightFiles(fit=names, held_out=held_out, join=words.pop("join"), columns=words.pop("columns")),
         START,
         words.pop("options"),
-        held_out=held_out,
         warn=warned.append,
         progress=lambda *done, **last: told.append((*done, *last.values())),
         **words,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -115,7 +115,7 @@ class WindowFit:
         stretch_information: (flights, P, P) of each flight. stretch_scores: (flights, P) their sums of scores.
         noise: (flights, rows) standard deviations. spread: (6,) of the wrench over the windows, N and N m.
         errors, counted: (steps, W, rows) what the windows leave, and which samples there are.
-        states: of the windows. settled: whether the search came to rest.
+        states: states of the windows. settled: whether the search came to rest.
     """
 
     values: Array
@@ -184,12 +184,12 @@ def fit_windows(
     """Fit vehicle parameters to windows, with a normal prior around those of the start vehicle.
 
     Args:
-        errors: of the windows.
+        errors: errors of the windows.
         begin: (P,) where the search begins.
         noise: (flights, rows) to begin with; by default from differences of the samples.
         spread: (6,) of the wrench, to begin with.
         block: s, of a block of data whose errors may depend on each other.
-        turns: of the search at most.
+        turns: largest number of turns of the search.
         lasting: whether errors last from sample to sample: what commands did between rare samples is not known.
         progress: called with one line a turn of the search.
     """
@@ -263,8 +263,16 @@ def _search(
             break
     # the last step's own, to first order: else what is left of it would pass for disagreement of flights
     scores = reduced.scores + reduced.information @ change
-    blocks = blocks_of(errors.windows, block)
-    return _fit_of(errors, values, prior, reduced, scores, noise, spread, left, there, states, settled, blocks)
+    return WindowFit(
+        values=values,
+        noise=noise,
+        spread=spread,
+        errors=left,
+        counted=there,
+        states=states,
+        settled=settled,
+        **_information(errors.windows, reduced, scores, np.diag(prior**-2.0), block),
+    )
 
 
 @immutable(kw_only=False, eq=False)
@@ -312,7 +320,7 @@ def reduce(normal: NormalEquations, beside: Array, loose: Array, prior: Array) -
     """Eliminate the unknowns of each window from the normal equations by the Schur complement.
 
     Args:
-        normal: of windows and numbers.
+        normal: normal equations of windows and numbers.
         beside: (W, k) the last free numbers of each window, whose usual value is 0.
         loose: (x,) standard deviations of the free numbers before.
         prior: (P,) those of the numbers.
@@ -396,42 +404,25 @@ def new_spread(errors: WindowErrors, states: WindowStates, spread: Array, invers
     return np.asarray(np.maximum(size, FIRM * errors.push))
 
 
-def _fit_of(
-    errors: WindowErrors,
-    values: Array,
-    prior: Array,
-    reduced: Reduced,
-    scores: Array,
-    noise: Array,
-    spread: Array,
-    residuals: Array,
-    there: Mask,
-    states: WindowStates,
-    settled: bool,
-    blocks: Sequence[IntArray],
-) -> WindowFit:
-    """Fit with its covariance by the scores of blocks."""
-    owners = errors.windows.owners
+def _information(
+    windows: ClockedWindows, reduced: Reduced, scores: Array, before: Array, block: float
+) -> dict[str, Array]:
+    """Information and covariance of a fit by the scores of blocks (s long), as fields of :class:`WindowFit`.
+
+    ``before`` (P, P) is the information before the data.
+    """
+    blocks = blocks_of(windows, block)
     parts, pulls = (np.stack([rows[each].sum(axis=0) for each in blocks]) for rows in (reduced.information, scores))
     curvature: Array = np.asarray(np.linalg.inv(reduced.total))
-    prior_information = np.diag(prior**-2.0)
-    covariance = blocks_covariance(reduced.total, parts, pulls) + curvature @ prior_information @ curvature
-    flights = [owners == i for i in range(len(errors.windows.flights))]
-    return WindowFit(
-        values=values,
-        curvature=curvature,
-        covariance=covariance,
-        prior_information=prior_information,
-        block_information=parts,
-        stretch_information=np.stack([reduced.information[own].sum(axis=0) for own in flights]),
-        stretch_scores=np.stack([scores[own].sum(axis=0) for own in flights]),
-        noise=noise,
-        spread=spread,
-        errors=residuals,
-        counted=there,
-        states=states,
-        settled=settled,
-    )
+    flights = [windows.owners == i for i in range(len(windows.flights))]
+    return {
+        "curvature": curvature,
+        "covariance": blocks_covariance(reduced.total, parts, pulls) + curvature @ before @ curvature,
+        "prior_information": before,
+        "block_information": parts,
+        "stretch_information": np.stack([reduced.information[own].sum(axis=0) for own in flights]),
+        "stretch_scores": np.stack([scores[own].sum(axis=0) for own in flights]),
+    }
 
 
 def blocks_covariance(total: Array, parts: Array, scores: Array) -> Array:
