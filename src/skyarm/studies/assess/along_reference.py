@@ -38,7 +38,7 @@ class Followed:
     """Rotor speeds and joint torques of a flight that tracks its reference exactly, as shares of their limits.
 
     Attributes:
-        demand: of rotors and joints. rotors, joints: shares (rotors or n, K) of their limits.
+        demand: demand of rotors and joints. rotors, joints: shares (rotors or n, K) of their limits.
     """
 
     demand: ActuatorDemand
@@ -111,8 +111,8 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
     """Sample times (K,) of each interval between two jumps of the reference, s.
 
     Args:
-        part: of a flight.
-        end: of the flight, s.
+        part: part of a flight.
+        end: end of the flight, s.
     """
     cuts = [part.start, *(t for t in _jump_times(part.scenario) if part.start < t < part.stop), part.stop]
     intervals = []

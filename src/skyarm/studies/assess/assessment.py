@@ -87,8 +87,8 @@ class Assessment:
     """Results of all feasibility checks of a vehicle or of a scenario.
 
     Attributes:
-        name: of the vehicle or scenario. vehicle: the simulated one. gravity: m/s^2. payload: kg at the tip.
-        poses: how many arm poses were sampled. findings: in the order of the questions.
+        name: name of the vehicle or scenario. vehicle: the simulated one. gravity: m/s^2. payload: kg at the tip.
+        poses: number of sampled arm poses. findings: results in the order of the questions.
     """
 
     name: str
@@ -157,7 +157,7 @@ def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 
     """Run all checks of a vehicle.
 
     Args:
-        vehicle: with concrete numbers.
+        vehicle: vehicle with concrete numbers.
         gravity: m/s^2.
         payload: kg, a point mass at the tip.
         poses: sampled arm poses.

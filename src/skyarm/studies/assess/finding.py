@@ -28,13 +28,13 @@ class Finding:
     """Result of one feasibility check, with a severity.
 
     Attributes:
-        question: in a few words.
+        question: question in a few words.
         level: one of LEVELS.
         text: the answer in a sentence.
-        field: where the number comes from in the vehicle's or scenario's file; empty where there is no single one.
+        field: origin of the number in the vehicle's or scenario's file; empty where there is no single one.
         remedy: suggested change; empty if ok.
         value, limit: the number found and the one it is held against, in ``unit``; NaN where there is none.
-        unit: of both.
+        unit: unit of both.
         joints: the arm pose in which it holds, rad or m; empty where no pose matters.
     """
 
@@ -87,11 +87,11 @@ def at_least(
     """Check result for a value that must not fall below its fault and warning limits.
 
     Args:
-        question: that it answers.
+        question: question that it answers.
         value: the number.
         text: the answer.
-        field: that it comes from.
-        remedy: of an alarm.
+        field: origin of the number.
+        remedy: remedy of an alarm.
         fault: below it the vehicle cannot fly as it is described.
         warning: below it the number is an alarm.
         more: ``unit``, ``joints``; ``limit`` in place of the one that was passed.

@@ -33,7 +33,7 @@ class Load:
     """Payload that the vehicle holds for part of the flight; a slung one counts as a point mass at its frame.
 
     Attributes:
-        name: of the payload. start, stop: s. mass: kg. body: (link, body) of it on a vehicle.
+        name: name of the payload. start, stop: s. mass: kg. body: (link, body) of it on a vehicle.
     """
 
     name: str
@@ -48,7 +48,7 @@ class FlightPart:
     """Time interval of a flight during which payloads and scheduled parameters are constant.
 
     Attributes:
-        start, stop: s. scenario: with the changes so far. vehicle: the plant with its loads.
+        start, stop: s. scenario: scenario with the changes so far. vehicle: the plant with its loads.
         words: text of the load, as " with 0.3 kg (box)"; empty without a load.
     """
 

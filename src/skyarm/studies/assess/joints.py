@@ -77,7 +77,7 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
     """Check results for the fastest reference rate of each servo against its rate limit and no-load speed.
 
     Args:
-        scenario: whose reference is followed exactly.
+        scenario: scenario whose reference is followed exactly.
         time: (K,) s.
         every_rate: (n, K) of the reference's joints, rad/s or m/s.
     """

@@ -63,7 +63,7 @@ class Cell:
     """Metrics of all episodes of one controller in one case under one condition.
 
     Attributes:
-        metrics: by name; NaN where the episode ended before their window.
+        metrics: columns by name; NaN where the episode ended before their window.
         status: "completed", or why it ended.
     """
 
@@ -98,7 +98,8 @@ class CellFlights:
     """Description of the flights of one controller in one case and condition.
 
     Attributes:
-        entrant: controller. case, condition: of the flights. plant: kind of simulated plant. seed: of plants and noise.
+        entrant: controller. case, condition: case and condition of the flights. plant: kind of simulated plant.
+        seed: seed of plants and noise.
     """
 
     entrant: Entrant

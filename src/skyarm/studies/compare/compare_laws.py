@@ -32,7 +32,8 @@ class ComparisonResults:
     """Results of a comparison.
 
     Attributes:
-        folder: of its files. document: content of its JSON file. report: its tables; ``markdown()`` of it is text.
+        folder: folder of its files. document: content of its JSON file.
+        report: report of its tables; ``markdown()`` of it is text.
     """
 
     folder: Path
@@ -78,8 +79,8 @@ def suite_of(what: Scenario | PathLike, names: Sequence[str] | None, field: str,
 
     Args:
         what: a scenario, the name or path of one, or a name of ``SUITES``.
-        names: of controllers; None for the usual ones of the comparison, or those of ``options``.
-        field: of the names, in messages.
+        names: names of controllers; None for the usual ones of the comparison, or those of ``options``.
+        field: field of the names, in messages.
         options: fields of the comparison.
 
     Raises:

@@ -27,7 +27,8 @@ class Comparison(SummarySuite[CellFlights]):
     """Benchmark that compares all shipped controllers on the same cases and perturbed plants.
 
     Attributes:
-        entrants: in order. conditions: in order. seed: of plants and noise. plant: "rigid_body" or "mujoco".
+        entrants: controllers in order. conditions: conditions in order. seed: seed of plants and noise.
+        plant: "rigid_body" or "mujoco".
     """
 
     entrants: Mapping[str, Entrant] = field(default_factory=lambda: ENTRANTS)
@@ -199,8 +200,8 @@ def comparison_report(
 
     Args:
         found: ``summaries`` by condition, case, entrant.
-        entrants: in order.
-        conditions: in order.
+        entrants: controllers in order.
+        conditions: conditions in order.
         picture: PNG of all laws.
     """
     sections = main_sections(found, entrants, conditions)

@@ -100,8 +100,8 @@ class ContactSuite(Suite[ContactFlights]):
     """Benchmark of several controllers on contact tasks, such as pressing or opening a door.
 
     Attributes:
-        laws: names, in order. tasks: names, in order. worlds: of each task. seed: of worlds and noise. plant: that
-            flies.
+        laws: names, in order. tasks: names, in order. worlds: number of worlds of each task.
+        seed: seed of worlds and noise. plant: kind of plant.
     """
 
     laws: tuple[str, ...] = LAWS
@@ -196,10 +196,10 @@ def lacks(task: ContactTask, cell: Cell, weight: float, phases: int) -> dict[str
     """Unmet success criteria of a contact task: criterion -> True for each flight that fails it.
 
     Args:
-        task: with its success criteria.
-        cell: its flights.
-        weight: of the vehicle, N.
-        phases: of the scenario that was flown; 0 where none waits.
+        task: task with its success criteria.
+        cell: flights of the task.
+        weight: weight of the vehicle, N.
+        phases: number of phases of the scenario that was flown; 0 where none waits.
     """
     m, late = cell.metrics, cell.status == "phase_failed"
     unmet = {"lost": ~(cell.tracked_to_end | (late & cell.upright))}
@@ -223,10 +223,10 @@ def cell_record(task: ContactTask, cell: Cell, weight: float, phases: int) -> Do
     """Results of one controller in a contact task as plain data: success rate, failure causes, median errors.
 
     Args:
-        task: as of :func:`lacks`; a flight that lacks several things counts under the first.
-        cell: its flights.
+        task: task as of :func:`lacks`; a flight that lacks several things counts under the first.
+        cell: flights of the task.
         weight: N, of the vehicle.
-        phases: of the scenario.
+        phases: number of phases of the scenario.
     """
     bad = np.zeros(len(cell.status), dtype=bool)
     causes: Counter[str] = Counter()

@@ -53,7 +53,7 @@ class ContactTask:
     """Contact task of the benchmark: scenario, desired contact force, bounds of perturbations, success criteria.
 
     Attributes:
-        name: of the shipped scenario. title: in a few words.
+        name: name of the shipped scenario. title: title in a few words.
         push: desired push, N; 0 without. normal: nominal, out of the surface.
         face: distance, m, from the tip's path to the nominal surface, against the normal.
         materials: names of the touched objects, as ``surfaces.wall``; all of one stiffness and friction.
@@ -64,7 +64,8 @@ class ContactTask:
         grip: name of a gripper that holds it with the drawn stiffness, and goes along an arc.
         object: name of an object of unknown mass.
         held: whether the force must be held.
-        place: where the object must lie in the end, x and y, m. angle: that the mechanism must reach, rad or m.
+        place: position where the object must lie in the end, x and y, m.
+        angle: opening that the mechanism must reach, rad or m.
         depth: height that the tip must reach, m. stands: share of the weight on the surface in the end.
     """
 
@@ -137,16 +138,16 @@ def scenario_of(task: ContactTask, law: str, *, noisy: bool, plant: str = "rigid
         document["controller"].pop("interaction", None)
     if law == LOAD:
         document["controller"]["load"] = LARGEST
-    scenario = scenario_from(document)
+    planned = scenario_from(document)
     if law not in OWN:
         name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
         name = f"{law}{TUNED_GAINS}" if law in RIVALS else name
-        scenario = scenario.with_controller(controller_by_name(scenario, name))
-    if task.push and not presses(scenario.controller.par):
+        planned = planned.with_controller(controller_by_name(planned, name))
+    if task.push and not presses(planned.controller.par):
         led = scenario_from(as_positions(task, document))
-        scenario = led.with_controller(scenario.controller)
-    noise, delays = NOISE if noisy else scenario.noise, Delays(longest_command=DELAY)
-    return with_words(scenario, name=task.name, seed=seed, noise=noise, delays=delays, wind=force_wind(scenario))
+        planned = led.with_controller(planned.controller)
+    noise, delays = NOISE if noisy else planned.noise, Delays(longest_command=DELAY)
+    return with_words(planned, name=task.name, seed=seed, noise=noise, delays=delays, wind=force_wind(planned))
 
 
 def as_positions(task: ContactTask, document: dict[str, Any]) -> dict[str, Any]:

@@ -36,7 +36,7 @@ class Worlds:
     """Perturbed parameters of surroundings and plant with which a contact task is feasible.
 
     Attributes:
-        values: path -> (count,). drawn: how many had to be drawn for them.
+        values: path -> (count,). drawn: number of worlds drawn for them.
     """
 
     values: Mapping[str, Array]
@@ -52,8 +52,8 @@ def draw_worlds(task: ContactTask, scenario: Scenario, count: int, *, seed: int)
     """Draw ``count`` feasible perturbed scenarios of a contact task from a seed.
 
     Args:
-        task: with its bounds.
-        scenario: of the task, with the force wind; its plant is perturbed.
+        task: task with its bounds.
+        scenario: scenario of the task, with the force wind; its plant is perturbed.
         count: worlds.
         seed: key.
 
@@ -79,8 +79,8 @@ def feasible_worlds(task: ContactTask, scenario: Scenario, drawn: Mapping[str, A
     """Feasibility of a contact task: True for each perturbed scenario that the vehicle can perform.
 
     Args:
-        task: what is done.
-        scenario: of the task.
+        task: task to do.
+        scenario: scenario of the task.
         drawn: ``friction``, ``wind`` (N), and ``mass`` as a share, (count,) each.
     """
     joints = tuple(float(q) for q in scenario.reference.at(0.0).joints)

@@ -42,8 +42,9 @@ class Entrant:
     Attributes:
         name: short name. group: "paper", "step" (the paper's law made better), "published", "centroidal" or "part"
             (the centroidal law without one of its blocks).
-        law: a preset or a law. options: of the law, whatever the condition. perfect, noisy: options for either kind.
-        tuned: with the gains of :mod:`skyarm.control.catalogue`. told: whether it receives a known delay.
+        law: a preset or a law. options: options of the law, whatever the condition.
+        perfect, noisy: options for either kind.
+        tuned: whether it has the gains of :mod:`skyarm.control.catalogue`. told: whether it receives a known delay.
     """
 
     name: str

@@ -103,9 +103,9 @@ def axis_flights(
 
     Args:
         law: preset or law.
-        axis: with the values that fly.
+        axis: axis with the values that fly.
         setting: vehicle and duration.
-        seed: of the noise.
+        seed: seed of the noise.
         plant: kind of simulated plant.
 
     Raises:
@@ -135,7 +135,8 @@ class Envelope(Suite[AxisFlights]):
     """Benchmark that measures the performance envelope of several controllers.
 
     Attributes:
-        laws: presets or laws, in order. axes: names. vehicle: name or file. seed: of the noise. plant: its kind.
+        laws: presets or laws, in order. axes: names. vehicle: name or file. seed: seed of the noise.
+        plant: kind of plant.
         quick: the first and the last value of each axis only, in flights of 10 s.
     """
 

@@ -91,17 +91,17 @@ class EnvelopeAxis:
     """Difficulty axis of the performance envelope: one trial at several parameter values, the easiest first.
 
     Attributes:
-        name: short name. title: one line. unit: of the values as they are shown.
-        values: for the paper's vehicle, SI; the largest change of the trial last.
+        name: short name. title: one line. unit: unit of the values as they are shown.
+        values: values for the paper's vehicle, SI; the largest change of the trial last.
         build: scenario of the setting, its law that of the setting; of setting and value where ``numbers`` is None.
         numbers: path -> number of a value, where values are data of one scenario; None where each is a scenario.
         plants: a value is the width of a spread of plants, and many fly each.
-        share: of the values that the setting's vehicle is given.
+        share: share of the values that the setting's vehicle is given.
         shown: factor from SI to the unit.
         noisy: sensor noise and a measurement that is 5 ms old, a delay that the law knows.
-        start: s, beginning of the error metrics. metric: that decides on the axis.
-        torques: of joints that take torques only; a vehicle whose joints are servos does not fly it.
-        vehicle: that flies the axis in place of the envelope's; "" for none.
+        start: s, beginning of the error metrics. metric: metric that decides on the axis.
+        torques: whether the joints must take torques; a vehicle whose joints are servos does not fly it.
+        vehicle: vehicle that flies the axis in place of the envelope's; "" for none.
     """
 
     name: str
@@ -275,7 +275,7 @@ def plants_at(setting: EnvelopeSetting, scenario: Scenario, times: float, count:
 
     Args:
         setting: vehicle.
-        scenario: of :func:`wrong_plants`; its truth is the middle of the spread.
+        scenario: scenario of :func:`wrong_plants`; its truth is the middle of the spread.
         times: width of the spread over that of the comparison.
         count: plants.
         seed: key.

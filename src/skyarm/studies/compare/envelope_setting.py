@@ -50,8 +50,9 @@ class EnvelopeSetting:
     Attributes:
         vehicle: name or file. hover: scenario that every trial is made from.
         weight: over that of the paper's vehicle. climb: share of the paper's accelerations, at most 1.
-        middle: of each joint's swing, rad or m. swing: of each joint, rad or m where the paper's arm swings by 1.
-        duration: of a trial, s.
+        middle: middle of each joint's swing, rad or m.
+        swing: amplitude of each joint, rad or m where the paper's arm swings by 1.
+        duration: duration of a trial, s.
     """
 
     vehicle: str

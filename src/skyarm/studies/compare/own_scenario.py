@@ -59,9 +59,10 @@ class OwnScenario(SummarySuite[GivenFlights]):
     """Comparison of several controllers on one scenario of the user.
 
     Attributes:
-        scenario: or its file, or the name of a shipped one. laws: that fly after the scenario's own, any controllers.
-        plant: its kind. seeds: flights of each law, if the scenario has noise or random parts; else one.
-        seed: of the noise.
+        scenario: scenario, or its file, or the name of a shipped one.
+        laws: controllers that fly after the scenario's own, any controllers.
+        plant: kind of plant. seeds: flights of each law, if the scenario has noise or random parts; else one.
+        seed: seed of the noise.
     """
 
     scenario: Scenario | PathLike

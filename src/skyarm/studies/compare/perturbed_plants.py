@@ -28,10 +28,10 @@ class Spread:
         mass: share of each body's mass. com: m, each axis of each body. inertia: share of each body's inertia tensor
             and mass moments, one factor a body, so that the tensor stays one of a body.
         thrust: lowest and highest share of the thrust coefficient, one factor for all rotors (supply, air density).
-        damping: of every joint, N m s/rad. payload: point mass at the tip, kg.
+        damping: damping of every joint, N m s/rad. payload: point mass at the tip, kg.
         wind: force on the base, N, direction uniform on the sphere; it blows in place of the case's own mean
             force, whose air speed and gust stay.
-        delay: of the commands, s.
+        delay: delay of the commands, s.
     """
 
     mass: float = 0.2
@@ -48,7 +48,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
     """Draw perturbed plants: parameter path -> values (plants,), the same for all compared controllers.
 
     Args:
-        scenario: its truth is the middle of the spread.
+        scenario: scenario whose plant is the middle of the spread.
         spread: bounds.
         count: plants, numbered from 0; the first ones do not depend on it.
         seed: key.
@@ -155,8 +155,8 @@ def fitted_damping(scenario: Scenario, spread: Spread, values: dict[str, Array])
     """Rescale the drawn joint dampings to lie between zero and a limit from joint inertia or nominal damping.
 
     Args:
-        scenario: its truth is the middle of the spread.
-        spread: that they were drawn from.
+        scenario: scenario whose plant is the middle of the spread.
+        spread: spread that they were drawn from.
         values: path -> (plants,), of :func:`skyarm.studies.compare.perturbed_plants.draw`.
     """
     truth = scenario.plant.vehicle

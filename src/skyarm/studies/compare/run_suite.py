@@ -35,7 +35,7 @@ class Suite(ABC, Generic[F]):
     """Base class of controller benchmarks: the flights to simulate, their evaluation and report.
 
     Attributes:
-        name: of the suite. file: name of its results, without the suffix. folder: usual one of its files.
+        name: name of the suite. file: name of its results, without the suffix. folder: usual folder of its files.
         settings: fields that determine its report.
     """
 
@@ -81,7 +81,7 @@ def fly_suite(
     """Simulate the missing flights of a benchmark, write its files, and return the content of its JSON file.
 
     Args:
-        suite: that flies.
+        suite: suite to fly.
         out: folder of its files; cells whose rows it holds do not fly again.
         workers: threads or processes that fly; no number depends on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT"; for more cells than workers processes, if left out.

@@ -43,7 +43,7 @@ class Executor(Protocol):
     """Performs calls somewhere.
 
     Attributes:
-        slots: calls that may be under way. flying: those that are.
+        slots: largest number of calls under way. flying: number of those that are.
     """
 
     @property

@@ -103,8 +103,8 @@ def one_scenario(work: Work, k: int) -> Scenario:
     """Scenario of a single flight of a work, with its command delay rounded to whole physics steps."""
     numbers = {path: float(column[k]) for path, column in work.columns.items()}
     late, rate = numbers.pop(LATE, None), work.scenario.rates.physics
-    scenario = dataclasses.replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))
+    single = dataclasses.replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))
     if late is None:
-        return scenario
+        return single
     command = round(late * rate) / rate
-    return scenario.with_delays(dataclasses.replace(scenario.delays, command=command, longest_command=None))
+    return single.with_delays(dataclasses.replace(single.delays, command=command, longest_command=None))

@@ -30,7 +30,7 @@ class Processes:
     """Pool of worker processes that performs calls; one that breaks is replaced.
 
     Args:
-        count: of processes, started as they are needed.
+        count: number of processes, started as they are needed.
     """
 
     def __init__(self, count: int) -> None:

@@ -263,7 +263,7 @@ class Store:
     """Rows of a folder of results, opened for writing.
 
     Args:
-        folder: of the results, made if missing; the rows are in ``rows`` below it.
+        folder: folder of the results, made if missing; the rows are in ``rows`` below it.
         study: digest of the study whose rows it takes.
 
     Attributes:

@@ -44,15 +44,15 @@ class Work:
     """Flights of one scenario that fly together; any process flies the same rows from it.
 
     Attributes:
-        label: its name in a folder, unique there.
-        scenario: what all flights have in common.
+        label: name in a folder, unique there.
+        scenario: scenario that all flights have in common.
         columns: path -> value of each flight (:mod:`skyarm.scenario.numbers`).
         episodes: key of the noise of each flight.
         fixed: further columns of the rows, on which no flight depends: a word, or a value of each flight.
-        metrics: names and groups of the catalogue. windows: of them, in place of the scenario's.
-        seed: of the noise. precision: "double", "single" or "bit_exact".
+        metrics: names and groups of the catalogue. windows: windows of the metrics, in place of the scenario's.
+        seed: seed of the noise. precision: "double", "single" or "bit_exact".
         stiffest: scenario that fixes the integration steps; the scenario itself if left out.
-        effort: of the compiler (:class:`skyarm.simulate.Batch`).
+        effort: effort of the compiler (:class:`skyarm.simulate.Batch`).
         alone: whether each flight flies by itself: laws that cannot be traced, other plants, kept logs.
         measure: computes the metrics of such a flight from its log, in place of names.
         keeps_log: whether the rows hold its log.

@@ -29,8 +29,8 @@ def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[s
     """Ratios (K,) of intervals without a channel to those with it, by the name of each channel that is absent.
 
     Args:
-        errors: of all windows.
-        fit: to them.
+        errors: errors of all windows.
+        fit: fit to them.
         rows: (K, P) slopes of the reported numbers in the searched ones.
     """
     prior = np.array([each.spread for each in errors.unknowns])

@@ -49,11 +49,11 @@ class ChannelChange:
     """Change of a flight's channels that undoes one kind of fault in logging.
 
     Attributes:
-        channel: at fault. words: what is wrong with it, by the amount. remedy: in words.
+        channel: channel at fault. words: text of what is wrong with it, by the amount. remedy: remedy in words.
         names: channels that are changed, those of them that the flight has.
         make: channels and amount of the fault -> those in their place.
-        amounts: that are tried. between: whether the best one may lie beside them.
-        price: in the cost. severity: of the fault.
+        amounts: amounts that are tried. between: whether the best one may lie beside them.
+        price: price in the cost. severity: severity of the fault.
     """
 
     channel: str

@@ -56,7 +56,7 @@ class DesignLimits:
         box: m, edge of the cube in which the base origin stays.
         tilt: rad, of the base's upright axis against the vertical.
         clear: m, of the arm from rotors, base origin and ground.
-        seconds: of flight.
+        seconds: duration of the flight, s.
     """
 
     box: Annotated[float, Unit("m", "edge of the cube in which the base stays")] = 1.5
@@ -111,8 +111,8 @@ class MeasuredNoise:
     """Sensors of a measured flight with their noise, by which segments are judged.
 
     Attributes:
-        flight: whose sensors and commands they are.
-        search: of the vehicle's parameters in it. plant: errors of its windows, with the plant in machine code.
+        flight: flight whose sensors and commands they are.
+        search: search of the vehicle's parameters in it. plant: errors of its windows, with the plant in machine code.
         noise: (1, rows) standard deviations of the readings. loose: (x,) those of a window's free numbers.
     """
 
@@ -163,10 +163,10 @@ def fitted_segment(
     """Segment shrunk into the limits, and its flight; None if it stays outside them.
 
     Args:
-        vehicle: that flies it.
+        vehicle: vehicle that flies it.
         segment: multisines.
         axes: rests and ranges.
-        limits: of the flight.
+        limits: limits of the flight.
         period: s, of the instants at which the limits are looked at.
     """
     times = period * np.arange(round(segment.duration / period) + 1, dtype=float)
@@ -210,12 +210,12 @@ def design_segments(
     """Segments, one after the other, that show most of a vehicle's numbers.
 
     Args:
-        vehicle: as it is believed to be.
+        vehicle: nominal vehicle.
         measured: clock and noise.
         axes: rests and ranges.
-        limits: of the flight.
+        limits: limits of the flight.
         candidates: segments that are tried; a third of them is drawn freely, the others near those taken.
-        seed: of the draws.
+        seed: seed of the draws.
         progress: called with (done, total, words).
 
     Raises:

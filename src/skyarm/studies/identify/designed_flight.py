@@ -53,7 +53,8 @@ class Sharpened:
     """Number of a vehicle with the half widths of the 95 % intervals to expect.
 
     Attributes:
-        designed: of the designed flight. undesigned: of a flight of the same length along an undesigned path.
+        designed: accuracy by the designed flight.
+        undesigned: accuracy by a flight of the same length along an undesigned path.
     """
 
     designed: ExpectedNumber
@@ -71,7 +72,7 @@ class DesignedFlight:
 
     Attributes:
         document: scenario, as tables of a scenario file.
-        numbers: what it shows of the vehicle.
+        numbers: accuracy of each number of the vehicle.
         tilt: rad, largest of the flight in the closed loop.
         box: (3,) m, extent of the base's path. clearance: m, least of the arm; infinite without one.
         saturated: share of commands at a rotor's limit.
@@ -102,12 +103,12 @@ def design_flight(
     """Design the flight that shows most of a vehicle's numbers within limits, and fly it once.
 
     Args:
-        vehicle: as it is believed to be.
-        name: of the library or path, as the scenario file names it.
-        limits: of the flight.
-        folder: where a path in the scenario file starts.
+        vehicle: nominal vehicle.
+        name: name in the library or path, as in the scenario file.
+        limits: limits of the flight.
+        folder: folder where a path in the scenario file starts.
         candidates: segments that are tried.
-        seed: of the draws and of the noise.
+        seed: seed of the draws and of the noise.
         progress: called with (done, total, words).
 
     Raises:

@@ -101,8 +101,8 @@ def predict_held_out(
     Args:
         found: identified vehicle and surroundings.
         start: vehicle before.
-        flights: that are predicted.
-        options: of the search; its sections are those of the flights of the fit.
+        flights: flights to predict.
+        options: options of the search; its sections are those of the flights of the fit.
         seen: flights of the fit.
         horizons: s.
 
@@ -331,8 +331,8 @@ def learn_from_past(loop: OpenLoopPredictor, errors: WindowErrors, horizons: Seq
     What makes neither of them larger than without a past goes before what does.
 
     Args:
-        loop: of all flights.
-        errors: of windows in the flights of the fit.
+        loop: open loop of all flights.
+        errors: errors of windows in the flights of the fit.
         horizons: s.
     """
     chosen, least = list[PastWeight](), (True, math.inf)
@@ -406,7 +406,7 @@ def fading(wrench: Array, windows: ClockedWindows, memory: float) -> Callable[[f
 
     Args:
         wrench: (W, 6), estimated at the begins.
-        windows: that begin there; the mean is of those before, of the same flight.
+        windows: windows that begin there; the mean is of those before, of the same flight.
         memory: s.
     """
     lasting, counts = wrench.copy(), np.ones((len(wrench), 1))

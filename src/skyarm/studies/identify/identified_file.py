@@ -88,7 +88,7 @@ def read_surroundings(file: Path, flight: str = "") -> tuple[str, IdentifiedSurr
     """Surroundings of an identification from the file of all its numbers, of which vehicle, and its rotors' voltage.
 
     Args:
-        file: of all numbers.
+        file: file of all numbers.
         flight: name of one that was identified, whose thrust over that of the first one is in the surroundings, too.
 
     Returns:

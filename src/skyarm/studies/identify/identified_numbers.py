@@ -41,7 +41,7 @@ class IdentifiedNumber:
     """Identified number with its 95 % interval.
 
     Attributes:
-        name: as a vehicle file has it, or of what surrounds the vehicle.
+        name: name in a vehicle file, or in the vehicle's surroundings.
         unit: SI.
         value, low, high: estimate and interval, of data and what was known before.
         start: value before.
@@ -79,11 +79,11 @@ class Identified:
             white noise.
         deviation: row -> standard deviation of its errors.
         settled: whether the search came to rest.
-        seconds: of flight that counted.
+        seconds: duration of the flight that counted, s.
         period: s, between samples of the gyroscope.
         held_out: errors of predictions of other flights, if any were asked for.
         absent: channel that no flight has -> number -> times by which its interval is wider than with that channel.
-        counted: of each flight of :func:`skyarm.identify_flights`, whether any part of it was long enough to count.
+        counted: whether any part of each flight of :func:`skyarm.identify_flights` was long enough to count.
     """
 
     numbers: tuple[IdentifiedNumber, ...]
@@ -117,8 +117,8 @@ class Scale:
     """Linearisation of the reported numbers at the estimate; of positive ones their logarithms.
 
     Attributes:
-        reported: which numbers.
-        values, starts: found, and before. positive: of each, whether its logarithm is meant.
+        reported: reported numbers.
+        values, starts: estimates, and values before. positive: mask of the numbers whose logarithm is meant.
         rows: (reported, searched) slopes.
         before: (reported,) variances of what was known before.
     """

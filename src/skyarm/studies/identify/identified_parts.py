@@ -72,7 +72,7 @@ def vehicle_with(start: Vehicle, numbers: Mapping[str, Scalar], *, checked: bool
 
     Args:
         start: the rest.
-        numbers: by name of the unknown; any scalars where they are not checked.
+        numbers: values by name of the unknown; any scalars where they are not checked.
         checked: whether its records are checked: a search passes through what no vehicle is.
 
     Raises:

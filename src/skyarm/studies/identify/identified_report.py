@@ -45,10 +45,10 @@ class IdentifiedReport:
     Attributes:
         found: identified vehicle.
         start: vehicle before.
-        flights: of the fit, without those of which no part counts.
+        flights: flights of the fit, without those of which no part counts.
         known: numbers that were not searched, and the voltage of the rotors' data, by name.
-        faults: of which was warned.
-        clocks: of each flight whose pose was moved to the gyro's clock.
+        faults: faults of which was warned.
+        clocks: offset of each flight whose pose was moved to the gyro's clock.
     """
 
     found: Identified

@@ -48,7 +48,7 @@ def identify_flights(
     Poses of another clock are moved to the gyro's (:func:`skyarm.flight_data.clocks.align_poses`).
 
     Args:
-        flights: with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
+        flights: flights with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
         start: vehicle with what is known before: data sheet, drawing, total mass.
         held_out: flights that are predicted and not fitted.
         curve: find a thrust curve in place of the start's times a factor.
@@ -128,7 +128,7 @@ def known_of_search(start: Vehicle, known: Mapping[str, float], prefix: str) -> 
     Args:
         start: vehicle.
         known: numbers by name.
-        prefix: of a number's name in an error.
+        prefix: beginning of a number's name in an error.
 
     Raises:
         ValueError: one line: a number that no such vehicle has.

@@ -93,8 +93,8 @@ class WindowSearch:
 
     Attributes:
         flights: on one clock, with different names. start: vehicle before, with a servo on each servo joint.
-        unknowns: that are searched. every: with those that are known. known: numbers by name that are not searched.
-        driven: of each joint, whether its effort is logged. servoed: whether a position servo moves it.
+        unknowns: unknowns to search. every: unknowns with the known ones. known: other numbers by name.
+        driven: whether the effort of each joint is logged. servoed: whether a position servo moves it.
         slow: whether commands were logged below 40 Hz. sample: s, between readings of the gyroscope.
         gravity: m/s^2.
     """
@@ -129,7 +129,7 @@ class WindowSearch:
         """Errors of windows of a length, evenly taken where there are more than a number of them.
 
         Args:
-            seconds: of a window.
+            seconds: length of a window, s.
             most: windows; 0 for all.
             before: errors of other windows, whose plant in machine code serves these too.
             finer: least number of integration steps within a step of a new plant.
@@ -219,9 +219,9 @@ def identify_by_windows(
     """Identify the parameters of a vehicle from flights whose clocks agree.
 
     Args:
-        flights: with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
+        flights: flights with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
         start: vehicle with what is known before.
-        options: what is searched.
+        options: options of the search.
         progress: called with one line a turn of the search.
 
     Raises:

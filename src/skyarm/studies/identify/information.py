@@ -58,11 +58,11 @@ class ExpectedNumber:
     """Accuracy that a flight allows for a number of a vehicle.
 
     Attributes:
-        name: as a vehicle file has it, or of the surroundings.
+        name: name in a vehicle file or in the surroundings.
         unit: SI.
         start: value of the start vehicle.
-        half_width: of the expected 95 % interval, in the unit.
-        relative: of a positive number, the same over the number; else 0.
+        half_width: half width of the expected 95 % interval, in the unit.
+        relative: half width of a positive number over the number; else 0.
         data_share: share of its information that the flight gives, 0 to 1.
     """
 

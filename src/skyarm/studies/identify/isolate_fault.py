@@ -60,7 +60,7 @@ class Left:
     """Residuals of each sensor after a fit to windows of a flight, over the sensor's own noise.
 
     Attributes:
-        sizes: of the rows. unusual: sum of squares of the numbers' distances from the start, over what was known.
+        sizes: sizes of the rows. unusual: sum of squares of the numbers' distances from the start, over what was known.
         delay: s, of the commands.
     """
 

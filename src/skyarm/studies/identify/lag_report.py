@@ -25,7 +25,7 @@ def nominal_model(log: Log, vehicle: str | None, gravity: float | None) -> tuple
     """Vehicle and gravity (m/s^2) against which delays and lags of a log are identified.
 
     Args:
-        log: of one flight.
+        log: log of one flight.
         vehicle: name or file; None for the model of the log's law.
         gravity: m/s^2; None for the log's, or 9.81.
 
@@ -74,7 +74,7 @@ def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
     """TOML tables of the identified delays, rotor time constants and joint drives; empty if none was identified.
 
     Args:
-        found: in a log.
+        found: delays and lags in a log.
         measured: additional nominal measurement delay, s, of logs with true rates.
     """
     lines: list[str] = []

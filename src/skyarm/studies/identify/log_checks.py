@@ -30,10 +30,10 @@ class LogFault:
 
     Attributes:
         severity: REFUSED or WARNED.
-        file: of the flight.
+        file: file of the flight.
         channel: quantity, or what the fault is about.
-        finding: what is wrong, with its numbers.
-        remedy: what to do.
+        finding: text of what is wrong, with its numbers.
+        remedy: text of what to do.
     """
 
     severity: str

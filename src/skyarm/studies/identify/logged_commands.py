@@ -50,7 +50,7 @@ def command_samples(commands: Channel) -> Channel:
     """Samples at which a command was logged: of commands that were sampled up, held or on straight lines, fewer.
 
     Args:
-        commands: of the rotors.
+        commands: commands of the rotors.
 
     Returns:
         Those at even times at which any command changes, or bends, which may lie between two rows; all rows if there

@@ -83,7 +83,7 @@ class LoopLags:
     """Command delays and actuator lags identified from a flight log.
 
     Attributes:
-        period: s, of the control. seconds: of the log.
+        period: s, of the control. seconds: duration of the log, s.
         rotors: lag of the rotors. joints: lags of torque-driven joints.
         left_out: joint -> reason why it was not identified.
     """
@@ -138,7 +138,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     """Identify command delays and actuator lags from a flight log.
 
     Args:
-        log: of one flight, a row a control period.
+        log: log of one flight, a row a control period.
         vehicle: nominal model: masses, rotors, and the lags to compare with.
         gravity: m/s^2.
 
@@ -260,10 +260,10 @@ def _lag(name: str, searched: list[Unknown], errors: WindowErrors, fit: WindowFi
     """Identified delay and time constants of a group, with intervals and a reason if the flight does not tell.
 
     Args:
-        name: of the group.
-        searched: its dead time, then its time constants.
-        errors: of the windows.
-        fit: of them.
+        name: name of the group.
+        searched: unknown dead time, then time constants.
+        errors: errors of the windows.
+        fit: fit to them.
         period: s, of the control.
     """
     place = [errors.names.index(each.name) for each in searched]

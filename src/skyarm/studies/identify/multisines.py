@@ -105,7 +105,7 @@ def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
     """Rests and ranges of the base's position and heading and of the joints.
 
     Args:
-        vehicle: with the limits of its joints.
+        vehicle: vehicle with the limits of its joints.
         box: m, edge of the cube in which the base origin stays.
         height: m, of its centre.
     """

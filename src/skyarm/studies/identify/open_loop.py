@@ -90,7 +90,7 @@ def measured_states(
 
     Args:
         flight: measured.
-        clocked: its clock.
+        clocked: the flight on its clock.
         about: delay of the pose and bias of the gyroscope.
         joints: number of the vehicle's joints.
 
@@ -142,7 +142,7 @@ def slopes_of(measured: Channel, before: int, after: int, degree: int) -> tuple[
         measured: channel.
         before: number of samples before each one.
         after: number of samples after it.
-        degree: of the polynomials.
+        degree: degree of the polynomials.
 
     Raises:
         ValueError: one line: too few samples.
@@ -170,8 +170,8 @@ def smooth_motion(measured: Channel, seconds: float, degree: int, *, past: bool 
 
     Args:
         measured: channel.
-        seconds: at most.
-        degree: of the polynomials.
+        seconds: largest width, s.
+        degree: degree of the polynomials.
         past: whether they are through the samples until each one.
     """
     least = degree if past else degree // 2
@@ -190,12 +190,12 @@ class OpenLoopPredictor:
     """Model of a vehicle that flies on from instants of measured flights of one clock, under their commands.
 
     Args:
-        vehicle: whose model flies.
+        vehicle: vehicle whose model flies.
         about: delays and offsets.
         flights: measured.
         clocked: the same on their clock.
         gravity: m/s^2.
-        thrusts: of each flight, over that of the rotors' data; by default that of ``about``.
+        thrusts: thrust of each flight, over that of the rotors' data; by default that of ``about``.
 
     Attributes:
         flights: on the clock.
@@ -260,7 +260,7 @@ class OpenLoopPredictor:
         """States 0, 1, ... steps after the begins of windows.
 
         Args:
-            errors: of the windows.
+            errors: errors of the windows.
             begins: states.
             pushes: s, after the begins -> (W, 6) force (N) and torque (N m) that the commands do not explain, base
                 axes; none by default.
@@ -289,7 +289,7 @@ def places_of(flight: Clocked, vehicle: Vehicle, every: int, behind: float = 0.0
 
     Args:
         flight: on its clock.
-        vehicle: whose rotors' lags count.
+        vehicle: vehicle whose rotors' lags count.
         every: steps from one to the next within each usable part.
         behind: s, of the usable part before the first one.
     """
@@ -303,8 +303,9 @@ class OpenLoopFlight:
     """Measured flight whose motion a vehicle's model predicts over horizons of any length.
 
     Args:
-        flight: with position, quaternion, gyro and commands of the rotors; joint positions for a vehicle with joints.
-        vehicle: whose model is used.
+        flight: flight with position, quaternion, gyro and commands of the rotors; joint positions for a vehicle with
+            joints.
+        vehicle: vehicle whose model is used.
         about: delays and offsets.
         gravity: m/s^2.
         full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.

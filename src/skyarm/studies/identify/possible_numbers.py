@@ -60,8 +60,8 @@ def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix:
 
     Args:
         start: vehicle with its total mass.
-        known: by name.
-        prefix: of a number's name in the error.
+        known: known numbers by name.
+        prefix: beginning of a number's name in the error.
 
     Raises:
         ValueError: one line: the number, its value and what is allowed.
@@ -98,8 +98,8 @@ def doubtful_numbers(
     Args:
         found: identified vehicle.
         start: vehicle before.
-        file: of the flight, for the messages.
-        flights: of the fit, whose commands a thrust curve is compared with.
+        file: file of the flight, for the messages.
+        flights: flights of the fit, whose commands a thrust curve is compared with.
     """
     rows = [*_far_numbers(found), *_by_geometry(found, start), *_beyond_commands(found, start, flights)]
     return tuple(faults_of(file, rows))

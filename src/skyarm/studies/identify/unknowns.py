@@ -63,7 +63,7 @@ class Unknown:
     """Number to identify.
 
     Attributes:
-        name: as a vehicle file has it, or of what surrounds the vehicle.
+        name: name in a vehicle file, or in the vehicle's surroundings.
         unit: SI.
         start: value before the data.
         spread: standard deviation of what is known before; of its logarithm if ``positive``.
@@ -95,7 +95,7 @@ class Reported:
     """Reported number: one unknown, or the sum of some whose logarithms are searched.
 
     Attributes:
-        name, unit: as reported.
+        name, unit: name and unit in reports.
         parts: names of the unknowns that it is the sum of.
         least: bound that physics sets.
     """
@@ -124,8 +124,8 @@ def unknowns_of(
         curve: the thrust against the signal is a curve of its own, not that of the start times a factor.
         velocity: the flights hold it.
         voltage: the flights hold it.
-        driven: of each joint, whether it is moved by known torques.
-        servoed: of each joint, whether a position servo moves it to known setpoints.
+        driven: whether each joint is moved by known torques.
+        servoed: whether a position servo moves each joint to known setpoints.
         drag_height: the rotors' hub drag acts at a height of its own, if the flights hold the velocity.
         others: names of the flights after the first one; without the voltage each has a thrust of its own.
 
@@ -266,7 +266,7 @@ def require_searched(known: Mapping[str, float], every: Sequence[Unknown]) -> No
     """Check that known numbers are some that a search would find, of values that they may have.
 
     Args:
-        known: by name.
+        known: known numbers by name.
         every: unknowns of the search without them.
 
     Raises:
@@ -345,7 +345,7 @@ def with_servos(vehicle: Vehicle, servoed: Sequence[bool]) -> Vehicle:
 
     Args:
         vehicle: start.
-        servoed: of each joint, whether its setpoints are positions.
+        servoed: whether the setpoints of each joint are positions.
 
     Raises:
         ValueError: one line: such a joint has a drive that takes no position.

@@ -142,21 +142,22 @@ class WindowErrors:
     """Measured less simulated sensor readings of windows, as a function of vehicle parameters and window states.
 
     Args:
-        windows: of flights.
+        windows: windows of flights.
         start: vehicle before, with a servo on each servo joint.
-        unknowns: that are searched, P of them.
+        unknowns: P unknowns to search.
         known: numbers by name that are not.
-        driven: of each joint, whether its effort is logged. servoed: whether a position servo moves it.
+        driven: whether the effort of each joint is logged. servoed: whether a position servo moves it.
         gravity: m/s^2.
         finer: least number of integration steps within a step.
         given: (3, steps, n) positions of the joints at the begin of each step, rates there, and accelerations in it,
             where joints move as they are told; of a vehicle of :func:`with_heavy_joints`.
 
     Attributes:
-        replay: simulated plant. names: of the numbers. rows: (sensor, column) of each row of the errors.
-        samples: of the sensors. taken: s, by which each was thought to be late when these were placed on the clock.
+        replay: simulated plant. names: names of the numbers. rows: (sensor, column) of each row of the errors.
+        samples: samples of the sensors.
+        taken: s, by which each was thought to be late when these were placed on the clock.
         free: (name, column) of each free number of a window. loose: their standard deviations before.
-        wrench: which of them are force and torque.
+        wrench: columns of force and torque.
         averaged: (flights,) steps over which the accelerometer's samples are means.
     """
 
@@ -464,11 +465,11 @@ def _error(
     """Errors (columns, lanes, W) of a sensor within a step, and the slope (columns, W) of its reading, per second.
 
     Args:
-        name: of the sensor.
+        name: name of the sensor.
         before: (columns, lanes, W) readings at the step's begin.
         now: likewise, at its end.
         rate: (3, W) rad/s, of the base.
-        samples: of the sensor.
+        samples: samples of the sensor.
         at: (W,) numbers of the steps.
         step: s.
     """
@@ -486,11 +487,11 @@ class WindowLanes:
     """Simulated lanes of all windows: at the estimate, then with each unknown changed by a small difference.
 
     Args:
-        errors: of the windows.
+        errors: errors of the windows.
         replay: plant.
         searched: (P,) numbers on the scale of the search.
-        states: of the windows.
-        directions: in which the lanes behind the first differ.
+        states: states of the windows.
+        directions: directions in which the lanes behind the first differ.
     """
 
     def __init__(
@@ -642,7 +643,7 @@ def in_halves(before: Array, after: Array, late: Array, step: float) -> tuple[Ar
 
     Args:
         before: until the switch.
-        after: from it on.
+        after: value from it on.
         late: s, within the step.
         step: s.
     """

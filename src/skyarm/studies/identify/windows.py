@@ -75,7 +75,7 @@ class Clocked:
     """Measured flight whose commands and sensors are placed on a clock of even steps.
 
     Attributes:
-        name: of the flight. begin: s, of the clock. step: s. size: steps.
+        name: name of the flight. begin: begin of the clock, s. step: s. size: steps.
         channels: sensor -> what it measured.
         speeds, efforts, setpoints: commands at their own times, rad/s and the joints' units; None if not logged.
         voltage: (steps,) over that of the rotors' data; 1 where it is not known.
@@ -130,8 +130,8 @@ def on_clock(
         step: s.
         full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.
         sections: (begin, end), s, that count; by default all in which the vehicle flies.
-        sensors: that are compared where the flight holds them, of which an accelerometer must be there; by default
-            those that are not made of others.
+        sensors: sensors that are compared where the flight holds them, of which an accelerometer must be there; by
+            default those that are not made of others.
 
     Raises:
         ValueError: one line: a quantity is missing or does not fit the vehicle.
@@ -299,9 +299,9 @@ class ClockedWindows:
     """Short windows of measured flights, cut where the vehicle flies and no needed sensor has a gap.
 
     Args:
-        flights: of one step.
+        flights: flights of one step.
         start: vehicle before.
-        seconds: of a window.
+        seconds: length of a window, s.
         most: windows at most, evenly taken; 0 for all.
         places: first steps of the windows in each flight; by default one window behind the other where steps are
             usable.
@@ -404,7 +404,7 @@ class ClockedWindows:
         """Speeds (keys, W, rotors) of rotors at the begins of the windows, rad/s.
 
         Args:
-            rotors: of each key.
+            rotors: rotors of each key.
             held: their commands.
         """
         names = ("time_constant_up", "time_constant_down", "max_speed")

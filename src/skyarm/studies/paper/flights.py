@@ -73,7 +73,7 @@ def work_of(flight: PaperFlight, planned: Scenario, settings: str = STATED, hold
 
     Args:
         flight: case, controller and plant.
-        planned: its scenario.
+        planned: scenario of the flight.
         settings: "stated", "inferred", "predicted", or the name of a variation.
         holds: windows in which Case 1 holds its arm.
     """

@@ -17,13 +17,16 @@ class OpenLoop:
     """Open-loop Jacobians; x: state (attitude as rotation vector), u: command, m: controller state, y: measurement.
 
     Attributes:
-        period: s. rotors: how many entries of u are rotor speeds; they come first.
+        period: s. rotors: number of entries of u that are rotor speeds; they come first.
         lates: times, s, within a period at which a new command takes effect, ascending from 0.
         x_x, x_old, x_new: (lates, ...) of the next state by state, acting and new command.
-        y_x, y_old: of the measurement now. m_m, m_y, u_m, u_y: of the law, by its memory and the measurement it sees.
+        y_x, y_old: derivatives of the measurement now.
+        m_m, m_y, u_m, u_y: derivatives of the law, by its memory and the measurement it sees.
         measurement_delay: control periods. command_delay: s.
-        states: how many entries of x are the vehicle's own; those after them are memories of its joint drives. 0: all.
-        channels: where it is cut for the margins of single loops; none: each number of a command and a measurement.
+        states: number of entries of x that are the vehicle's own; those after them are memories of its joint drives.
+            0: all.
+        channels: points where it is cut for the margins of single loops; none: each number of a command and a
+            measurement.
     """
 
     period: float

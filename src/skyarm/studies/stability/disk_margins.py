@@ -34,8 +34,8 @@ class LoopMargin:
     """Disk margin of a control loop cut at one signal, or at several with independent perturbations.
 
     Attributes:
-        name: of the channel or of the group. group: of the channel. port: "commands" or "measurements".
-        channels: how many are changed at once.
+        name: name of the channel or of the group. group: group of the channel. port: "commands" or "measurements".
+        channels: number of channels changed at once.
         disk: disk margin a, from 0 (unstable) to 2. frequency: critical frequency, rad/s.
         delay: delay margin of this one channel, s; inf beyond the searched range, and for several channels.
     """
@@ -221,8 +221,8 @@ class CutLoops:
     """Closed-loop frequency responses from an injection at each channel to every channel.
 
     Attributes:
-        ports: of each port its channels, frequencies (rad/s) and responses (frequencies, channels, channels), and what
-            gives them at other frequencies.
+        ports: for each port, its channels, frequencies (rad/s) and responses (frequencies, channels, channels), and
+            what gives them at other frequencies.
         stable: an unstable loop has no margins.
     """
 
@@ -294,9 +294,9 @@ def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, s
     Args:
         loop: linearised.
         as_it_is: the same closed.
-        z: its eigenvalues.
+        z: eigenvalues of the closed loop.
         measured: cut it at the measurement, too.
-        stable: of an unstable one nothing is computed.
+        stable: whether it is stable; of an unstable one nothing is computed.
     """
     sizes = (loop.rotors, loop.u_m.shape[0] - loop.rotors, len(loop.y_x))
     channels = loop.channels or numbered_channels(*sizes)

@@ -39,7 +39,7 @@ class LinearisedInstant:
 
     Attributes:
         hover: True for the flight that only hovers. time: s.
-        by_lag: with the rotors' time constant upward and with that downward.
+        by_lag: margins with the rotors' time constant upward and with that downward.
         swings: s of further dead time from which on small swings grow, with the lag between both that a swing meets.
     """
 
@@ -171,7 +171,8 @@ class Frozen:
     """State of a closed-loop flight at one time, ready to be linearised.
 
     Attributes:
-        time: s. differentiator: of the flight. carry: its loop state. row: leaves of the inputs of the instant.
+        time: s. differentiator: differentiator of the flight. carry: state of its loop.
+        row: leaves of the inputs of the instant.
     """
 
     time: float
@@ -218,7 +219,7 @@ class Locus:
     """Nyquist locus of one control loop, with its disk margin.
 
     Attributes:
-        margin: its disk margin. L: its open-loop response under negative feedback, by ascending frequency.
+        margin: disk margin of the loop. L: open-loop response under negative feedback, by ascending frequency.
     """
 
     margin: LoopMargin
@@ -264,8 +265,8 @@ class SettledHover:
     What a law adapts slowly is held, as in all margins.
 
     Args:
-        scenario: its hover is simulated first, with the same parameters.
-        paths: of those numbers (:mod:`skyarm.scenario.numbers`), as ``controller.gains.position.x``.
+        scenario: scenario whose hover is simulated first, with the same parameters.
+        paths: paths of those numbers (:mod:`skyarm.scenario.numbers`), as ``controller.gains.position.x``.
 
     Raises:
         ScenarioError: the loop has a memory that its linearisation does not know.

@@ -28,8 +28,8 @@ class LoopChannel:
     """Scalar signal at which the loop is cut for a margin, as a row and a column of its command or measurement.
 
     Attributes:
-        name: of the direction. group: of those that are cut together. port: "commands" or "measurements".
-        reads: its size in a command or a measurement.
+        name: name of the direction. group: group of channels that are cut together. port: "commands" or "measurements".
+        reads: size of the signal in a command or a measurement.
         enters: a command or a measurement of size 1 in this direction alone.
     """
 

@@ -128,8 +128,8 @@ def margins_page(found: Evidence, loci: Sequence[Locus], picture: bytes = b"") -
     """Make the HTML page of margins: Nyquist diagrams in hover, and a table of every loop.
 
     Args:
-        found: of :func:`skyarm.studies.stability.flight_margins.evidence`.
-        loci: of :func:`skyarm.studies.stability.flight_margins.hover_loci`.
+        found: evidence of :func:`skyarm.studies.stability.flight_margins.evidence`.
+        loci: loci of :func:`skyarm.studies.stability.flight_margins.hover_loci`.
         picture: PNG of their diagrams.
     """
     body = ""

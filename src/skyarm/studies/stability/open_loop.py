@@ -85,7 +85,7 @@ def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> 
         result: outputs at the points of :func:`stencil_points` (outputs, directions * 4).
         still: outputs at the point itself (outputs,).
         widths: step of each direction (directions,).
-        outs: how many outputs each of the four has; those of the state come first.
+        outs: numbers of outputs of the four; those of the state come first.
     """
     directions = len(widths)
     state = _tangent(result[: outs[0]], still[: outs[0]])
@@ -132,8 +132,8 @@ def open_point(carry: LoopState, batteries: int = 0) -> OpenPoint:
     """Operating point for the linearisation, from the state of the simulation loop.
 
     Args:
-        carry: of the flight.
-        batteries: how many of the last components are batteries.
+        carry: state of the flight.
+        batteries: number of the last components that are batteries.
     """
     # an open period asks for no time and no specific force
     own, waiting = carry.agent, carry.agent.sensors[0].waiting
@@ -232,10 +232,10 @@ class Differentiator:
         """Linearise the open loop at a state of the simulated flight.
 
         Args:
-            carry: of the nominal flight.
+            carry: state of the nominal flight.
             row: leaves of the inputs of the instant.
             lag: one of ``SHARES``.
-            numbers: of the paths; the scenario's own if left out.
+            numbers: numbers at the paths; the scenario's own if left out.
         """
         given = (SHARES[lag], *(self._numbers if numbers is None else numbers))
         point = open_point(carry, len(self.scenario.power))

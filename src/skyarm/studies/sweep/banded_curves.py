@@ -47,7 +47,7 @@ class BandedCurve:
     """Curve of one metric of one controller against a variable, with its band.
 
     Attributes:
-        controller: that flew.
+        controller: controller that flew.
         x: (K,) value of the variable, of each cell the median.
         middle, low, high: (K,) median, and the ends of the band, of episodes that flew to their end; NaN where none
             did, or too few for a band.
@@ -68,7 +68,7 @@ class BandedCurves:
     """Curves of one metric for all controllers.
 
     Attributes:
-        metric: its name. over: the variable. curves: one for each controller.
+        metric: name of the metric. over: the variable. curves: one for each controller.
     """
 
     metric: str
@@ -80,7 +80,7 @@ def banded_curves(rows: Rows, metric: str, over: str) -> BandedCurves:
     """Curves of a metric against a variable, with bands over all other parameters and the noise.
 
     Args:
-        rows: of a study.
+        rows: rows of a study.
         metric: one of its metrics.
         over: a varied number, an expression of some, or ``name = expression``.
 

@@ -27,7 +27,7 @@ def values(study: Study, episodes: npt.ArrayLike) -> dict[str, Array]:
     """Values of the varied parameters of a study: parameter path -> values (episodes,).
 
     Args:
-        study: with its design.
+        study: study with its design.
         episodes: numbers of the episodes.
     """
     numbers = np.asarray(episodes, dtype=np.int64)

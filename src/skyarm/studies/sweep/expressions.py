@@ -65,8 +65,8 @@ class Expression:
     """Parsed arithmetic expression of a study's parameters.
 
     Attributes:
-        text: as given. names: that it needs, each once, in order. field: its name in messages.
-        tree: Python's. words: of the tree -> name.
+        text: text as given. names: names that it needs, each once, in order. field: name of the field in messages.
+        tree: Python's. words: words of the tree -> name.
     """
 
     text: str
@@ -108,9 +108,9 @@ def read_expression(text: object, known: Collection[str], field: str = "expressi
     """Parse an arithmetic expression of named parameters.
 
     Args:
-        text: of the expression.
+        text: text of the expression.
         known: names that it may use.
-        field: its name in messages.
+        field: name of the field in messages.
 
     Raises:
         ExpressionError: one line with its place, and what is allowed there.

@@ -23,8 +23,8 @@ def wilson(successes: int, count: int, confidence: float = 0.95) -> tuple[float,
     """Wilson score interval of a proportion.
 
     Args:
-        successes: of the trials.
-        count: of trials; the interval of none is (0, 1).
+        successes: number of successes.
+        count: number of trials; the interval of none is (0, 1).
         confidence: coverage.
 
     Source: Wilson 1927, "Probable inference, the law of succession, and statistical inference".

@@ -75,11 +75,11 @@ class Manifest:
     """JSON manifest of a sweep's folder: the settings that determine its results.
 
     Attributes:
-        study: its document, plain values. scenarios: label of the controller -> digest of the scenario.
+        study: document of the study, plain values. scenarios: label of the controller -> digest of the scenario.
         versions: on which the bits of rows may depend, and the digest of the code.
         title: one-line description. success: metric -> largest value of a successful episode.
         units: path of a varied number -> its SI unit. noise: whether episodes draw random numbers.
-        old: of skyarm 0.3: all controllers of a chunk are in one file, which has no digest.
+        old: whether it is of skyarm 0.3: all controllers of a chunk are in one file, which has no digest.
     """
 
     study: Mapping[str, Any]

@@ -40,7 +40,7 @@ class SweepPlan:
     """Study that has been checked at the extremes of its varied parameters and is ready to be simulated.
 
     Attributes:
-        study: as read.
+        study: study as read.
         stiffest: the plant whose joint friction bounds the integration step of all episodes, with the air, forces and
             drives that state the shortest one.
         manifest: the facts on which the rows depend.
@@ -158,7 +158,7 @@ def fastest_plant(scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -
     """Scenario that requires the shortest integration steps within the ranges of the varied parameters.
 
     Args:
-        scenario: as it is.
+        scenario: scenario as it is.
         ends: path -> least and greatest number.
 
     Raises:
@@ -222,10 +222,10 @@ def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path
     """Write a single episode of a study as a scenario file, whose flight has the metrics of the episode's row.
 
     Args:
-        path: of the .toml file to write.
-        study: from :func:`skyarm.studies.sweep.load_study`, beside whose file that of its scenario is.
-        label: of the controller.
-        episode: its number.
+        path: path of the .toml file to write.
+        study: study from :func:`skyarm.studies.sweep.load_study`, beside whose file that of its scenario is.
+        label: label of the controller.
+        episode: number of the episode.
 
     Raises:
         StudyError: one line: a label or an episode that the study does not have.

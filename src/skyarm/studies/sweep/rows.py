@@ -26,7 +26,7 @@ class RowsThere:
     """Files of a sweep's folder that count.
 
     Attributes:
-        files: of each chunk with each controller. chunks: those that are there with all controllers, ascending.
+        files: files of each chunk with each controller. chunks: chunks that are there with all controllers, ascending.
         ignored: names of files that do not count. count: flights of those that do.
     """
 
@@ -40,8 +40,8 @@ def rows_there(folder: Path, manifest: Manifest, *, untrusted: Collection[str] |
     """Files of a sweep's folder that count: whole, undamaged and of this study.
 
     Args:
-        folder: of the sweep.
-        manifest: of it.
+        folder: folder of the sweep.
+        manifest: manifest of the sweep.
         untrusted: names of files that do not count, where all others have been looked at; None to look now.
 
     Raises:

@@ -49,7 +49,7 @@ def fly_sweep(
     Args:
         study: the tables of a study's file (:mod:`skyarm.studies.sweep.study_file`), the path of one, the name of a
             shipped one, or a study that was loaded before.
-        folder: of the rows; one that holds some of this study is completed.
+        folder: folder of the rows; one that holds some of this study is completed.
         workers: threads or processes that fly; rows do not depend on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT".
         part: "K/N", one of the machines that share the folder.
@@ -82,7 +82,7 @@ def run_sweep(
     """Simulate the missing flights of a sweep; an interrupted sweep ends with the same files.
 
     Args:
-        study: from :func:`skyarm.studies.sweep.load_study`.
+        study: study from :func:`skyarm.studies.sweep.load_study`.
         out: folder of the rows; one that holds some of this study is completed.
         workers: threads or processes that fly; rows do not depend on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT".

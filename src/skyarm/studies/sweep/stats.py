@@ -36,11 +36,11 @@ class Rows:
     Only files count that are whole and of this study.
 
     Args:
-        folder: that ``skyarm sweep`` wrote.
+        folder: folder that ``skyarm sweep`` wrote.
         success: metric -> largest value of a successful episode; the study's own if left out.
 
     Attributes:
-        manifest: of the folder. count: rows that are there. planned: rows of the whole study.
+        manifest: manifest of the folder. count: rows that are there. planned: rows of the whole study.
         skipped: names of files that do not count.
 
     Raises:
@@ -113,7 +113,7 @@ class Rows:
         """Number of a controller's first episode without success, or of that with the largest value of a metric.
 
         Args:
-            controller: its label.
+            controller: label of the controller.
             which: "failed", or the name of a metric.
 
         Raises:
@@ -151,8 +151,8 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> Facts:
     """Statistics of a sweep as plain data: success rates, quantiles and paired differences.
 
     Args:
-        rows: of the study.
-        seed: of the bootstrap.
+        rows: rows of the study.
+        seed: seed of the bootstrap.
         confidence: coverage of all intervals.
 
     Returns:
@@ -275,9 +275,9 @@ def page(found: Facts, manifest: Manifest, pictures: Pictures) -> str:
     """HTML page of a sweep's statistics and robustness maps, in one self-contained file.
 
     Args:
-        found: from :func:`skyarm.studies.sweep.stats.statistics`.
-        manifest: of the study's folder.
-        pictures: of maps.
+        found: statistics from :func:`skyarm.studies.sweep.stats.statistics`.
+        manifest: manifest of the study's folder.
+        pictures: pictures of maps.
     """
     body = render_template(
         "studies/sweep/study.html",

@@ -79,7 +79,7 @@ def load_study(name_or_path: PathLike, controllers: Sequence[str] | None = None)
 
     Args:
         name_or_path: a name of :func:`list_studies`, or the path of a .toml file.
-        controllers: in place of the file's.
+        controllers: controllers in place of the file's.
 
     Raises:
         StudyError: one line, ``file: field = value: what is allowed``.
@@ -105,8 +105,8 @@ def study_from(document: Mapping[str, Any], folder: PathLike = "", *, source: st
 
     Args:
         document: plain tables, as read from TOML.
-        folder: where its scenario's path starts.
-        source: its name in messages.
+        folder: folder where its scenario's path starts.
+        source: name of the study in messages.
 
     Raises:
         StudyError: one line with field, value and what is allowed.

@@ -51,7 +51,7 @@ def plot_sweep(
     """Draw metrics of a sweep against a varied parameter or an expression of several.
 
     Args:
-        folder: that ``skyarm sweep`` wrote, or its rows.
+        folder: folder that ``skyarm sweep`` wrote, or its rows.
         metrics: one, or several above each other.
         over: a varied path, ``"sqrt(a * a + b * b)"`` or ``"length = sqrt(a * a + b * b)"``.
         file: written there too, as PNG, SVG or PDF by its suffix.

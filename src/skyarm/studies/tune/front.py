@@ -70,7 +70,7 @@ class Point:
         logs: (knobs,) logarithms of factors.
         error: m, 90 % quantile; the geometric mean of that in the gust and that along the scenario's own motion.
         tip: m, 90 % quantile along the latter. jitter: rad/s. effort: N m. lost, saturated: shares.
-        margins: in hover.
+        margins: margins in hover.
     """
 
     logs: tuple[float, ...]

@@ -45,8 +45,9 @@ class Effort:
     """Size of a gain search: numbers of candidates, rounds and perturbed plants.
 
     Attributes:
-        scatter: candidates of the first round. population: of each CMA-ES in each round. rounds: of them.
-        plants: that each candidate flies. first_plants: that one of the scatter flies.
+        scatter: candidates of the first round. population: population of each CMA-ES in each round.
+        rounds: number of rounds.
+        plants: plants that each candidate flies. first_plants: plants that one of the scatter flies.
     """
 
     scatter: int = 240
@@ -86,7 +87,7 @@ def search(
 
     Args:
         knobs: tunable gains.
-        effort: how much is flown.
+        effort: size of the search.
         judge: scores of a round's candidates.
         seed: key of the search.
         starts: (starts, knobs) the first candidates; factors of one if left out.
@@ -122,8 +123,8 @@ def with_margins(scores: Scores, asked: Array, groups: Sequence[tuple[float, sli
     """Scores with a penalty for missing stability margins, computed for the best candidates only.
 
     Args:
-        scores: of a round, without margins.
-        asked: its candidates.
+        scores: scores of a round, without margins.
+        asked: candidates of the round.
         groups: (weight, candidates, number of the best ones that need margins).
         short: looks at the margins.
     """

@@ -55,7 +55,7 @@ class GainKnob:
     """Tunable gain: one common factor on several parameter values of a controller.
 
     Attributes:
-        path: of the constants. unit: of the numbers, or nothing. numbers: place among the constants -> value.
+        path: path of the constants. unit: unit of the numbers, or nothing. numbers: place among the constants -> value.
     """
 
     path: str
@@ -81,8 +81,8 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
     """Find the tunable gains of a controller.
 
     Args:
-        controller: its parameters are searched, below its layers.
-        law: its name in the catalogue, if it has one.
+        controller: controller whose parameters are searched, below its layers.
+        law: name of the law in the catalogue, if it has one.
         chosen: paths of the knobs to take, or beginnings of them; all if left out.
 
     Raises:
@@ -174,7 +174,7 @@ class Centred:
     """Tuning flight whose controller has the gains at the centre of the search.
 
     Attributes:
-        flight: with them. knobs: their factors are 1 there.
+        flight: flight with these gains. knobs: gains whose factors are 1 there.
         starts: name -> (knobs,) logarithms of factors: the given gains first, then those of the catalogue.
     """
 
@@ -192,8 +192,8 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[GainKnob, ...], label: s
     """Tuning flight centred at the catalogue's gains if there are any, else at its own.
 
     Args:
-        flight: with the given gains.
-        knobs: of its law.
+        flight: flight with the given gains.
+        knobs: gains of its law.
         label: name of the law as requested.
     """
     catalogue = _catalogue_gains(flight, knobs)

@@ -44,8 +44,8 @@ def gains_text(tuning: Tuning, point: Point, words: Facts, kept: Facts) -> str:
 
     Args:
         tuning: result.
-        point: of its front.
-        words: of the law, for [law].
+        point: point of its front.
+        words: facts of the law, for [law].
         kept: gains that stood in the file before and are no knobs.
     """
     plan = tuning.plan
@@ -168,7 +168,7 @@ def front_lines(found: Tuning, seconds: float) -> list[str]:
 
     Args:
         found: result.
-        seconds: that the tuning took.
+        seconds: duration of the tuning, s.
     """
     plan, vehicle = found.plan, found.plan.flight.plant.vehicle
     error = error_words(vehicle)

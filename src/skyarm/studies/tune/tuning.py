@@ -70,7 +70,7 @@ class TuningPlan:
     Attributes:
         flight: scores candidates. check: scores the front, with another motion. aside: validates the result, along
             a path not used in tuning. own: scores candidates along the scenario's own motion, where it has one.
-        knobs: tunable gains. effort: size of the search. seed: of plants, noise and search.
+        knobs: tunable gains. effort: size of the search. seed: seed of plants, noise and search.
         label: name of the law as requested.
     """
 
@@ -117,9 +117,9 @@ class Tuning:
     """Result of a gain tuning: Pareto front of gains, selected gains, validation scores.
 
     Attributes:
-        plan: of the tuning, its knobs about the centre of the search.
-        before: the given gains, flown as the front was. points: from calm to stiff.
-        picked: index of the selected point. required: margins. plants: of the search.
+        plan: plan of the tuning, its knobs about the centre of the search.
+        before: the given gains, flown as the front was. points: points of the front from calm to stiff.
+        picked: index of the selected point. required: required margins. plants: plants of the search.
         aside: name -> validation scores of the selected point and of every initial set of gains.
     """
 
@@ -151,7 +151,7 @@ class Tuner:
     """Evaluator of gain candidates in all stages of a tuning, from search to validation.
 
     Args:
-        plan: of the tuning. plants: of the search.
+        plan: plan of the tuning. plants: plants of the search.
         crew: flies them; results do not depend on it. progress: called after every round.
     """
 
@@ -303,7 +303,7 @@ def tune(
         candidates: sets of gains that are tried.
         plants: perturbed plants that each of them flies.
         knobs: paths of the constants of the law that may change; all gains if left out.
-        seed: of plants, noise and search.
+        seed: seed of plants, noise and search.
         workers: threads or processes that fly; results do not depend on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT".
         folder: keeps the rows of all flights where pyarrow is installed, so that an interrupted search goes on.
@@ -331,12 +331,12 @@ def plan_of(
     """Plan of a tuning for a scenario.
 
     Args:
-        scenario: its law is tuned.
+        scenario: scenario whose law is tuned.
         moves: whether its own reference is flown, too.
         label: name of the law.
         knobs: paths of the constants that may change; all gains for None.
         effort: size of the search.
-        seed: of plants, noise and search.
+        seed: seed of plants, noise and search.
     """
     scenario.controller.require_compiled("skyarm tune")
     flight, own = tuning_flight(scenario), tuning_flight(scenario, own_motion=True)
@@ -363,7 +363,7 @@ def tune_plan(
     """Tune the gains of a controller; a search that was interrupted takes what its folder holds.
 
     Args:
-        plan: of the tuning.
+        plan: plan of the tuning.
         workers: threads, or processes of ``on``; results do not depend on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT".
         folder: keeps the rows of all flights, if pyarrow is there; None keeps none.
