@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from skyarm.studies.compare.cells import Cell, Flights
+from skyarm.studies.compare.cell_flights import Cell, CellFlights
 from skyarm.studies.flights import Work
 from skyarm.studies.flights.fly import fly
 
 
-def cell_of(flown: Flights | Work) -> Cell:
+def cell_of(flown: CellFlights | Work) -> Cell:
     """What a comparison judges of some flights."""
-    work = flown.work() if isinstance(flown, Flights) else flown
+    work = flown.work() if isinstance(flown, CellFlights) else flown
     return Cell.of_rows(work, fly(work))

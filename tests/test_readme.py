@@ -174,7 +174,7 @@ def test_the_sentences_say_what_the_tables_say():
 
 def test_the_table_of_laws_is_what_flights_give():
     """The centroidal law flies the preset of its plain name, as in the noisy column."""
-    from skyarm.studies.compare.cells import Flights
+    from skyarm.studies.compare.cell_flights import CellFlights
     from skyarm.studies.compare.entrants import ENTRANTS
     from skyarm.studies.compare.suite import CASES, conditions
     from skyarm.studies.flights.fly import fly
@@ -185,7 +185,7 @@ def test_the_table_of_laws_is_what_flights_give():
         flown = []
         for case in ("case3", "case3_wind"):
             entrant = dataclasses.replace(ENTRANTS[name], perfect=ENTRANTS[name].noisy)
-            found = fly(Flights(entrant=entrant, case=CASES[case], condition=perfect).work())
+            found = fly(CellFlights(entrant=entrant, case=CASES[case], condition=perfect).work())
             flown += [1e3 * found[f"{what}_error_mean_continuous"][0] for what in ("position", "joint", "ee")]
         for shown, value in zip(row[1:7], flown, strict=True):
             # as printed: half a unit of its last digit

@@ -119,7 +119,7 @@ from skyarm.studies.assess.assessment import check as check
 from skyarm.studies.compare.compare_laws import compare as compare
 from skyarm.studies.identify.identify_flights import identify_flights as identify_flights
 from skyarm.studies.paper.reproduce import reproduce as reproduce
-from skyarm.studies.stability.along import margins as margins
+from skyarm.studies.stability.flight_margins import margins as margins
 from skyarm.studies.stability.hover_delay import hover_delay as hover_delay
 from skyarm.studies.sweep.runner import fly_sweep as fly_sweep
 from skyarm.studies.sweep.study import StudyError as StudyError

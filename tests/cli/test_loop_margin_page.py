@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.studies.stability.along import Evidence, Locus, hover_loci, margins
+from skyarm.studies.stability.flight_margins import Evidence, Locus, hover_loci, margins
 from skyarm.studies.stability.margins_report import margins_page
 from skyarm.studies.stability.nyquist_figure import nyquist_figure
 from skyarm.view.figures.style import image_bytes

@@ -17,7 +17,7 @@ from commanded import refused, skyarm
 from skyarm.cli import margins_command
 from skyarm.cli.output import bar
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.studies.stability.along import evidence
+from skyarm.studies.stability.flight_margins import evidence
 
 SHORT = """
 schema = 1

@@ -49,7 +49,7 @@ from skyarm.scenario.scenario_record import first_state
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run
-from skyarm.studies.compare.cells import Flights
+from skyarm.studies.compare.cell_flights import CellFlights
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.suite import CASES, conditions
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -561,7 +561,9 @@ def test_machine_code_is_made_once_for_a_belief_and_its_options():
 @pytest.mark.thorough
 @pytest.mark.parametrize("episode", [0, 3])
 def test_noise_delay_and_wind_do_not_lose_the_step_with_which_the_circle_ends(episode):
-    flights = Flights(entrant=ENTRANTS["nmpc"], case=CASES["case3_wind_45"], condition=conditions()["noisy"], seed=0)
+    flights = CellFlights(
+        entrant=ENTRANTS["nmpc"], case=CASES["case3_wind_45"], condition=conditions()["noisy"], seed=0
+    )
     scenario = flights.scenario()
     late = {"reference": scenario.reference.shifted(-20.0), "duration": 2.5, "episode": episode}
     log = run(dataclasses.replace(scenario, **late))

@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.records.identity import identity
-from skyarm.studies.stability import along, hover_delay
+from skyarm.studies.stability import flight_margins, hover_delay
 
 
 @pytest.fixture(scope="module")
@@ -32,10 +32,12 @@ def test_a_scenario_flies_by_the_path_of_its_file(log: skyarm.Log, file: Path) -
 
 def test_margins_and_delays_are_of_a_scenario_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Any] = []
-    monkeypatch.setattr(along, "evidence", lambda scenario, *_: seen.append(scenario))
+    monkeypatch.setattr(flight_margins, "evidence", lambda scenario, *_: seen.append(scenario))
     monkeypatch.setattr(hover_delay, "frozen_hover", lambda scenario: None)
     skyarm.margins("case3")
-    assert [identity(each) for each in seen] == [identity(along.without_adaptation(skyarm.load_scenario("case3")))]
+    assert [identity(each) for each in seen] == [
+        identity(flight_margins.without_adaptation(skyarm.load_scenario("case3")))
+    ]
     assert skyarm.hover_delay("case3") == skyarm.hover_delay(skyarm.load_scenario("case3"))
 
 

@@ -14,7 +14,7 @@ from skyarm.reference.path_time import governed_reference
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
-from skyarm.studies.stability.along import hovering
+from skyarm.studies.stability.flight_margins import hovering
 
 CIRCLE = {"kind": "sine", "amplitude": 0.6, "frequency_hz": 1.2}
 DOCUMENT = {

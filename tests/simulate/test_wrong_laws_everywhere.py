@@ -20,7 +20,7 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run, run_in_python
 from skyarm.simulate.user_code import check_law
-from skyarm.studies.stability.along import evidence
+from skyarm.studies.stability.flight_margins import evidence
 from wrong_laws import RESULTS, STATES, TRACES, WITHOUT_FLIGHT, Mistake
 
 PLANES: dict[str, Callable[[Any], Any]] = {

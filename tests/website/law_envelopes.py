@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 
 from skyarm.control.catalogue import tuned_factors
-from skyarm.studies.compare.cells import JITTER, LIMITED, Flights
+from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.suite import CASES, conditions
 from skyarm.studies.flights.fly import fly
@@ -37,7 +37,7 @@ def flown(name: str) -> list[float]:
     perfect = conditions()["perfect"]
     found = []
     for case in ("case3", "case3_wind"):
-        metrics = fly(Flights(entrant=entrant(name), case=CASES[case], condition=perfect).work())
+        metrics = fly(CellFlights(entrant=entrant(name), case=CASES[case], condition=perfect).work())
         found += [1e3 * metrics[f"{kind}_error_mean_continuous"][0] for kind in KINDS] + [metrics[JITTER][0]]
         assert metrics[LIMITED][0] == 0.0, f"{name} in {case}: rotors at a limit in {metrics[LIMITED][0]:.2%}"
     return found

@@ -41,7 +41,7 @@ def margins(
     In hover and along the scenario: delay and gain of the actuators, disk margins of every loop, alone and together.
     Exit code 3 if the flight ended before its time.
     """
-    from skyarm.studies.stability.along import evidence, hover_loci
+    from skyarm.studies.stability.flight_margins import evidence, hover_loci
     from skyarm.studies.stability.frozen_scenario import without_adaptation
     from skyarm.studies.stability.margins_report import margin_lines, margins_page
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skyarm.studies.compare import run_suite
-from skyarm.studies.compare.cells import SUCCESS_METRIC, Cell, table
+from skyarm.studies.compare.cell_flights import SUCCESS_METRIC, Cell, table
 from skyarm.studies.compare.comparison import Comparison
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.run_suite import fly_suite

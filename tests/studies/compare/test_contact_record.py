@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from skyarm.studies.compare.cells import Cell
+from skyarm.studies.compare.cell_flights import Cell
 from skyarm.studies.compare.contact_suite import NUMBERS, ContactSuite, cell_record, lacks
 from skyarm.studies.compare.contact_tasks import TASKS
 from skyarm.studies.compare.run_suite import write_suite

@@ -27,7 +27,7 @@ from skyarm.studies.compare.contact_tasks import (
     flies_its_own,
     scenario_of,
 )
-from skyarm.studies.compare.contact_worlds import CHANNEL, MOST_DISCARDED, NUMBERS, draw_worlds, kept
+from skyarm.studies.compare.contact_worlds import CHANNEL, MOST_DISCARDED, NUMBERS, draw_worlds, feasible_worlds
 from skyarm.world.contact.material import Material
 
 COUNT = 60
@@ -92,7 +92,7 @@ def test_a_load_or_a_push_beyond_the_joints_is_discarded():
     """The upper arm holds m g 0.2116 and the arm's own weight: from 0.8 of 0.5 N m on, no world is kept."""
     task, scenario = TASKS["pick_and_carry"], shipped("pick_and_carry")
     mass = np.linspace(0.5, 4.0, 71)
-    found = kept(task, scenario, {"wind": np.full(71, 2.0), "friction": np.full(71, 0.8), "mass": mass})
+    found = feasible_worlds(task, scenario, {"wind": np.full(71, 2.0), "friction": np.full(71, 0.8), "mass": mass})
     most = 0.1 * mass[found].max()
     arm = 0.5 * 0.8 - most * 9.81 * 0.2116
     assert found[0]
@@ -100,8 +100,8 @@ def test_a_load_or_a_push_beyond_the_joints_is_discarded():
     assert 0.0 < arm < 0.12, f"{most} kg"
     hard = dataclasses.replace(TASKS["press_and_hold"], push=2.6)
     drawn = {"wind": np.zeros(1), "friction": np.full(1, 0.1)}
-    assert not kept(hard, shipped("press_and_hold"), drawn).any(), "2.6 N at 0.168 m take 0.44 of 0.5 N m"
-    assert kept(TASKS["press_and_hold"], shipped("press_and_hold"), drawn).all()
+    assert not feasible_worlds(hard, shipped("press_and_hold"), drawn).any(), "2.6 N at 0.168 m take 0.44 of 0.5 N m"
+    assert feasible_worlds(TASKS["press_and_hold"], shipped("press_and_hold"), drawn).all()
 
 
 def test_the_first_worlds_do_not_depend_on_how_many_fly():

@@ -9,8 +9,8 @@ import numpy as np
 from compared_flights import cell_of
 from skyarm.log.metrics.windows import Windows
 from skyarm.simulate import Window
-from skyarm.studies.compare import cells
-from skyarm.studies.compare.cells import SUCCESS_METRIC, Cell, Flights, summary
+from skyarm.studies.compare import cell_flights
+from skyarm.studies.compare.cell_flights import SUCCESS_METRIC, Cell, CellFlights, summary
 from skyarm.studies.compare.comparison import plants_rows
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
@@ -35,7 +35,7 @@ NOISY = Condition(name="noisy", title="noise", noisy=True, episodes=2, cases=("c
 
 
 def flights(condition=NOISY, law="nmpc", **changes):
-    return Flights(entrant=ENTRANTS[law], case=SHORT, condition=condition, seed=5, **changes)
+    return CellFlights(entrant=ENTRANTS[law], case=SHORT, condition=condition, seed=5, **changes)
 
 
 def same(one: Cell, other: Cell) -> bool:
@@ -57,7 +57,7 @@ def test_flights_in_processes_are_those_of_one_process_in_order():
 
 
 def test_of_wrong_plants_a_law_that_flies_alone_meets_some_and_of_noise_all(monkeypatch):
-    monkeypatch.setattr(cells, "ONE_BY_ONE", 2)
+    monkeypatch.setattr(cell_flights, "ONE_BY_ONE", 2)
 
     def count(planned):
         return planned.episodes(planned.scenario())

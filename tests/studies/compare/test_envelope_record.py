@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from envelope_points import AXES_FLOWN, LOST, plants, point
-from skyarm.studies.compare.cells import Cell
+from skyarm.studies.compare.cell_flights import Cell
 from skyarm.studies.compare.envelope import (
     JUDGED,
     axis_rows,

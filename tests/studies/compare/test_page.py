@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 
-from skyarm.studies.compare.cells import SUCCESS_METRIC, Cell, table
+from skyarm.studies.compare.cell_flights import SUCCESS_METRIC, Cell, table
 from skyarm.studies.compare.comparison import (
     COST,
     GROUPS,

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from skyarm.algebra import Vec3
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
 from skyarm.records.leaves import leaves
-from skyarm.studies.compare.cells import SUCCESS_METRIC, Cell, successes
+from skyarm.studies.compare.cell_flights import SUCCESS_METRIC, Cell, successes
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.suite import CASES, turn_wind
 from skyarm.world import ForceWind, Gust

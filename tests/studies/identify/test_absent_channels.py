@@ -11,7 +11,7 @@ from skyarm.studies.identify.identified_report import _absent_line
 from skyarm.studies.identify.unknowns import unknowns_of
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import fit_windows
-from skyarm.studies.identify.windows import Windows, on_clock
+from skyarm.studies.identify.windows import ClockedWindows, on_clock
 from window_flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
 
 pytest.importorskip("scipy")
@@ -22,7 +22,7 @@ SEARCHED = ("rotors.thrust_coefficient", "base.second_moment.x", "base.com.x", "
 def fitted(vehicle, driven, without=()):
     """Errors and fit of a few numbers to twenty windows of 60 ms, near the truth, under a noise that is stated."""
     flight = measured(flown(vehicle, 2.0), without=("velocity", *without))
-    windows = Windows([on_clock(flight, vehicle, STEP)], vehicle, 0.06, 20)
+    windows = ClockedWindows([on_clock(flight, vehicle, STEP)], vehicle, 0.06, 20)
     every = unknowns_of(vehicle, curve=False, velocity=True, voltage=False, driven=driven, servoed=[False] * vehicle.n)
     errors = WindowErrors(
         windows, vehicle, [each for each in every if each.name in SEARCHED], {}, driven, [False] * vehicle.n, GRAVITY

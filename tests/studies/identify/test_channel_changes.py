@@ -11,7 +11,7 @@ import pytest
 import skyarm
 from planted_flights import inverse, rotate
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.studies.identify.channel_changes import Change, channel_changes
+from skyarm.studies.identify.channel_changes import ChannelChange, channel_changes
 from skyarm.studies.identify.log_checks import REFUSED, WARNED
 
 VEHICLE = skyarm.load_vehicle("hummingbird_arm2_rotors")
@@ -388,7 +388,7 @@ def test_a_change_leaves_all_other_channels_and_passes_over_those_that_are_not_t
         assert list(own) == ["gyro"]
         return {"accelerometer": own["gyro"]} if amount == 2.0 else {}
 
-    change = Change("gyro", "", "", ("gyro", "voltage"), make)
+    change = ChannelChange("gyro", "", "", ("gyro", "voltage"), make)
     changed, out = change.of(SOUND, 2.0), change.of(SOUND, 1.0)
     assert set(changed) == set(out) == set(SOUND) - {"gyro"}
     assert changed["accelerometer"] is SOUND["gyro"]

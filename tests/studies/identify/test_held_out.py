@@ -43,15 +43,15 @@ from skyarm.studies.identify.held_out_errors import (
     table_horizons,
 )
 from skyarm.studies.identify.identified_numbers import Identified
-from skyarm.studies.identify.identified_parts import Surroundings
-from skyarm.studies.identify.open_loop import OpenLoop, places_of
-from skyarm.studies.identify.windows import Windows, on_clock
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
+from skyarm.studies.identify.open_loop import OpenLoopPredictor, places_of
+from skyarm.studies.identify.windows import ClockedWindows, on_clock
 from window_flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
 DELAY = 0.0033
-ABOUT = Surroundings(delay=DELAY)
+ABOUT = IdentifiedSurroundings(delay=DELAY)
 POSES = ("position", "velocity", "quaternion")
 
 
@@ -84,7 +84,7 @@ def test_the_true_vehicle_predicts_a_flight_that_another_does_not():
     good, wrong, spread = (found.one_step[name] for name in (IDENTIFIED, START, HOLD))
     assert good.specific_force < 0.02 * min(wrong.specific_force, spread.specific_force)
     assert good.angular_acceleration < 0.02 * spread.angular_acceleration
-    late = predict_held_out(identified(about=Surroundings()), QUAD, [flight_of()], horizons=(0.1,))
+    late = predict_held_out(identified(about=IdentifiedSurroundings()), QUAD, [flight_of()], horizons=(0.1,))
     assert late.errors[IDENTIFIED][0].attitude > 5.0 * found.errors[IDENTIFIED][1].attitude
 
 
@@ -151,7 +151,7 @@ def test_a_flight_that_is_too_short_is_refused():
 def loop_of(about=ABOUT, **more):
     flight = flight_of(**more)
     parts = on_clock(flight, QUAD, STEP)
-    loop = OpenLoop(QUAD, about, [flight], [parts], GRAVITY)
+    loop = OpenLoopPredictor(QUAD, about, [flight], [parts], GRAVITY)
     return loop, loop.windows([places_of(parts, QUAD, 50, 0.2)])
 
 
@@ -175,7 +175,7 @@ def test_a_window_of_the_past_tells_noises_state_and_the_torque_that_the_model_l
 def test_flights_without_windows_take_the_noise_of_the_others():
     quiet, loud = flight_of(noise=1.0), flight_of(noise=4.0, name="other", without=("velocity",))
     parts = [on_clock(each, QUAD, STEP) for each in (quiet, loud)]
-    loop = OpenLoop(QUAD, ABOUT, [quiet, loud], parts, GRAVITY)
+    loop = OpenLoopPredictor(QUAD, ABOUT, [quiet, loud], parts, GRAVITY)
     before = loop.windows([places_of(parts[0], QUAD, 100, 0.1), np.zeros(0, int)], 0.1)
     noise, _ = noises_of(before, loop.begins(before.windows))
     assert noise[1] == pytest.approx(noise[0])
@@ -183,7 +183,7 @@ def test_flights_without_windows_take_the_noise_of_the_others():
 
 def test_of_a_wrench_its_mean_stays_and_the_rest_fades():
     size = 4000
-    windows = Windows([clocked(size), clocked(size, name="b")], QUAD, 0.1, places=[np.arange(0, size, 50)] * 2)
+    windows = ClockedWindows([clocked(size), clocked(size, name="b")], QUAD, 0.1, places=[np.arange(0, size, 50)] * 2)
     draw = np.random.default_rng(2)
     wrench = np.where(windows.owners[:, None] == 0, 2.0, -1.0) + draw.normal(scale=0.1, size=(windows.count, 6))
     rows = np.flatnonzero(windows.owners == 0)[-5:]
@@ -248,7 +248,7 @@ def test_holding_s_accelerations_are_off_by_what_is_measured_about_its_mean():
     """Of the steps that are flown: the first two after each begin, and the turning of the first of them."""
     flight = flight_of()
     parts = on_clock(flight, QUAD, STEP)
-    loop = OpenLoop(QUAD, ABOUT, [flight], [parts], GRAVITY)
+    loop = OpenLoopPredictor(QUAD, ABOUT, [flight], [parts], GRAVITY)
     begins = places_of(parts, QUAD, 90)
     period, _, spread = one_step_errors(loop, [begins])
     # a sample is the mean of the step before it

@@ -21,7 +21,7 @@ from skyarm.studies.identify.excitation_report import (
 )
 from skyarm.studies.identify.held_out_errors import HOLD, IDENTIFIED, PAST, START, HeldOut, HorizonErrors, OneStep
 from skyarm.studies.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, Identified, IdentifiedNumber
-from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.identified_report import (
     IdentifiedReport,
     _absent_line,
@@ -33,7 +33,7 @@ from skyarm.studies.identify.identified_report import (
 )
 from skyarm.studies.identify.information import ExpectedNumber
 from skyarm.studies.identify.lag_report import lag_lines, lag_tables, nominal_model, stated_delays
-from skyarm.studies.identify.log_checks import REFUSED, WARNED, Fault
+from skyarm.studies.identify.log_checks import REFUSED, WARNED, LogFault
 from skyarm.studies.identify.loop_lags import Estimated, Lag, LoopLags
 
 VEHICLE = skyarm.load_vehicle("hummingbird")
@@ -160,7 +160,7 @@ def found_with(*numbers, **changed):
     usual = {
         "correlation": np.eye(len(numbers)),
         "vehicle": VEHICLE,
-        "surroundings": Surroundings(delay=0.006),
+        "surroundings": IdentifiedSurroundings(delay=0.006),
         "explained": {"rate.x": 0.987, "rate.y": 0.5},
         "deviation": {},
         "settled": True,
@@ -282,7 +282,7 @@ def test_a_voltage_that_is_measured_and_not_used_is_said_unless_that_of_the_roto
 
 
 def test_the_document_has_no_value_where_the_flights_show_none_and_predictions_if_there_are_some():
-    fault = Fault(severity=WARNED, file="a.csv", channel="gyro", finding="is frozen", remedy="cut it")
+    fault = LogFault(severity=WARNED, file="a.csv", channel="gyro", finding="is frozen", remedy="cut it")
     numbers = number("a"), number("b", reason=NOT_SHOWN)
     found = found_with(*numbers, period=0.004, absent={"pose": {"a": 2.0}})
     document = report(found, faults=(fault,), known={"mass": 0.8}).document()
@@ -415,7 +415,7 @@ def test_excited_numbers_stand_with_their_accuracy_in_front_of_their_names(monke
         "yaw inertia:            excited (± 1.2 %)    base.inertia.zz",
         "drift of the thrust:    not in this flight   drift",
     ]
-    fault = Fault(severity=WARNED, file="a.csv", channel="gyro", finding="is frozen", remedy="cut it")
+    fault = LogFault(severity=WARNED, file="a.csv", channel="gyro", finding="is frozen", remedy="cut it")
     assert fault_line(fault) == "warned: gyro: is frozen; cut it"
     facts = excitation_facts(VEHICLE, [fault], numbers)
     assert facts["start"] == "hummingbird"

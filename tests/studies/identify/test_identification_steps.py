@@ -14,11 +14,11 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify import identify_files as files_of
 from skyarm.studies.identify import identify_flights as flights_of
 from skyarm.studies.identify.identified_numbers import Identified
-from skyarm.studies.identify.identified_parts import SCALED, Surroundings, vehicle_with
-from skyarm.studies.identify.identify_files import identify_files
+from skyarm.studies.identify.identified_parts import SCALED, IdentifiedSurroundings, vehicle_with
+from skyarm.studies.identify.identify_files import FlightFiles, identify_files
 from skyarm.studies.identify.identify_flights import identify_aligned
 from skyarm.studies.identify.identify_windows import SearchOptions
-from skyarm.studies.identify.log_checks import REFUSED, WARNED, Fault
+from skyarm.studies.identify.log_checks import REFUSED, WARNED, LogFault
 
 START = skyarm.load_vehicle("hummingbird")
 CLOCK = ClockOffset("gyro", "quaternion", 0.01, 1e-4, 0.0, 1e-6, 0.0, 0.0, 0.99)
@@ -33,7 +33,7 @@ def flight(name, seed=0, begin=0.0, **facts):
 
 
 def fault(severity=WARNED, file="a.csv"):
-    return Fault(severity=severity, file=file, channel="gyro", finding="is odd", remedy="cut it")
+    return LogFault(severity=severity, file=file, channel="gyro", finding="is odd", remedy="cut it")
 
 
 def found(counted):
@@ -41,7 +41,7 @@ def found(counted):
         numbers=(),
         correlation=np.eye(0),
         vehicle=START,
-        surroundings=Surroundings(),
+        surroundings=IdentifiedSurroundings(),
         explained={},
         deviation={},
         settled=True,
@@ -178,10 +178,9 @@ def of_files(*names, held_out=(), **changed):
     usual = {"options": SearchOptions(), "join": None, "columns": None, "gravity": None, "despite_faults": False}
     words = {**usual, **changed}
     report = identify_files(
-        names,
+        FlightFiles(fit=names, held_out=held_out, join=words.pop("join"), columns=words.pop("columns")),
         START,
         words.pop("options"),
-        held_out=held_out,
         warn=warned.append,
         progress=lambda *done, **last: told.append((*done, *last.values())),
         **words,

@@ -26,7 +26,7 @@ from skyarm.studies.identify import identify_files, identify_flights
 from skyarm.studies.identify.held_out_errors import CURVE, HOLD, HORIZONS, IDENTIFIED, HeldOut, HorizonErrors, OneStep
 from skyarm.studies.identify.identified_file import identified_file
 from skyarm.studies.identify.identified_numbers import Identified, IdentifiedNumber
-from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.identified_report import correlated_pairs, prediction_lines
 from skyarm.studies.identify.identify_command import known_numbers
 from skyarm.studies.identify.identify_flights import known_of_search
@@ -260,7 +260,7 @@ def found_with(*numbers, settled=True, correlation=None, counted=(True,)):
         numbers=numbers,
         correlation=np.eye(len(numbers)) if correlation is None else np.array(correlation),
         vehicle=START,
-        surroundings=Surroundings(delay=0.006),
+        surroundings=IdentifiedSurroundings(delay=0.006),
         explained={},
         deviation={},
         settled=settled,

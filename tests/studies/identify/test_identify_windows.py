@@ -25,7 +25,7 @@ from skyarm.studies.identify.identify_windows import (
 )
 from skyarm.studies.identify.unknowns import second_moments, unknowns_of
 from skyarm.studies.identify.window_fit import WindowFit
-from skyarm.studies.identify.windows import Samples
+from skyarm.studies.identify.windows import SensorSamples
 from skyarm.vehicle.thrust_table import ThrustTable
 from window_flights import ONE, QUAD, flown, measured, on_servo
 
@@ -245,7 +245,7 @@ def test_what_is_explained_is_beyond_white_noise(monkeypatch):
     monkeypatch.setattr("skyarm.studies.identify.identify_windows.first_noise", lambda _: np.full((1, 1), 0.1))
     windows = SimpleNamespace(owners=np.zeros(2, int), begins=np.array([0, 40]), length=40)
     swing = np.where(np.arange(80) % 2, 1.0, -1.0)[:, None]
-    samples = {"gyro": Samples(swing, np.ones(80), np.ones(80, dtype=bool))}
+    samples = {"gyro": SensorSamples(swing, np.ones(80), np.ones(80, dtype=bool))}
     errors = SimpleNamespace(windows=windows, rows=[("gyro", 0)], samples=samples)
     fit = SimpleNamespace(counted=np.ones((40, 2, 1), dtype=bool), errors=np.full((40, 2, 1), 0.3))
     explained, deviation = explained_shares(errors, fit)
@@ -263,7 +263,7 @@ def test_what_is_explained_is_beyond_white_noise(monkeypatch):
         fit.errors = np.full((40, 2, 1), size)
         assert explained_shares(errors, fit)[0] == {"rate.x": pytest.approx(share, abs=1e-12)}
     # a row that does not move is not told, but for what is left of it
-    errors.samples = {"gyro": Samples(0.05 * swing, np.ones(80), np.ones(80, dtype=bool))}
+    errors.samples = {"gyro": SensorSamples(0.05 * swing, np.ones(80), np.ones(80, dtype=bool))}
     assert explained_shares(errors, fit) == ({}, {"rate.x": pytest.approx(0.05)})
 
 

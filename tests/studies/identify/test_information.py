@@ -66,7 +66,7 @@ def test_all_windows_tell_more_than_those_that_are_fitted(monkeypatch):
         assert given == ("flights", "vehicle", 0.25)
         return SimpleNamespace(count=240)
 
-    monkeypatch.setattr(information, "Windows", windows)
+    monkeypatch.setattr(information, "ClockedWindows", windows)
     late, moment, sag = expected_numbers(["flight"], "vehicle")
     student = 1.97196  # of 199 degrees of freedom
     assert (late.name, late.unit, late.start, late.relative) == ("delay", "s", 0.005, 0.0)

@@ -14,7 +14,7 @@ import pytest
 from test_channel_changes import ARM, DEGREES, POSE, SOUND, VEHICLE, columns, made, rows_of, same, then, times, times_of
 
 from skyarm.studies.identify import isolate_fault
-from skyarm.studies.identify.channel_changes import Change, channel_changes
+from skyarm.studies.identify.channel_changes import ChannelChange, channel_changes
 from skyarm.studies.identify.isolate_fault import PUSHES, Leavings, Left, Tried, find_faults
 from skyarm.studies.identify.log_checks import REFUSED, WARNED
 
@@ -373,7 +373,7 @@ def test_a_dearer_change_must_leave_less_by_its_price(monkeypatch, cheap, dear, 
         ]
         return dict.fromkeys(SENSORS, float(np.exp(min(costs, default=3.0))))
 
-    monkeypatch.setattr(Change, "of", noted)
+    monkeypatch.setattr(ChannelChange, "of", noted)
     (fault,), _ = isolated(monkeypatch, sizes)
     assert f"{fault.channel}: {fault.finding}".startswith(dear if share > 1.0 else cheap)
 
@@ -388,7 +388,7 @@ def test_a_pose_that_is_late_by_more_than_its_interval_is_told(monkeypatch, offs
     assert [(each.severity, each.channel, each.finding) for each in found] == [(WARNED, "quaternion", words)] * bool(
         words
     )
-    monkeypatch.setattr(Change, "of", noted)
+    monkeypatch.setattr(ChannelChange, "of", noted)
     for channel in ("pose", "joint_rates"):
         said = f"{channel}: does not belong"
         found, _ = isolated(
@@ -411,7 +411,7 @@ def test_a_change_is_made_on_the_flight_whose_clock_it_spares(monkeypatch):
 
     def tried(channel, factor=1.0):
         make = rows_of("gyro", times(*(factor,) * 3))
-        change = Change(channel, "", "", ("gyro",), lambda own, amount: dict(make(SOUND).channels), price=0.5)
+        change = ChannelChange(channel, "", "", ("gyro",), lambda own, amount: dict(make(SOUND).channels), price=0.5)
         return change, isolate_fault._try_change(fits, (stamped, aligned), change, 2.0, (3, 1))
 
     for channel, name in {"gyro": "aligned anew", "quaternion": "aligned anew", "velocity": "aligned"}.items():
@@ -437,7 +437,7 @@ def test_the_cost_is_the_mean_logarithm_of_rows_that_are_not_white():
 
 
 def some_change(*amounts):
-    return Change("gyro", "", "", ("gyro",), lambda own, amount: own, amounts=amounts)
+    return ChannelChange("gyro", "", "", ("gyro",), lambda own, amount: own, amounts=amounts)
 
 
 def test_of_each_change_the_best_amount_stays():
@@ -536,7 +536,7 @@ class Window:
 def window(monkeypatch):
     made = Window()
     parts = {
-        "Windows": made.windows,
+        "ClockedWindows": made.windows,
         "WindowErrors": made.errors,
         "fit_windows": made.fit,
         "first_noise": lambda errors: made.white,
@@ -646,7 +646,7 @@ def test_amounts_between_those_of_the_table_are_looked_for(monkeypatch, words, a
         (read,) = [float(found[1]) for note in flight.notes if (found := re.match(pattern, note))] or [np.inf]
         return dict.fromkeys(SENSORS, float(min(9.0, 2.0 + abs(read - amount) / abs(amount))))
 
-    monkeypatch.setattr(Change, "of", noted)
+    monkeypatch.setattr(ChannelChange, "of", noted)
     (fault,), _ = isolated(monkeypatch, sizes)
     found = re.match(pattern, f"{fault.channel}: {fault.finding}")
     assert float(found[1]) == pytest.approx(amount, abs=near)

@@ -15,7 +15,7 @@ from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.studies.identify.identified_file import identified_file, is_around, read_surroundings
 from skyarm.studies.identify.identified_numbers import NOT_SHOWN, Identified, IdentifiedNumber
 from skyarm.studies.identify.identified_parts import (
-    Surroundings,
+    IdentifiedSurroundings,
     numbers_around,
     of_a_body,
     surroundings_with,
@@ -168,14 +168,18 @@ def test_the_nearest_inertia_of_a_body_keeps_the_axes_and_what_a_body_has():
 
 
 def test_surroundings_and_their_numbers_are_the_same_but_for_the_thrust():
-    about = Surroundings(delay=0.006, place=(0.01, -0.02, 0.03), torque=(0.1, 0.2, 0.3), setpoint_hold=1.0, thrust=1.1)
+    about = IdentifiedSurroundings(
+        delay=0.006, place=(0.01, -0.02, 0.03), torque=(0.1, 0.2, 0.3), setpoint_hold=1.0, thrust=1.1
+    )
     numbers = numbers_around(about)
     assert numbers["delay"] == 0.006
     assert [numbers[f"place.{axis}"] for axis in "xyz"] == [0.01, -0.02, 0.03]
     assert "thrust" not in numbers
     assert surroundings_with(numbers) == dataclasses.replace(about, thrust=1.0)
-    assert surroundings_with({}) == Surroundings()
-    assert surroundings_with({"thrust": 1.1, "place.y": 0.5}) == Surroundings(thrust=1.1, place=(0.0, 0.5, 0.0))
+    assert surroundings_with({}) == IdentifiedSurroundings()
+    assert surroundings_with({"thrust": 1.1, "place.y": 0.5}) == IdentifiedSurroundings(
+        thrust=1.1, place=(0.0, 0.5, 0.0)
+    )
     assert [is_around(name) for name in ("delay", "place.x", "base.com.x", "rotors.inertia", "gyro_bias.z")] == [
         *(True, True),
         *(False, False),
@@ -194,7 +198,7 @@ def found_with(*numbers, vehicle=QUAD, **changed):
         numbers=numbers,
         correlation=np.eye(len(numbers)),
         vehicle=vehicle,
-        **{**usual, "surroundings": Surroundings(delay=0.0061), **changed},
+        **{**usual, "surroundings": IdentifiedSurroundings(delay=0.0061), **changed},
     )
 
 
@@ -213,7 +217,7 @@ def test_a_vehicle_file_names_flights_start_and_what_is_no_part_of_the_vehicle()
         "#   drift = 1 (0.9 to 1.1), start 2",
         "# In a scenario: [delays] command = 0.0061",
     ]
-    early = found_with(number("delay"), surroundings=Surroundings(delay=-0.002))
+    early = found_with(number("delay"), surroundings=IdentifiedSurroundings(delay=-0.002))
     text = identified_file(early, QUAD, ["a.csv"], {})
     assert text.startswith("# Identified by skyarm from 1 flight, ")
     assert "# In a scenario: [delays] command = 0\n" in text
@@ -279,7 +283,7 @@ def written(folder, **changed):
     """File of all numbers of an identification."""
     document = {
         "start": "hummingbird",
-        "surroundings": dataclasses.asdict(Surroundings(delay=0.006, place=(0.1, 0.2, 0.3))),
+        "surroundings": dataclasses.asdict(IdentifiedSurroundings(delay=0.006, place=(0.1, 0.2, 0.3))),
         "known": {"voltage": 12.5},
         "numbers": [{"name": "thrust.b", "value": 1.2}, {"name": "thrust.c", "value": None}],
     }
@@ -289,13 +293,13 @@ def written(folder, **changed):
 
 
 def test_surroundings_are_read_with_the_thrust_of_one_flight_and_the_voltage(tmp_path):
-    file, about = written(tmp_path), Surroundings(delay=0.006, place=(0.1, 0.2, 0.3))
+    file, about = written(tmp_path), IdentifiedSurroundings(delay=0.006, place=(0.1, 0.2, 0.3))
     assert read_surroundings(file) == ("hummingbird_identified", about, 12.5)
     assert read_surroundings(file, "b")[1] == dataclasses.replace(about, thrust=1.2)
     assert read_surroundings(file, "c")[1] == read_surroundings(file, "d")[1] == about
     assert read_surroundings(written(tmp_path, known={}))[2] == 0.0
     older = read_surroundings(written(tmp_path, surroundings={"delay": 0.01}))[1]
-    assert older == Surroundings(delay=0.01)
+    assert older == IdentifiedSurroundings(delay=0.01)
 
 
 @pytest.mark.parametrize(

@@ -380,7 +380,7 @@ def test_of_joints_that_hold_a_setpoint_those_with_a_servo_are_flown_with_it(mon
         asked.__dict__.update(names=[each.name for each in unknowns], known=known, driven=driven, gravity=gravity)
         raise _StopError
 
-    fakes = {"on_clock": lambda *_, **__: None, "clock_step": lambda *_: PERIOD, "Windows": lambda *_: None}
+    fakes = {"on_clock": lambda *_, **__: None, "clock_step": lambda *_: PERIOD, "ClockedWindows": lambda *_: None}
     for name, each in {**fakes, "unknowns_of": usual, "WindowErrors": errors}.items():
         monkeypatch.setattr(f"{module}.{name}", each)
     searched = {"rotors": [Unknown(name="delay", unit="s", start=0.0, spread=0.05)]}

@@ -12,14 +12,14 @@ from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.design import DesignLimits
 from skyarm.studies.identify.held_out import predict_held_out
 from skyarm.studies.identify.identified_numbers import Identified
-from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.identify_windows import SearchOptions, distinct_flights, identify_by_windows, search_of
 from skyarm.studies.identify.isolate_fault import find_faults
 from skyarm.studies.identify.loop_lags import Estimated
 from skyarm.studies.identify.required_flight import required_flight
 from skyarm.studies.identify.unknowns import unknowns_of
 from skyarm.studies.identify.window_errors import in_halves
-from skyarm.studies.identify.windows import Windows, on_clock
+from skyarm.studies.identify.windows import ClockedWindows, on_clock
 from skyarm.vehicle.thrust_table import ThrustTable
 from window_flights import ONE, QUAD, STEP, flown, measured
 
@@ -100,7 +100,7 @@ def prediction(vehicle=QUAD, name="flight", **searched):
         numbers=(),
         correlation=np.zeros((0, 0)),
         vehicle=vehicle,
-        surroundings=Surroundings(delay=DELAY),
+        surroundings=IdentifiedSurroundings(delay=DELAY),
         explained={},
         deviation={},
         settled=True,
@@ -214,5 +214,5 @@ def test_no_interval_ends_below_its_begin():
 def test_a_window_may_end_with_the_clock():
     flight = flight_of()
     clock = on_clock(flight, QUAD, STEP)
-    windows = Windows([clock], QUAD, 0.1)
+    windows = ClockedWindows([clock], QUAD, 0.1)
     assert (windows.begins + windows.length <= clock.size).all()

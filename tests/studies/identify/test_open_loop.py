@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.studies.identify.identified_parts import Surroundings, numbers_around, surroundings_with
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings, numbers_around, surroundings_with
 from skyarm.studies.identify.open_loop import (
     FIELDS,
     BaseStates,
-    OpenLoop,
+    OpenLoopPredictor,
     measured_states,
     no_poses,
     places_of,
@@ -28,7 +28,7 @@ from window_flights import GRAVITY, ONE, QUAD, STEP, flown, measured, rotations
 ROTORS = 0.0033
 """s, a dead time that is no whole number of steps."""
 
-ABOUT = Surroundings(delay=ROTORS)
+ABOUT = IdentifiedSurroundings(delay=ROTORS)
 BEGINS = np.array([210, 250, 290])
 
 
@@ -42,7 +42,7 @@ def loop_of(vehicle=QUAD, about=ABOUT, gravity=GRAVITY, **changes):
     """Open loop of a flight without noise, all of which is usable."""
     flight = measured(log_of(vehicle))
     clocked = on_clock(flight, vehicle, STEP, sections=[(0.0, 1.0)])
-    return OpenLoop(vehicle, about, [flight], [dataclasses.replace(clocked, **changes)], gravity)
+    return OpenLoopPredictor(vehicle, about, [flight], [dataclasses.replace(clocked, **changes)], gravity)
 
 
 def to_world(quaternions, vector):
@@ -86,11 +86,11 @@ def test_joints_move_as_measured_whatever_acts_on_them():
     first = after(loop_of(ONE), BEGINS, 100)
     flight = measured(log_of(ONE))
     clocked = on_clock(flight, ONE, STEP, sections=[(0.0, 1.0)])
-    stuck = OpenLoop(dataclasses.replace(ONE, links=(weak,)), ABOUT, [flight], [clocked], GRAVITY)
+    stuck = OpenLoopPredictor(dataclasses.replace(ONE, links=(weak,)), ABOUT, [flight], [clocked], GRAVITY)
     assert after(stuck, BEGINS, 100).rate == pytest.approx(first.rate, abs=1e-9)
     angles = flight["joint_positions"]
     still = flight.with_channels({"joint_positions": dataclasses.replace(angles, values=0.0 * angles.values)})
-    rigid = OpenLoop(ONE, ABOUT, [still], [clocked], GRAVITY)
+    rigid = OpenLoopPredictor(ONE, ABOUT, [still], [clocked], GRAVITY)
     assert np.abs(after(rigid, BEGINS, 100).rate - first.rate).max() > 0.05
 
 
@@ -124,7 +124,7 @@ def test_gravity_thrust_and_delay_act():
         assert each == pytest.approx(pushed["thrust"], rel=1e-6), name
         # 2 % of what lifts the weight, more or less
         assert 0.5 < (each * up).sum(axis=1).min() / (0.02 * GRAVITY * seconds) < 1.5
-    late, speeds = loop_of(about=Surroundings(delay=ROTORS + STEP)), log_of(QUAD).rotor_commands
+    late, speeds = loop_of(about=IdentifiedSurroundings(delay=ROTORS + STEP)), log_of(QUAD).rotor_commands
     assert np.abs(np.diff(speeds, axis=0)[200:320]).max() > 1.0
     assert np.abs(after(late, BEGINS, 20).rate - true.rate).max() > 1e-3
 
@@ -165,7 +165,9 @@ def test_nothing_that_is_measured_after_a_begin_enters_its_prediction():
         )
         for name, size in (("position", 0.02), ("gyro", 0.3))
     }
-    first, other = (OpenLoop(QUAD, ABOUT, [each], [clocked], GRAVITY) for each in (plain, plain.with_channels(jumped)))
+    first, other = (
+        OpenLoopPredictor(QUAD, ABOUT, [each], [clocked], GRAVITY) for each in (plain, plain.with_channels(jumped))
+    )
     assert np.abs(first.measured.velocity[250] - other.measured.velocity[250]).max() > 0.1
     for name in FIELDS:
         one, two = (getattr(after(each, [250], 20), name) for each in (first, other))
@@ -249,7 +251,7 @@ def test_a_late_pose_is_that_of_a_later_stamp_and_attitude_passes_half_a_turn_ev
     flight = flight_of(("position", "quaternion"))
     middle = flight["quaternion"].time.mean()
     for late in (0.0, 0.0123):
-        states, _, time = states_of(flight, Surroundings(pose_delay=late))
+        states, _, time = states_of(flight, IdentifiedSurroundings(pose_delay=late))
         q, time = states.quaternion, time[:, 0] + late
         assert np.linalg.norm(q, axis=1) == pytest.approx(1.0)
         yaw = 2.0 * np.arctan2(q[:, 3], q[:, 0])
@@ -259,7 +261,7 @@ def test_a_late_pose_is_that_of_a_later_stamp_and_attitude_passes_half_a_turn_ev
 
 def test_a_flight_without_poses_is_level_and_its_gyro_without_bias():
     flight = flight_of(("position",))
-    states, begins, _ = states_of(flight, Surroundings(gyro_bias=(0.1, 0.2, 0.3)))
+    states, begins, _ = states_of(flight, IdentifiedSurroundings(gyro_bias=(0.1, 0.2, 0.3)))
     clocked = on_clock(flight, QUAD, 0.005)
     for each in measured_states(flight, clocked, ABOUT, 0)[:2]:
         assert each.position.shape == each.velocity.shape == each.rate.shape == (clocked.size + 1, 3)
@@ -336,7 +338,7 @@ def test_rates_to_begin_with_are_parabolas_through_the_last_tenth_of_a_second():
     """Of the gyroscope's samples until then; its bias is taken off."""
     flight, draw = flight_of(("position", "velocity", "quaternion")), np.random.default_rng(2)
     gyro = dataclasses.replace(flight["gyro"], values=draw.normal(size=flight["gyro"].values.shape))
-    about = Surroundings(gyro_bias=(0.1, -0.2, 0.3))
+    about = IdentifiedSurroundings(gyro_bias=(0.1, -0.2, 0.3))
     _, begins, _ = states_of(flight.with_channels({"gyro": gyro}), about)
     for k in (0, 57, 200):
         last = 40 + k  # states begin at 0.2 s, of 200 samples a second
@@ -393,6 +395,8 @@ def test_a_pose_is_an_attitude_and_a_place_or_a_velocity(names, missing):
 
 
 def test_numbers_of_surroundings_make_them_again():
-    about = Surroundings(delay=0.01, gyro_bias=(1.0, 2.0, 3.0), sag=1.5, torque=(0.1, 0.0, -0.1), setpoint_hold=0.7)
+    about = IdentifiedSurroundings(
+        delay=0.01, gyro_bias=(1.0, 2.0, 3.0), sag=1.5, torque=(0.1, 0.0, -0.1), setpoint_hold=0.7
+    )
     assert surroundings_with(numbers_around(about)) == about
     assert "thrust" not in numbers_around(dataclasses.replace(about, thrust=1.1))

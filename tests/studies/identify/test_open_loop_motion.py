@@ -15,12 +15,12 @@ from skyarm.flight_data.own_log import measured_flight
 from skyarm.log.motion import distance_between
 from skyarm.scenario.scenario_record import Delays, Rates
 from skyarm.studies.identify.identified_file import read_surroundings
-from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.open_loop import OpenLoopFlight
 from skyarm.studies.tune.excitation import of_vehicle, unseen_motion
 
 DELAY = 0.006
-ABOUT = Surroundings(delay=DELAY)
+ABOUT = IdentifiedSurroundings(delay=DELAY)
 
 
 def vehicle():
@@ -87,7 +87,7 @@ def test_a_heavier_vehicle_a_later_one_and_other_gravity_leave_it(flight, follow
     true = errors(followed, found, found.model)
     for heavy, about, gravity in (
         (dataclasses.replace(vehicle(), base=body), ABOUT, 9.81),
-        (vehicle(), Surroundings(delay=DELAY + 0.01), 9.81),
+        (vehicle(), IdentifiedSurroundings(delay=DELAY + 0.01), 9.81),
         (vehicle(), ABOUT, 9.6),
     ):
         other = OpenLoopFlight(flight, heavy, about, gravity=gravity)
@@ -127,7 +127,7 @@ def test_all_that_a_flight_lacks_is_one_line(flight):
 
 
 def test_surroundings_of_an_identification_are_read_back(tmp_path):
-    given = Surroundings(delay=0.012, torque=(1e-4, -2e-4, 0.0), sag=2.1)
+    given = IdentifiedSurroundings(delay=0.012, torque=(1e-4, -2e-4, 0.0), sag=2.1)
     file = tmp_path / "identified.json"
     file.write_text(json.dumps({"start": "x", "surroundings": dataclasses.asdict(given), "known": {"voltage": 4.2}}))
     assert read_surroundings(file) == ("x_identified", given, 4.2)
@@ -135,7 +135,7 @@ def test_surroundings_of_an_identification_are_read_back(tmp_path):
     numbers = [{"name": "thrust.second", "value": 0.91}, {"name": "thrust.third", "value": None}]
     file.write_text(json.dumps({"start": "x", "surroundings": {"delay": 0.012}, "known": {}, "numbers": numbers}))
     for flight, thrust in (("first", 1.0), ("second", 0.91), ("third", 1.0)):
-        assert read_surroundings(file, flight)[1] == Surroundings(delay=0.012, thrust=thrust)
+        assert read_surroundings(file, flight)[1] == IdentifiedSurroundings(delay=0.012, thrust=thrust)
     for text, words in (
         ("{", "must be a JSON file"),
         ("[]", "must hold 'surroundings' and 'known'"),
@@ -151,7 +151,10 @@ def test_surroundings_of_an_identification_are_read_back(tmp_path):
 def test_commands_at_a_full_voltage_are_scaled_by_the_batterys(flight):
     volts = Channel(time=flight["gyro"].time, values=np.full((len(flight["gyro"].time), 1), 11.1), source="volts")
     lower = OpenLoopFlight(
-        flight.with_channels({"voltage": volts}), vehicle(), Surroundings(delay=DELAY, sag=2.0), full_voltage=12.0
+        flight.with_channels({"voltage": volts}),
+        vehicle(),
+        IdentifiedSurroundings(delay=DELAY, sag=2.0),
+        full_voltage=12.0,
     )
     found = lower.over(0.2)
     times = found.begins[:-1] + 0.15

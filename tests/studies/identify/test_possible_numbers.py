@@ -12,7 +12,7 @@ from planted_vehicles import NOMINAL
 from skyarm.algebra import Sym3, Vec3
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify.identified_numbers import NOT_SHOWN, Identified, IdentifiedNumber
-from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.log_checks import REFUSED, WARNED, require_no_refusal
 from skyarm.studies.identify.possible_numbers import doubtful_numbers, require_possible_numbers
 
@@ -35,7 +35,7 @@ def identified(name, value, start, *, explained=0.9, reason="", seconds=10.0, wi
         numbers=(number,),
         correlation=np.eye(1),
         vehicle=START,
-        surroundings=Surroundings(),
+        surroundings=IdentifiedSurroundings(),
         explained={"specific_force.z": 0.9, "rate.x": explained, "rate.y": explained},
         deviation={},
         settled=True,

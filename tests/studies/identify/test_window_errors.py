@@ -15,7 +15,7 @@ from skyarm.algebra import Vec3
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.unknowns import Unknown, unknowns_of
 from skyarm.studies.identify.window_errors import OUTLIER, WindowErrors, WindowLanes, WindowStates, turn_attitudes
-from skyarm.studies.identify.windows import Held, Samples, Windows, on_clock
+from skyarm.studies.identify.windows import ClockedWindows, Held, SensorSamples, on_clock
 from window_flights import GRAVITY, ONE, QUAD, STEP, flown, measured, on_servo
 
 ROTORS, JOINTS = 0.0033, 0.0047
@@ -68,7 +68,7 @@ def errors_of(setup):
     """Errors of windows of a flight without noise, and numbers on the scale of the search at the truth."""
     vehicle, driven, servoed = SETUPS[setup]
     _, flight = flight_of(vehicle)
-    windows = Windows([on_clock(flight, vehicle, STEP, sections=[(0.0, 1.0)])], vehicle, 0.054, 3)
+    windows = ClockedWindows([on_clock(flight, vehicle, STEP, sections=[(0.0, 1.0)])], vehicle, 0.054, 3)
     options = {"curve": setup == "curve", "drag_height": setup == "curve", "voltage": setup == "curve"}
     unknowns = unknowns_of(vehicle, velocity=True, driven=driven, servoed=servoed, **options)
     names = ["gyro_bias.x", "gyro_bias.y", "gyro_bias.z", "pose_delay"]
@@ -380,7 +380,7 @@ def test_windows_of_one_flight_have_its_noise():
     windows.firsts = np.array([0, *windows.firsts[1:], 2 * windows.firsts[1]])
     windows.begins, samples = begins + windows.firsts[windows.owners], errors.samples
     errors.samples = {
-        name: Samples(*(np.concatenate([part, part]) for part in (each.values, each.share, each.there)))
+        name: SensorSamples(*(np.concatenate([part, part]) for part in (each.values, each.share, each.there)))
         for name, each in samples.items()
     }
     errors.averaged = np.array([1, 1])
@@ -400,7 +400,7 @@ def test_an_accelerometer_that_is_read_seldom_averages_what_lies_between():
     slow = Channel(time=force.time[4::4] - 1.5 * STEP, values=(sums[4::4] - sums[:-4:4]) / 4.0, source="every fourth")
     clocked = on_clock(flight.with_channels({"accelerometer": slow}), QUAD, STEP, sections=[(0.0, 1.0)])
     whole, searched = errors_of("quadrotor")
-    windows = Windows([clocked], QUAD, 0.032, 3)
+    windows = ClockedWindows([clocked], QUAD, 0.032, 3)
     errors = WindowErrors(windows, QUAD, whole.unknowns, {}, [], [], GRAVITY)
     errors.take_samples(searched)
     found, there = errors.errors_at(searched, true_states(errors, QUAD))

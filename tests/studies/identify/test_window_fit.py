@@ -11,7 +11,7 @@ import pytest
 from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.identified_parts import vehicle_with
 from skyarm.studies.identify.unknowns import Unknown, second_moments, unknowns_of
-from skyarm.studies.identify.window_errors import OUTLIER, Normal, WindowErrors, WindowStates
+from skyarm.studies.identify.window_errors import OUTLIER, NormalEquations, WindowErrors, WindowStates
 from skyarm.studies.identify.window_fit import (
     TURNS,
     Cost,
@@ -25,7 +25,7 @@ from skyarm.studies.identify.window_fit import (
     new_spread,
     reduce,
 )
-from skyarm.studies.identify.windows import Windows, on_clock
+from skyarm.studies.identify.windows import ClockedWindows, on_clock
 from window_flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
 
 sqrtm = pytest.importorskip("scipy.linalg", reason="needs the extra 'identify'").sqrtm
@@ -95,7 +95,7 @@ class Toy:
         return (
             found,
             there,
-            Normal(sums[:, :x, :x], sums[:, :x, x:], sums[:, x:, x:], pull[:, :x], pull[:, x:], of_rows),
+            NormalEquations(sums[:, :x, :x], sums[:, :x, x:], sums[:, x:, x:], pull[:, :x], pull[:, x:], of_rows),
         )
 
 
@@ -193,7 +193,7 @@ def test_outliers_make_little_noise():
     there = np.ones(z.shape, dtype=bool)
     there[:200, 0, 2] = False
     noise = np.array([[0.1, 0.2, 0.3]])
-    normal = Normal(*(np.zeros((1, 2, 2)),) * 3, *(np.zeros((1, 2)),) * 2, np.zeros((3, 1, 2, 2)))
+    normal = NormalEquations(*(np.zeros((1, 2, 2)),) * 3, *(np.zeros((1, 2)),) * 2, np.zeros((3, 1, 2, 2)))
     found = new_noise(errors, z * noise, there, noise, normal, np.eye(2)[None])
     assert found / noise == pytest.approx(np.array([[1.0, np.sqrt((399.0 + 300.0) / 400.0), 1.0]]))
     # of a row that the windows' own numbers take, nothing is seen, and its noise stays
@@ -499,7 +499,7 @@ def slopes_at_start(vehicle, driven, noise, seconds, most):
     """Normal equations of the numbers alone at the start vehicle, of a flight whose joint stands still."""
     log = flown(vehicle, 2.0, 0.0062, 0.0047, swing=0.0)
     flight = measured(log, without=("velocity",))
-    windows = Windows([on_clock(flight, vehicle, STEP, sections=[(0.0, 2.0)])], vehicle, seconds, most)
+    windows = ClockedWindows([on_clock(flight, vehicle, STEP, sections=[(0.0, 2.0)])], vehicle, seconds, most)
     unknowns = unknowns_of(vehicle, curve=False, velocity=True, voltage=False, driven=driven, servoed=[False])
     errors = WindowErrors(windows, vehicle, unknowns, {}, driven, [False], GRAVITY)
     begin, prior = (np.array([getattr(each, name) for each in unknowns]) for name in ("begin", "spread"))
@@ -537,7 +537,7 @@ def test_a_planted_quadrotor_is_found_within_its_intervals():
     """Of 12 s with the noise of good sensors, all other numbers known: forty windows of 60 ms."""
     log = flown(vehicle_with(QUAD, PLANTED, checked=True), 12.0, PLANTED["delay"])
     flight = measured(log, noise=1.0, without=("velocity",))
-    windows = Windows([on_clock(flight, QUAD, STEP)], QUAD, 0.06, 40)
+    windows = ClockedWindows([on_clock(flight, QUAD, STEP)], QUAD, 0.06, 40)
     unknowns = [
         each
         for each in unknowns_of(QUAD, curve=False, velocity=True, voltage=False, driven=[], servoed=[])

@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.studies.identify.windows import Clocked, Samples, Windows, clock_step, held_over, on_clock, samples_on
+from skyarm.studies.identify.windows import (
+    Clocked,
+    ClockedWindows,
+    SensorSamples,
+    clock_step,
+    held_over,
+    on_clock,
+    samples_on,
+)
 from window_flights import GRAVITY, ONE, QUAD
 
 STEP = 0.002
@@ -296,7 +304,7 @@ RUN_IN = math.ceil(8.0 * max(float(QUAD.rotors[0].time_constant_up), float(QUAD.
 def test_windows_follow_each_other_where_all_of_their_steps_are_usable():
     usable = np.ones(600, dtype=bool)
     usable[[RUN_IN + 130, RUN_IN + 131, RUN_IN + 300]] = False
-    windows = Windows([clocked(600, usable)], QUAD, 0.1)
+    windows = ClockedWindows([clocked(600, usable)], QUAD, 0.1)
     assert windows.run_in == RUN_IN
     assert windows.length == 50
     assert (windows.begins - RUN_IN).tolist() == [0, 50, 132, 182, 232, 301, 351, 401]
@@ -307,7 +315,7 @@ def test_windows_follow_each_other_where_all_of_their_steps_are_usable():
 
 def test_windows_of_several_flights_are_numbered_on_one_clock():
     given = [clocked(400, name="a"), clocked(RUN_IN + 10, name="b"), clocked(360, name="c")]
-    windows = Windows(given, QUAD, 0.2)
+    windows = ClockedWindows(given, QUAD, 0.2)
     assert windows.firsts.tolist() == [0, 400, 410 + RUN_IN, 770 + RUN_IN]
     assert set(windows.owners.tolist()) == {0, 2}
     first, last = (windows.begins[windows.owners == i] for i in (0, 2))
@@ -315,7 +323,7 @@ def test_windows_of_several_flights_are_numbered_on_one_clock():
     assert (last - windows.firsts[2]).tolist() == [RUN_IN + 100 * k for k in range(2)]
     # what lies before a flight's first step is that step, and none of the flight before
     assert (windows.before(-RUN_IN - 5)[windows.owners == 2] - windows.firsts[2]).tolist() == [0, 95]
-    few = Windows(given, QUAD, 0.2, 3)
+    few = ClockedWindows(given, QUAD, 0.2, 3)
     assert few.count == 3
     assert few.begins[[0, -1]].tolist() == windows.begins[[0, -1]].tolist()
     assert np.isin(few.begins, windows.begins).all()
@@ -329,7 +337,7 @@ def test_sensors_and_commands_of_one_flight_alone_are_none_in_the_others():
         clocked(400, name="a", channels={"gyro": gyro}, speeds=speeds),
         clocked(400, name="b", channels={"gyro": gyro, "position": place}, efforts=torque),
     ]
-    windows = Windows(flights, QUAD, 0.1)
+    windows = ClockedWindows(flights, QUAD, 0.1)
     samples = windows.samples()
     assert set(samples) == {"gyro", "position"}
     assert samples["gyro"].there.sum() == 800
@@ -349,7 +357,7 @@ def test_sensors_and_commands_of_one_flight_alone_are_none_in_the_others():
 def test_thrust_goes_with_voltage_time_and_flight():
     size = 300
     flights = [clocked(size, voltage=np.full(size, 0.9)), clocked(size, name="b", voltage=np.full(size, 0.8))]
-    windows = Windows(flights, QUAD, 0.1)
+    windows = ClockedWindows(flights, QUAD, 0.1)
     found = windows.thrusts(2.0, 0.01, 1.0, 0.7)
     since = STEP * np.arange(size)
     assert found[:size] == pytest.approx(0.81 * (1.0 + 0.01 * since))
@@ -362,7 +370,7 @@ def test_rotors_speeds_at_a_begin_are_those_of_a_long_simulation():
     size, delay = 900, 0.0031
     time = 0.01 + np.cumsum(STEP * draw.uniform(1.0, 3.0, size=500))
     speeds = channel(time, draw.uniform(300.0, 700.0, size=(500, 4)))
-    windows = Windows([clocked(size, speeds=speeds)], QUAD, 0.1)
+    windows = ClockedWindows([clocked(size, speeds=speeds)], QUAD, 0.1)
     rotors = tuple(dataclasses.replace(each, max_speed=620.0) for each in QUAD.rotors)
     found = windows.rotor_speeds([rotors], [windows.commands("speeds", delay)])[0]
     up, down = float(QUAD.rotors[0].time_constant_up), float(QUAD.rotors[0].time_constant_down)
@@ -382,7 +390,7 @@ def test_in_a_short_flight_rotors_begin_at_their_command_half_of_it_before():
     """Rather than with no window: a rotor that stood goes on from there in closed form."""
     size, up = 60, float(QUAD.rotors[0].time_constant_up)
     speeds = channel(STEP * np.array([-10.0, 20.0]), [[300.0] * 4, [600.0] * 4])
-    windows = Windows([clocked(size, speeds=speeds)], QUAD, 0.02)
+    windows = ClockedWindows([clocked(size, speeds=speeds)], QUAD, 0.02)
     assert (windows.run_in, windows.begins.tolist()) == (30, [30, 40, 50])
     found = windows.rotor_speeds([QUAD.rotors, QUAD.rotors], [windows.commands("speeds", late) for late in (0.0, 0.01)])
     assert found.shape == (2, 3, 4)
@@ -410,7 +418,7 @@ def test_first_states_are_those_of_parabolas(rate):
         "quaternion": channel(time, moving(time)),
         "joint_positions": channel(even, (0.2 + 3.0 * even - even**2)[:, None]),
     }
-    windows = Windows([clocked(size, channels=channels)], QUAD, 0.2)
+    windows = ClockedWindows([clocked(size, channels=channels)], QUAD, 0.2)
     found, t = windows.first_states(windows.samples()), STEP * windows.begins
     assert found["position"] == pytest.approx(np.stack([t, 2.0 * t**2, 1.0 - t], axis=1), abs=1e-9)
     assert found["velocity"] == pytest.approx(np.stack([t**0, 4.0 * t, -(t**0)], axis=1), abs=1e-8)
@@ -426,7 +434,7 @@ def test_first_states_of_a_motion_through_nought_average_the_noise_of_50_ms_to_e
     even, draw = STEP * (np.arange(2000) + 1), np.random.default_rng(6)
     line = (even[:, None] - 2.0) * np.array([1.0, -2.0, 3.0])
     noise = 0.01 * draw.normal(size=(2000, 3))
-    windows = Windows([clocked(2000, channels={"gyro": channel(even, line + noise)})], QUAD, 0.1)
+    windows = ClockedWindows([clocked(2000, channels={"gyro": channel(even, line + noise)})], QUAD, 0.1)
     off = windows.first_states(windows.samples())["rate"] - (STEP * windows.begins[:, None] - 2.0) * [1.0, -2.0, 3.0]
     assert np.sqrt((off**2).mean()) == pytest.approx(0.01 * math.sqrt(9.0 / (4.0 * 51.0)), rel=0.2)
     assert (np.abs(STEP * windows.begins - 2.0) < 0.06).any()
@@ -435,7 +443,7 @@ def test_first_states_of_a_motion_through_nought_average_the_noise_of_50_ms_to_e
 def test_first_states_without_a_pose_are_level_and_a_measured_velocity_counts():
     even = STEP * (np.arange(500) + 1)
     rows = {"gyro": channel(even, np.ones((500, 3))), "velocity": channel(even, np.tile([1.0, 2.0, 3.0], (500, 1)))}
-    windows = Windows([clocked(500, channels=rows)], QUAD, 0.2)
+    windows = ClockedWindows([clocked(500, channels=rows)], QUAD, 0.2)
     found = windows.first_states(windows.samples())
     assert (found["quaternion"] == [1.0, 0.0, 0.0, 0.0]).all()
     assert not found["position"].any()
@@ -448,12 +456,12 @@ def test_a_first_state_takes_samples_of_its_own_flight_only():
     flights = [
         clocked(400, name=str(i), channels={"gyro": channel(even, np.full((400, 3), float(i)))}) for i in range(3)
     ]
-    windows = Windows(flights, QUAD, 0.1)
+    windows = ClockedWindows(flights, QUAD, 0.1)
     assert windows.first_states(windows.samples())["rate"] == pytest.approx(
         np.tile(windows.owners[:, None].astype(float), (1, 3))
     )
     # few samples in all: what there is
-    lonely = Samples(np.ones((1200, 3)), np.ones(1200), np.arange(1200) == 390)
+    lonely = SensorSamples(np.ones((1200, 3)), np.ones(1200), np.arange(1200) == 390)
     assert windows.first_states({"position": lonely})["position"][windows.owners == 0] == pytest.approx(1.0)
     assert not windows.first_states({"position": lonely})["position"][windows.owners > 0].any()
     # one sample shows no speed

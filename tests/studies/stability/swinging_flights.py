@@ -8,7 +8,7 @@ import numpy as np
 
 import skyarm
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, first_state
-from skyarm.studies.stability.along import hovering
+from skyarm.studies.stability.flight_margins import hovering
 from skyarm.studies.stability.frozen_scenario import with_held_lag, without_adaptation
 
 EARLY, LATE = (4.0, 6.0), (12.0, 14.0)

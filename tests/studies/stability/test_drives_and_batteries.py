@@ -17,8 +17,8 @@ from skyarm.simulate import run
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.studies.stability import closed_loop as linear_loop
-from skyarm.studies.stability.along import frozen_instants, hovering
 from skyarm.studies.stability.closed_loop import closed_loop, radius
+from skyarm.studies.stability.flight_margins import frozen_instants, hovering
 from skyarm.studies.stability.frozen_scenario import nominal, with_lag
 from skyarm.studies.stability.open_loop import Differentiator
 from skyarm.vehicle.battery import Battery, CellCurve

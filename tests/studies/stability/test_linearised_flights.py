@@ -24,8 +24,8 @@ from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import InputRow
 from skyarm.studies.stability import margins
-from skyarm.studies.stability.along import evidence, hovering
 from skyarm.studies.stability.closed_loop import closed_loop, radius
+from skyarm.studies.stability.flight_margins import evidence, hovering
 from skyarm.studies.stability.frozen_scenario import with_lag
 from skyarm.studies.stability.open_loop import Differentiator, open_point
 

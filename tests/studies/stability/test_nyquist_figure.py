@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from skyarm.studies.stability.along import Locus
 from skyarm.studies.stability.disk_margins import LoopMargin
+from skyarm.studies.stability.flight_margins import Locus
 from skyarm.studies.stability.nyquist_figure import nyquist_figure
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.studies.stability.along import SettledHover
+from skyarm.studies.stability.flight_margins import SettledHover
 from skyarm.studies.stability.hover_delay import hover_delay
 from skyarm.studies.tune.excitation import of_vehicle
 

@@ -8,10 +8,11 @@ import pytest
 from skyarm.studies.sweep.sobol import DIMENSIONS
 from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores
 from skyarm.studies.tune.gain_search import BOX, Effort, costs, scatter, search, with_margins
-from skyarm.studies.tune.law_knobs import Knob
+from skyarm.studies.tune.law_knobs import GainKnob
 
 KNOBS = tuple(
-    Knob(path=f"k{i}", unit=unit, numbers=(((f"k{i}",), 2.0),)) for i, unit in enumerate(("1/s^2", "1/s", "rad/s", ""))
+    GainKnob(path=f"k{i}", unit=unit, numbers=(((f"k{i}",), 2.0),))
+    for i, unit in enumerate(("1/s^2", "1/s", "rad/s", ""))
 )
 EFFORT = Effort(scatter=60, population=8, rounds=12, plants=4, first_plants=2)
 BEST = np.array([0.7, -0.4, 0.2, 1.1])
@@ -60,7 +61,7 @@ def test_the_scatter_begins_with_the_law_as_it_is_and_goes_along_one_bandwidth()
 
 
 def test_more_gains_than_a_sobol_sequence_has_dimensions_are_scattered():
-    many = tuple(Knob(path=f"k{i}", unit="1/s", numbers=(((f"k{i}",), 2.0),)) for i in range(DIMENSIONS + 4))
+    many = tuple(GainKnob(path=f"k{i}", unit="1/s", numbers=(((f"k{i}",), 2.0),)) for i in range(DIMENSIONS + 4))
     points, few = (scatter(knobs, 200, seed=3)[-150:] for knobs in (many, many[:DIMENSIONS]))
     np.testing.assert_array_equal(points[:, :DIMENSIONS], few)
     np.testing.assert_array_equal(points, scatter(many, 200, seed=3)[-150:])
@@ -69,7 +70,7 @@ def test_more_gains_than_a_sobol_sequence_has_dimensions_are_scattered():
 
 
 def test_a_share_of_one_never_grows_beyond_it():
-    share = Knob(path="lag_share", unit="", numbers=((("lag_share",), 0.5),))
+    share = GainKnob(path="lag_share", unit="", numbers=((("lag_share",), 0.5),))
     assert np.exp(scatter((share,), 60, seed=0)).max() * 0.5 <= 1.0 + 1e-6
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.studies.stability.along import evidence
+from skyarm.studies.stability.flight_margins import evidence
 from skyarm.studies.tune.excitation import tuning_flight
 from skyarm.studies.tune.hover_margins import HoverMargins, calm, required_margins, with_gains
 from skyarm.studies.tune.law_knobs import find_knobs

@@ -20,7 +20,7 @@ from skyarm.studies.tune.candidate_flights import OWN, CandidateFlights, Flown, 
 from skyarm.studies.tune.excitation import KINDS, draw_plants, of_vehicle, sine_from_rest, tuning_flight
 from skyarm.studies.tune.gain_search import Effort
 from skyarm.studies.tune.law_knobs import find_knobs
-from skyarm.studies.tune.tuning import FURTHER, POOL, Plan, Tuner
+from skyarm.studies.tune.tuning import FURTHER, POOL, Tuner, TuningPlan
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 
@@ -149,7 +149,7 @@ def test_the_own_motion_counts_as_one_kind_of_four_from_the_first_round_to_the_f
     monkeypatch.setattr(tuning, "HoverMargins", NoMargins)
     Told.flown.clear()
     knobs, effort = find_knobs(flight.controller, "decoupled_pd"), Effort().scale(64, 8)
-    plan = Plan(
+    plan = TuningPlan(
         flight=flight, check=own, aside=flight, own=own, knobs=knobs, effort=effort, seed=0, label="decoupled_pd"
     )
     asked = np.zeros((5 * effort.population, len(knobs)))

@@ -10,18 +10,18 @@ import skyarm
 from skyarm.records.identity import identity
 from skyarm.studies.tune import tuning
 from skyarm.studies.tune.hover_margins import with_gains
-from skyarm.studies.tune.tuning import Plan
+from skyarm.studies.tune.tuning import TuningPlan
 
 
 @pytest.fixture
-def planned(monkeypatch: pytest.MonkeyPatch) -> list[Plan]:
+def planned(monkeypatch: pytest.MonkeyPatch) -> list[TuningPlan]:
     """Plans that would have been searched."""
-    seen: list[Plan] = []
+    seen: list[TuningPlan] = []
     monkeypatch.setattr(tuning, "tune_plan", lambda plan, **_: seen.append(plan))
     return seen
 
 
-def test_a_record_is_tuned_as_its_name_and_a_vehicle_without_a_motion_of_its_own(planned: list[Plan]) -> None:
+def test_a_record_is_tuned_as_its_name_and_a_vehicle_without_a_motion_of_its_own(planned: list[TuningPlan]) -> None:
     record, vehicle = skyarm.load_scenario("case3"), skyarm.load_vehicle("hummingbird_arm2_rotors")
     for what in (record, "case3", vehicle):
         skyarm.tune(what, "paper_ct", candidates=100, plants=8, knobs=["gains.position"], seed=5)

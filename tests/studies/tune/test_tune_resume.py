@@ -19,7 +19,7 @@ from skyarm.studies.flights import Rows, Store, Work, executor, fly, store
 from skyarm.studies.tune import tuning
 from skyarm.studies.tune.front import LoopMargins
 from skyarm.studies.tune.gain_search import Effort
-from skyarm.studies.tune.tuning import Plan, Tuning, plan_of
+from skyarm.studies.tune.tuning import Tuning, TuningPlan, plan_of
 from thorough import sampled
 
 pytest.importorskip("pyarrow")
@@ -65,7 +65,7 @@ def flown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return seen
 
 
-def plan(seed: int = 0) -> Plan:
+def plan(seed: int = 0) -> TuningPlan:
     effort = dataclasses.replace(Effort().scale(240, 8), population=4, rounds=4)
     knobs = ("gains.position", "gains.rate")
     found = plan_of(load_scenario("case1", controller="paper_pd"), True, "paper_pd", knobs, effort, seed)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.motion_demand import ActuatorDemand, demand_of_motion, motion_of
-from skyarm.records.arrays import Array, stack_values
+from skyarm.records.arrays import Array, Mask, stack_values
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.scenario.scenario_record import Scenario
@@ -39,7 +38,7 @@ class Followed:
     """Rotor speeds and joint torques of a flight that tracks its reference exactly, as shares of their limits.
 
     Attributes:
-        demand: of rotors and joints. rotors, joints: shares (rotors or n, K) of their limits.
+        demand: demand of rotors and joints. rotors, joints: shares (rotors or n, K) of their limits.
     """
 
     demand: ActuatorDemand
@@ -56,14 +55,14 @@ def along_reference(scenario: Scenario) -> list[Finding]:
     parts = flight_parts(scenario)
     followed = follow(parts)
     demand, vehicle = followed.demand, scenario.plant.vehicle
-    found = _joint_limits(scenario, demand)
+    findings = _joint_limits(scenario, demand)
     fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
-    found.append(_saturation("rotors along the reference", demand, followed.rotors, fields, demand.squared < 0.0))
+    findings.append(_saturation("rotors along the reference", demand, followed.rotors, fields, demand.squared < 0.0))
     if vehicle.n:
         fields = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
-        found.append(_saturation("joints along the reference", demand, followed.joints, fields))
-        found += servo_speeds(scenario, demand.time, demand.rates)
-    return [*found, *_hovers_with_loads(parts)]
+        findings.append(_saturation("joints along the reference", demand, followed.joints, fields))
+        findings += servo_speeds(scenario, demand.time, demand.rates)
+    return [*findings, *_hovers_with_loads(parts)]
 
 
 def follow(parts: Sequence[FlightPart]) -> Followed:
@@ -112,17 +111,17 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
     """Sample times (K,) of each interval between two jumps of the reference, s.
 
     Args:
-        part: of a flight.
-        end: of the flight, s.
+        part: part of a flight.
+        end: end of the flight, s.
     """
     cuts = [part.start, *(t for t in _jump_times(part.scenario) if part.start < t < part.stop), part.stop]
-    found = []
+    intervals = []
     for a, b in pairwise(cuts):
         if b - a < SHORTEST and end > SHORTEST:
             continue  # no rates can be had of it
         count = max(FEWEST, round(INSTANTS * (b - a) / end))
-        found.append(a + (b - a) * (np.arange(count) + 0.5) / count)
-    return found
+        intervals.append(a + (b - a) * (np.arange(count) + 0.5) / count)
+    return intervals
 
 
 def _jump_times(scenario: Scenario) -> list[float]:
@@ -140,7 +139,7 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
 
 
 def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
-    found = []
+    findings = []
     for i, link in enumerate(scenario.plant.vehicle.links):
         joint, q = link.joint, demand.joints[i]
         beyond = (q < float(joint.lower)) | (q > float(joint.upper))
@@ -148,7 +147,7 @@ def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
             t = float(demand.time[np.argmax(beyond)])
             worst = float(q[np.argmax(np.maximum(float(joint.lower) - q, q - float(joint.upper)))])
             limits = f"{float(joint.lower):g} ... {float(joint.upper):g}"
-            found.append(
+            findings.append(
                 Finding(
                     "reference within joint limits",
                     FAULT,
@@ -159,11 +158,11 @@ def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
                     float(joint.upper) if worst > float(joint.upper) else float(joint.lower),
                 )
             )
-    return found
+    return findings
 
 
 def _saturation(
-    question: str, demand: ActuatorDemand, share: Array, parts: list[tuple[str, str]], reversed_: Any = None
+    question: str, demand: ActuatorDemand, share: Array, parts: list[tuple[str, str]], reversed_: Mask | None = None
 ) -> Finding:
     """Check result for all rotors or all joints: which saturates first, when, and for what share of the flight."""
     within = share <= 1.0  # false for what is no number

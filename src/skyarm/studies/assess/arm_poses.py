@@ -157,7 +157,7 @@ class ArmPoses:
     """Level hovers of a vehicle in sampled arm poses; undriven joints hang at rest.
 
     Attributes:
-        vehicle: with its load. held: text of the load, as " with 0.3 kg"; empty without a load.
+        vehicle: vehicle with its load. held: text of the load, as " with 0.3 kg"; empty without a load.
         low, high: (n,) rad or m: the limits; at most one turn, and 1 m to either side where there is none.
         joints: (count, n) the poses: zero (or the nearest within limits), corners, and Sobol points.
         gravity: m/s^2.
@@ -211,8 +211,8 @@ class ArmPoses:
             steps = spread * (self.high - self.low) * rng.normal(size=(AROUND, len(self.low)))
             near = np.clip(best[:, None] + steps, self.low, self.high)
             near = rest_of_hanging(self.vehicle, near.reshape(count * AROUND, -1)).reshape(near.shape)
-            found = in_parts(quantities, near.reshape(count * AROUND, -1)).reshape(count, count, AROUND)
-            own = found[np.arange(count), np.arange(count)]
+            near_values = in_parts(quantities, near.reshape(count * AROUND, -1)).reshape(count, count, AROUND)
+            own = near_values[np.arange(count), np.arange(count)]
             at = np.argmin(own, axis=1)
             tried = own[np.arange(count), at]
             better = tried < least
@@ -232,7 +232,7 @@ def arm_poses(vehicle: Vehicle, count: int = POSES, gravity: float = GRAVITY) ->
     """Sample the arm poses of a vehicle for a check; a vehicle without joints has a single pose.
 
     Args:
-        vehicle: its joints' limits.
+        vehicle: vehicle with its joints' limits.
         count: sampled poses beside zero and the corners.
         gravity: m/s^2.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import Any
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.plant.interface import require_gravity
@@ -36,6 +35,7 @@ from skyarm.studies.assess.thrust import largest_payload, largest_side_force, th
 from skyarm.studies.stability.hover_delay import hover_delay_if_known
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.pages import Facts
 from skyarm.world.payload import Payload
 
 QUESTION = "delay margin"
@@ -43,18 +43,18 @@ QUESTION = "delay margin"
 
 def delay_margin(scenario: Scenario) -> list[Finding]:
     """Check result for the delay margin in hover: tolerable delay beyond the nominal delay of the loop."""
-    found = hover_delay_if_known(scenario)
-    if isinstance(found, str):
-        return [Finding(QUESTION, NOTE, f"not known: {found}")]
-    text, unit = found.sentence(scenario.controller.name), "s"
-    if not found.margin > 0.0:
+    delay = hover_delay_if_known(scenario)
+    if isinstance(delay, str):
+        return [Finding(QUESTION, NOTE, f"not known: {delay}")]
+    text, unit = delay.sentence(scenario.controller.name), "s"
+    if not delay.margin > 0.0:
         remedy = "softer gains or another law: skyarm margins shows which loop is short of margin"
         return [Finding(QUESTION, WARNING, text, "controller", remedy, 0.0, 0.0, unit)]
-    numbers = (found.margin if math.isfinite(found.margin) else math.nan, found.least_margin, unit)
-    if found.enough:
+    numbers = (delay.margin if math.isfinite(delay.margin) else math.nan, delay.least_margin, unit)
+    if delay.enough:
         return [Finding(QUESTION, OK, text, "", "", *numbers)]
     remedy = (
-        f"{found.shortfall}: softer gains, faster motors or a shorter delay; "
+        f"{delay.shortfall}: softer gains, faster motors or a shorter delay; "
         "skyarm margins shows which loop is short of it"
     )
     return [Finding(QUESTION, WARNING, text, "controller", remedy, *numbers)]
@@ -66,8 +66,8 @@ PLAN, LAW, PARTS = "plan of the reference", "law for this vehicle", "environment
 
 def units_of_vehicle(vehicle: Vehicle) -> list[Finding]:
     """Check results, as faults, for vehicle parameters that are probably in wrong units."""
-    found = [finding_of_line(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
-    return found or [Finding(UNITS, OK, "every number of the vehicle is of a likely size")]
+    faults = [finding_of_line(line, UNITS, FAULT) for line in unlikely_in_vehicle(vehicle)]
+    return faults or [Finding(UNITS, OK, "every number of the vehicle is of a likely size")]
 
 
 def warnings_of_scenario(scenario: Scenario) -> list[Finding]:
@@ -87,8 +87,8 @@ class Assessment:
     """Results of all feasibility checks of a vehicle or of a scenario.
 
     Attributes:
-        name: of the vehicle or scenario. vehicle: the simulated one. gravity: m/s^2. payload: kg at the tip.
-        poses: how many arm poses were sampled. findings: in the order of the questions.
+        name: name of the vehicle or scenario. vehicle: the simulated one. gravity: m/s^2. payload: kg at the tip.
+        poses: number of sampled arm poses. findings: results in the order of the questions.
     """
 
     name: str
@@ -110,7 +110,7 @@ class Assessment:
         """Check results that are faults, then those that are warnings."""
         return [each for level in (FAULT, WARNING) for each in self.findings if each.level == level]
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> Facts:
         """Results of a feasibility check as plain data, for a JSON file."""
         return {
             "name": self.name,
@@ -157,7 +157,7 @@ def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 
     """Run all checks of a vehicle.
 
     Args:
-        vehicle: with concrete numbers.
+        vehicle: vehicle with concrete numbers.
         gravity: m/s^2.
         payload: kg, a point mass at the tip.
         poses: sampled arm poses.
@@ -196,22 +196,22 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
 def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:
     """Results of all checks of a vehicle; without rotors a fault replaces those of thrust."""
     vehicle, gravity = poses.vehicle, poses.gravity
-    found = [*units_of_vehicle(vehicle), *disc_loading(vehicle, gravity)]
+    findings = [*units_of_vehicle(vehicle), *disc_loading(vehicle, gravity)]
     if vehicle.rotors:
-        found += rotor_layout(vehicle, gravity)
+        findings += rotor_layout(vehicle, gravity)
     else:
-        found.append(Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", "add [[rotors]]"))
+        findings.append(Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", "add [[rotors]]"))
     loads = [poses, *([poses.of(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
     turned = bool(vehicle.rotors) and _has_full_allocation(vehicle)
     for loaded in loads:
         if turned:
-            found += thrust_margin(loaded)
-        found += joint_torques(loaded)
+            findings += thrust_margin(loaded)
+        findings += joint_torques(loaded)
     if turned:
-        found += torque_authority(loads[-1])
-        found += [*largest_payload(poses, payload), *largest_side_force(vehicle, gravity, payload)]
+        findings += torque_authority(loads[-1])
+        findings += [*largest_payload(poses, payload), *largest_side_force(vehicle, gravity, payload)]
     endurance = [each for loaded in loads for each in time_aloft(loaded.vehicle, gravity, loaded.held)]
-    return [*found, *arm_workspace(poses), *endurance]
+    return [*findings, *arm_workspace(poses), *endurance]
 
 
 def _has_full_allocation(vehicle: Vehicle) -> bool:

@@ -13,11 +13,11 @@ from skyarm.studies.assess.push_limits import largest_push, push_limits
 def warnings_before_flight(scenario: Scenario) -> list[str]:
     """Warnings about unlikely numbers, a reference beyond limits, and a contact force that cannot be held."""
     lines, at = unlikely_numbers(scenario), largest_push(scenario)
-    found, pushing = along_reference(scenario), push_limits(scenario)
+    findings, pushing = along_reference(scenario), push_limits(scenario)
     if at is not None and scenario.worlds:
         from skyarm.studies.assess.pressing_flights import contact_steps  # which can fly batches
 
         pushing += contact_steps(scenario, at)
-    found += [each for each in pushing if each.level == FAULT]
-    alarms = causes_first([*(finding_of_line(line, UNITS, WARNING) for line in lines), *found])[len(lines) :]
+    findings += [each for each in pushing if each.level == FAULT]
+    alarms = causes_first([*(finding_of_line(line, UNITS, WARNING) for line in lines), *findings])[len(lines) :]
     return [*lines, *(f"{each.field}: {each.text}; {each.remedy}" for each in alarms if each.level in ALARMS)]

@@ -47,7 +47,7 @@ def causes_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     A fault is so stated once; what follows from no other alarm stays one. An alarm causes none that is more severe,
     but numbers in other units do, and then are as severe themselves.
     """
-    found = list(findings)
+    linked = list(findings)
     for i, each in enumerate(findings):
         causes = [why for what, why in FOLLOWS.items() if re.search(what, f"{each.question} {each.field} {each.text}")]
         for j, other in enumerate(findings):
@@ -55,8 +55,8 @@ def causes_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:
             words = f"{other.question} {other.field}: {other.text}"
             if i == j or not enough or each.level not in ALARMS or not any(re.search(why, words) for why in causes):
                 continue
-            found[i] = replace(each, level=NOTE, text=f"{each.text}; follows from {other.field}")
-            if found[j].level != NOTE:
-                found[j] = replace(found[j], level=max(found[j].level, each.level, key=LEVELS.index))
+            linked[i] = replace(each, level=NOTE, text=f"{each.text}; follows from {other.field}")
+            if linked[j].level != NOTE:
+                linked[j] = replace(linked[j], level=max(linked[j].level, each.level, key=LEVELS.index))
             break
-    return tuple(found)
+    return tuple(linked)

@@ -35,8 +35,8 @@ def sheet(found: Assessment) -> list[Line]:
 
 def _in_short(each: Finding) -> str:
     """Short text of a passed check: its question with the number found."""
-    found = _number(each.value, each)
-    return each.question if found.split(" ")[0] in ("-", "0") else f"{each.question} {found}"
+    text = _number(each.value, each)
+    return each.question if text.split(" ")[0] in ("-", "0") else f"{each.question} {text}"
 
 
 def _rows(findings: Iterable[Finding]) -> Table:

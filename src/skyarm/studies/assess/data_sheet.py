@@ -9,7 +9,8 @@ from typing import Any
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.array_front import center_of_mass
 from skyarm.dynamics.workspace import MANY, reach, samples_of, static_torques
-from skyarm.records.leaves import field_names, walk
+from skyarm.records.leaves import Dataclass, Tree, field_names, walk
+from skyarm.records.plain import Plain
 from skyarm.records.text_tables import NOTHING, shown_number
 from skyarm.records.units import units
 from skyarm.vehicle.linkage import BASE
@@ -25,7 +26,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
     """
     zero = tuple(0.0 for _ in vehicle.links)
     com = center_of_mass(vehicle, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], zero)
-    found: Facts = {
+    facts: Facts = {
         "vehicle": vehicle.name,
         "gravity_m_s2": gravity,
         "mass_kg": float(vehicle.mass),
@@ -59,22 +60,22 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
     if vehicle.links:
         names = [link.joint.name for link in vehicle.links]
         efforts = map(float, static_torques(vehicle, gravity))
-        found["static_efforts"] = dict(zip(names, efforts, strict=True))
-        found["static_efforts_over_all_joint_values"] = vehicle.n <= MANY
+        facts["static_efforts"] = dict(zip(names, efforts, strict=True))
+        facts["static_efforts_over_all_joint_values"] = vehicle.n <= MANY
         if vehicle.end_effector and vehicle.frame().link != BASE:
-            found["reach_m"] = float(reach(vehicle))
-    return found
+            facts["reach_m"] = float(reach(vehicle))
+    return facts
 
 
-def record_facts(record: Any) -> Facts:
+def record_facts(record: Dataclass) -> Facts:
     """Convert a dataclass with numbers to a dictionary for JSON."""
-    return {name: _plain(getattr(record, name)) for name in field_names(record) or ()}
+    return {name: _plain(getattr(record, name)) for name in field_names(type(record)) or ()}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any) -> Plain:
     if isinstance(value, tuple) or hasattr(value, "dot"):
         return [float(each) for each in value]
-    if field_names(value):
+    if field_names(type(value)):
         return record_facts(value)
     return value if isinstance(value, str | int | float) else float(value)
 
@@ -90,9 +91,9 @@ def _hover(vehicle: Vehicle, gravity: float) -> Facts:
     }
 
 
-def sheet(vehicle: Vehicle, known: Mapping[str, Any]) -> list[Table]:
+def sheet(vehicle: Vehicle, known: Facts) -> list[Table]:
     """Make the data sheet of a vehicle as tables: totals, joints, bodies, rotors, battery and sources."""
-    sections: dict[str, dict[str, Any]] = {
+    sections: dict[str, Mapping[str, Dataclass]] = {
         "joints": {link.joint.name: link.joint for link in vehicle.links},
         "drives: what the joints take in place of a torque": {each.name: each.drive for each in vehicle.drives},
         "bodies, inertia about the centre of mass": dict(zip(_bodies(vehicle), vehicle.bodies, strict=True)),
@@ -116,7 +117,7 @@ APART = ("name", "tilt")
 """Fields that head a row, or have a table of their own."""
 
 
-def _tables(title: str, records: Mapping[str, Any]) -> Iterator[Table]:
+def _tables(title: str, records: Mapping[str, Dataclass]) -> Iterator[Table]:
     """Make tables of dataclasses of one class: a column for each field that differs, then the equal fields."""
     kind = type(next(iter(records.values())))
     differ: dict[str, list[str]] = {}
@@ -136,7 +137,7 @@ def _tables(title: str, records: Mapping[str, Any]) -> Iterator[Table]:
         yield table_of(("", ""), shared.items(), left=2, title="all of them")
 
 
-def _cell(value: Any) -> str:
+def _cell(value: Tree) -> str:
     """Format the numbers of a field for a table cell; an infinite limit becomes "none"."""
     if isinstance(value, str):
         return value
@@ -144,16 +145,16 @@ def _cell(value: Any) -> str:
     return " ".join("none" if math.isinf(each) else shown_number(each, 6) for each in numbers)
 
 
-def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _whole(vehicle: Vehicle, facts: Facts) -> Iterator[tuple[str, str]]:
     """Yield (name, text) of a vehicle's totals: mass, frames, hover, reach and static efforts."""
-    yield "mass", f"{shown_number(known['mass_kg'], 5)} kg"
-    yield "centre of mass from base origin", ", ".join(shown_number(1e3 * c) for c in known["centre_of_mass_m"]) + " mm"
+    yield "mass", f"{shown_number(facts['mass_kg'], 5)} kg"
+    yield "centre of mass from base origin", ", ".join(shown_number(1e3 * c) for c in facts["centre_of_mass_m"]) + " mm"
     if vehicle.planar:
         yield "inertia", "planar model: may be the model of a controller, not flown"
-    frames = [f"{name} (end effector)" if name == vehicle.end_effector else name for name in known["frames"]]
+    frames = [f"{name} (end effector)" if name == vehicle.end_effector else name for name in facts["frames"]]
     yield "frames", ", ".join(frames) or "none"
-    yield "rotors", ", ".join(known["rotors"]) or "none"
-    hover = known["hover"]
+    yield "rotors", ", ".join(facts["rotors"]) or "none"
+    hover = facts["hover"]
     if hover and hover["rotor_speeds_rad_s"] is None:
         yield "hover", "not possible level: a rotor would have to pull down"
     elif hover:
@@ -167,15 +168,15 @@ def _whole(vehicle: Vehicle, known: Mapping[str, Any]) -> Iterator[tuple[str, st
             yield "thrust margin", f"{ratio} times its weight ({shown_number(top, 4)} N)"
     if not vehicle.links:
         return
-    reached, tip = known["reach_m"], vehicle.end_effector
+    reached, tip = facts["reach_m"], vehicle.end_effector
     none = "none: the end effector is fixed to the base" if tip else "unknown: no end effector"
     searched = "all joint values" if vehicle.n <= MANY else f"{samples_of(vehicle.n)} random joint values"
     yield (
         "arm reach from its first joint",
         none if reached is None else f"{shown_number(reached, 4)} m, over {searched}",
     )
-    for each in known["joints"]:
-        torque, limit = known["static_efforts"][each["name"]], each["effort_limit"]
+    for each in facts["joints"]:
+        torque, limit = facts["static_efforts"][each["name"]], each["effort_limit"]
         unit = "N m" if each["kind"] == "revolute" else "N"
         margin = f", limit {limit:g} {unit}" if limit < math.inf else ""
         margin += f", margin {limit / torque:.3g}" if margin and torque > NOTHING else ""

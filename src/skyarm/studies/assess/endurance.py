@@ -22,15 +22,15 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
         text = "none: the rotors hold no level hover with the arm at zero, at any voltage"
         return [Finding(question, NOTE, text, "rotors")]
     try:
-        found = hover_time(vehicle, gravity)
+        hover = hover_time(vehicle, gravity)
     except VehicleError:
         text = "the battery holds no level hover: too little charge, voltage, or power through its resistance"
         remedy = "more cells or charge, or check battery.resistance (ohm) and rotors.thrust_table.current (A)"
         return [Finding(question, FAULT, text, "battery.charge, battery.cells, battery.resistance", remedy)]
-    left = f", {found.charge:.0%} of the charge left" if found.charge > 0.01 else ""
-    text = f"{found.seconds / 60.0:.3g} min of hover at {found.power:.3g} W{left}"
+    left = f", {hover.charge:.0%} of the charge left" if hover.charge > 0.01 else ""
+    text = f"{hover.seconds / 60.0:.3g} min of hover at {hover.power:.3g} W{left}"
     words = (text, "battery.capacity", "more capacity, more cells, or less mass")
-    return [at_least(question, found.seconds, *words, warning=SHORTEST, unit="s")]
+    return [at_least(question, hover.seconds, *words, warning=SHORTEST, unit="s")]
 
 
 def aloft_for(vehicle: Vehicle, gravity: float, duration: float) -> list[Finding]:
@@ -38,13 +38,13 @@ def aloft_for(vehicle: Vehicle, gravity: float, duration: float) -> list[Finding
     if vehicle.battery is None or not vehicle.rotors or not _hovers(vehicle, gravity):
         return []
     try:
-        found = hover_time(vehicle, gravity)
+        hover = hover_time(vehicle, gravity)
     except VehicleError:  # said by time_aloft
         return []
     field = "battery.charge" if float(vehicle.battery.charge) < 1.0 else "battery.capacity"
-    text = f"holds a hover for {found.seconds:.3g} s, and the flight takes {duration:g} s"
+    text = f"holds a hover for {hover.seconds:.3g} s, and the flight takes {duration:g} s"
     words = (text, field, f"more of {field}, or a shorter duration")
-    return [at_least("battery over the flight", found.seconds, *words, fault=duration, unit="s")]
+    return [at_least("battery over the flight", hover.seconds, *words, fault=duration, unit="s")]
 
 
 def _hovers(vehicle: Vehicle, gravity: float) -> bool:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
-from typing import Any
+from typing import TypedDict, Unpack
 
+from skyarm.algebra.scalars import Scalar
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.view.pages import Facts
 
 OK, NOTE, WARNING, FAULT = "ok", "note", "warning", "fault"
 
@@ -25,13 +28,13 @@ class Finding:
     """Result of one feasibility check, with a severity.
 
     Attributes:
-        question: in a few words.
+        question: question in a few words.
         level: one of LEVELS.
         text: the answer in a sentence.
-        field: where the number comes from in the vehicle's or scenario's file; empty where there is no single one.
+        field: origin of the number in the vehicle's or scenario's file; empty where there is no single one.
         remedy: suggested change; empty if ok.
         value, limit: the number found and the one it is held against, in ``unit``; NaN where there is none.
-        unit: of both.
+        unit: unit of both.
         joints: the arm pose in which it holds, rad or m; empty where no pose matters.
     """
 
@@ -43,7 +46,7 @@ class Finding:
     value: float = math.nan
     limit: float = math.nan
     unit: str = ""
-    joints: Any = ()
+    joints: Sequence[Scalar] | Array = ()
 
     def __post_init__(self) -> None:
         """Convert the numbers to floats and clear the suggested change of a check that is ok."""
@@ -52,9 +55,17 @@ class Finding:
         if self.level == OK:
             object.__setattr__(self, "remedy", "")
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> Facts:
         """Check result as plain data."""
         return asdict(self)
+
+
+class Details(TypedDict, total=False):
+    """Further fields of a check result."""
+
+    limit: float
+    unit: str
+    joints: Sequence[Scalar] | Array
 
 
 def worst_level(findings: Iterable[Finding]) -> str:
@@ -71,30 +82,30 @@ def at_least(
     *,
     fault: float = -math.inf,
     warning: float = -math.inf,
-    **more: Any,
+    **more: Unpack[Details],
 ) -> Finding:
     """Check result for a value that must not fall below its fault and warning limits.
 
     Args:
-        question: that it answers.
+        question: question that it answers.
         value: the number.
         text: the answer.
-        field: that it comes from.
-        remedy: of an alarm.
+        field: origin of the number.
+        remedy: remedy of an alarm.
         fault: below it the vehicle cannot fly as it is described.
         warning: below it the number is an alarm.
         more: ``unit``, ``joints``; ``limit`` in place of the one that was passed.
     """
     level = FAULT if not value >= fault else WARNING if value < warning else OK
-    limit = fault if level == FAULT or math.isinf(warning) else warning
-    return Finding(question, level, text, field, remedy, value, **{"limit": limit, **more})
+    passed = fault if level == FAULT or math.isinf(warning) else warning
+    return Finding(question, level, text, field, remedy, value, **(Details(limit=passed) | more))
 
 
 def at_most(question: str, value: float, *words: str, fault: float = math.inf, warning: float = math.inf,
-            **more: Any) -> Finding:  # fmt: skip
+            **more: Unpack[Details]) -> Finding:  # fmt: skip
     """Check result for a value that must not exceed its fault and warning limits."""
-    found = at_least(question, -value, *words, fault=-fault, warning=-warning, **more)
-    return replace(found, value=value, limit=more.get("limit", -found.limit))
+    mirrored = at_least(question, -value, *words, fault=-fault, warning=-warning, **more)
+    return replace(mirrored, value=value, limit=more.get("limit", -mirrored.limit))
 
 
 BEHIND_A_FIELD = re.compile(r": | of | reaches ")

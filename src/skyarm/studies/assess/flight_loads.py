@@ -33,7 +33,7 @@ class Load:
     """Payload that the vehicle holds for part of the flight; a slung one counts as a point mass at its frame.
 
     Attributes:
-        name: of the payload. start, stop: s. mass: kg. body: (link, body) of it on a vehicle.
+        name: name of the payload. start, stop: s. mass: kg. body: (link, body) of it on a vehicle.
     """
 
     name: str
@@ -48,7 +48,7 @@ class FlightPart:
     """Time interval of a flight during which payloads and scheduled parameters are constant.
 
     Attributes:
-        start, stop: s. scenario: with the changes so far. vehicle: the plant with its loads.
+        start, stop: s. scenario: scenario with the changes so far. vehicle: the plant with its loads.
         words: text of the load, as " with 0.3 kg (box)"; empty without a load.
     """
 
@@ -67,21 +67,21 @@ def flight_parts(scenario: Scenario) -> list[FlightPart]:
     changed = [(each.start / scenario.rates.control, each.overrides.of(scenario)) for each in stretches(scenario)]
     edges = {start for start, _ in changed} | {t for load in loads for t in (load.start, load.stop)}
     cuts = [0.0, *sorted(t for t in edges if 0.0 < t < scenario.duration), scenario.duration]
-    found = []
+    parts = []
     for start, stop in pairwise(cuts):
         now = [each for t, each in changed if t <= start][-1]
-        held = [load for load in loads if load.start <= start < load.stop]
+        carried = [load for load in loads if load.start <= start < load.stop]
         vehicle = now.plant.vehicle
-        for load in held:
+        for load in carried:
             vehicle = vehicle.with_body(*load.body(vehicle))
-        kilograms = f"{math.fsum(load.mass for load in held):g} kg ({', '.join(load.name for load in held)})"
-        found.append(FlightPart(start, stop, now, vehicle, f" with {kilograms}" if held else ""))
-    return found
+        kilograms = f"{math.fsum(load.mass for load in carried):g} kg ({', '.join(load.name for load in carried)})"
+        parts.append(FlightPart(start, stop, now, vehicle, f" with {kilograms}" if carried else ""))
+    return parts
 
 
 def _payloads(scenario: Scenario) -> list[Load]:
     """Payloads with pick-up and release times, each set by a time or by the reference's arrival at a position."""
-    found = []
+    loads = []
     for i, payload in enumerate(scenario.payloads):
         start = stop = math.inf
         for times in _control_instants(scenario):
@@ -92,8 +92,8 @@ def _payloads(scenario: Scenario) -> list[Load]:
             if math.isfinite(stop):
                 break
         name = payload.name or f"payloads[{i}]"
-        found.append(Load(name, start, stop, float(payload.mass), payload.body))
-    return found
+        loads.append(Load(name, start, stop, float(payload.mass), payload.body))
+    return loads
 
 
 def _control_instants(scenario: Scenario) -> Iterator[Array]:
@@ -104,9 +104,9 @@ def _control_instants(scenario: Scenario) -> Iterator[Array]:
         yield np.arange(first, min(first + AT_ONCE, count)) / rate
 
 
-def _first(times: Array, found: Mask) -> float:
+def _first(times: Array, reached: Mask) -> float:
     """First of the times at which a boolean array is true; inf if all are false."""
-    return float(times[np.argmax(found)]) if np.any(found) else math.inf
+    return float(times[np.argmax(reached)]) if np.any(reached) else math.inf
 
 
 def reference_at(scenario: Scenario, time: Array) -> Reference:

@@ -21,18 +21,18 @@ NOTHING = 1e-12
 
 def joint_torques(poses: ArmPoses) -> list[Finding]:
     """Check results for each joint's largest static torque or force against its limit, over all arm poses."""
-    vehicle, held = poses.vehicle, poses.held
+    vehicle, load = poses.vehicle, poses.held
     if not vehicle.n:
         return []
     least, at = poses.worst(lambda joints: -np.abs(poses.efforts(joints)[WRENCH:]))
     static = np.where(-least > NOTHING, -least, 0.0)
-    found = []
+    findings = []
     servos = servos_of(vehicle)
     for link, limit, value, pose in zip(vehicle.links, effort_limits(vehicle), static, at, strict=True):
         joint, unit, name = link.joint, link.joint.units[1], f"joints[{link.joint.name}]"
-        question = f"{name} static effort{held}"
+        question = f"{name} static effort{load}"
         if float(joint.effort_limit) == 0.0:
-            found.append(Finding(question, NOTE, "passive: no drive holds it", name))
+            findings.append(Finding(question, NOTE, "passive: no drive holds it", name))
             continue
         field = stronger = f"{name}.effort_limit"
         if joint.name in servos and limit < float(joint.effort_limit):
@@ -42,10 +42,10 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
         words = (f"up to {value:.3g} {unit}{stated} to hold the arm", field)
         remedy = f"a stronger drive ({stronger}) or a lighter, shorter arm"
         shown = float(limit) if limit < math.inf else math.nan
-        found.append(
+        findings.append(
             at_most(question, float(value), *words, remedy, fault=float(limit), limit=shown, unit=unit, joints=pose)
         )
-    return found
+    return findings
 
 
 def servos_of(vehicle: Vehicle) -> dict[str, Servo]:
@@ -77,11 +77,11 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
     """Check results for the fastest reference rate of each servo against its rate limit and no-load speed.
 
     Args:
-        scenario: whose reference is followed exactly.
+        scenario: scenario whose reference is followed exactly.
         time: (K,) s.
         every_rate: (n, K) of the reference's joints, rad/s or m/s.
     """
-    found = []
+    findings = []
     for i, servo in servos(scenario):
         joint, top = scenario.plant.vehicle.links[i].joint, min(float(servo.speed_limit), servo.no_load_speed)
         if math.isinf(top):
@@ -94,8 +94,8 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
         text = f"the reference asks for up to {rates[k]:.3g} {unit} (at {time[k]:.3g} s), the servo turns at {top:.3g}"
         text += f": too fast for {late:.1%} of the flight" if late else ""
         question, remedy = f"joints[{joint.name}] servo's speed", f"a slower reference, or more of {field}"
-        found.append(Finding(question, level, text, field, remedy, rates[k], top, unit))
-    return found
+        findings.append(Finding(question, level, text, field, remedy, rates[k], top, unit))
+    return findings
 
 
 def arm_workspace(poses: ArmPoses) -> list[Finding]:

@@ -72,32 +72,32 @@ EVENER = 0.25
 
 def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
     """Check results for allocation rank, senses of rotation, and thrust and moment coefficients of the rotors."""
-    found = [*_axes(vehicle), *_coefficients(vehicle)]
+    findings = [*_axes(vehicle), *_coefficients(vehicle)]
     try:
         make_mixer(vehicle)
     except AllocationError as error:
         remedy = "rotors must give torque about x, y, z and thrust: check positions, axes, directions"
         text = str(error).partition(": ")[2]
-        found.append(Finding("rotors", FAULT, text, "rotors", remedy))
-    found.append(_directions(vehicle, gravity))
-    return found
+        findings.append(Finding("rotors", FAULT, text, "rotors", remedy))
+    findings.append(_directions(vehicle, gravity))
+    return findings
 
 
 def _axes(vehicle: Vehicle) -> list[Finding]:
     """Check results, as faults, for rotors whose positive thrust points down."""
-    found = []
+    findings = []
     for rotor in vehicle.rotors:
         up, name = float(rotor.axis.z), f"rotors[{rotor.name}].axis"
         if up < 0.0:
             text = f"the thrust of {rotor.name} points down (z of its axis: {up:.3g})"
             remedy = f"turn {name} round: it is that of positive thrust"
-            found.append(Finding("axes of the rotors", FAULT, text, name, remedy, up, 0.0))
-    return found
+            findings.append(Finding("axes of the rotors", FAULT, text, name, remedy, up, 0.0))
+    return findings
 
 
 def _coefficients(vehicle: Vehicle) -> list[Finding]:
     """Check results for thrust and moment coefficients, by the rotor furthest from the plausible range."""
-    radius, found = disc_radius(vehicle), []
+    radius, findings = disc_radius(vehicle), []
     thrusts = [thrust_number(rotor, radius) for rotor in vehicle.rotors]
     arms = [float(rotor.moment_coefficient) / radius for rotor in vehicle.rotors]
     for field, values, (least, most), what, unit in (
@@ -117,8 +117,8 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
         at, units = (name, unit) if rotor.table is None else table
         remedy = f"check {at} ({units}) and rotors.position"
         limit = least if value < least else most
-        found.append(Finding(field.replace("_", " "), level, text, at, remedy, value, limit))
-    return found
+        findings.append(Finding(field.replace("_", " "), level, text, at, remedy, value, limit))
+    return findings
 
 
 def thrust_number(rotor: Rotor, radius: float) -> float:

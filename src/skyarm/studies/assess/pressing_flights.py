@@ -75,9 +75,9 @@ def pressing_flights(scenario: Scenario) -> list[Finding]:
     said += f", with a rotor at its limit {100.0 * strained[-1]:.2g} % of the time" if strained[-1] > LIMITED else ""
     if not fails[-1]:
         return [Finding(QUESTION, OK, said, FORCE, "", 100.0 * worst, 100.0 * ALLOWED, "%")]
-    held = [share * force for share, failing in zip(SHARES, fails, strict=True) if not failing]
+    achieved = [share * force for share, failing in zip(SHARES, fails, strict=True) if not failing]
     cause, remedy = cause_of(scenario, at)
-    said = f"{said}: {cause}; " + (f"{max(held):.3g} N are held" if held else "nor is a quarter of it")
+    said = f"{said}: {cause}; " + (f"{max(achieved):.3g} N are held" if achieved else "nor is a quarter of it")
     return [Finding(QUESTION, FAULT, said, FORCE, remedy, 100.0 * worst, 100.0 * ALLOWED, "%", at.joints)]
 
 

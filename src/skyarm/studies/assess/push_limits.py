@@ -45,8 +45,8 @@ def push_limits(scenario: Scenario) -> list[Finding]:
     at = largest_push(scenario)
     if at is None:
         return []
-    found = [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at), *_error(scenario, at)]
-    return [*found, *_guards(scenario, float(at.push[1]))]
+    findings = [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at), *_error(scenario, at)]
+    return [*findings, *_guards(scenario, float(at.push[1]))]
 
 
 def largest_push(scenario: Scenario) -> Reference | None:
@@ -137,7 +137,7 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
 
 def _guards(scenario: Scenario, speed: float) -> list[Finding]:
     """Guards for a level force that would drive a standing object ahead of the tip faster than the approach (m/s)."""
-    found, surfaces = [], [surface for world in scenario.worlds for surface in world.surfaces]
+    findings, surfaces = [], [surface for world in scenario.worlds for surface in world.surfaces]
     friction = max((float(surface.material.friction) for surface in surfaces), default=0.0)
     for i, guard in enumerate(scenario.reference.guards):
         tip, n = scenario.reference.at(float(guard.at)).tip, np.array(guard.direction)
@@ -154,8 +154,8 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
                     f"would drive it at {driven:.2g} m/s, above the {speed:g} m/s of the approach"
                 )
                 remedy = "until.force below that, a shorter hold, until.distance in its place, or more speed"
-                found.append(Finding("force of a guard", WARNING, text, f"reference.guards.{i}.force", remedy))
-    return found
+                findings.append(Finding("force of a guard", WARNING, text, f"reference.guards.{i}.force", remedy))
+    return findings
 
 
 def _error(scenario: Scenario, at: Reference) -> list[Finding]:

@@ -77,7 +77,7 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
         return np.stack([room / inertias[:, i // 2, i // 2] for i, room in enumerate(rooms)])
 
     least, at = poses.worst(quantities)
-    found = []
+    findings = []
     for axis, name in enumerate(AXES):
         i = 2 * axis + int(np.argmin(least[2 * axis : 2 * axis + 2]))
         acceleration = float(least[i])
@@ -88,8 +88,8 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
         fields += ", base.inertia"
         words = (f"{name} authority", acceleration, text, fields, f"check {fields}; more thrust margin")
         fault, warning = FAULTS[axis], WARNINGS[axis]
-        found.append(at_least(*words, fault=fault, warning=warning, unit="rad/s^2", joints=at[i]))
-    return found
+        findings.append(at_least(*words, fault=fault, warning=warning, unit="rad/s^2", joints=at[i]))
+    return findings
 
 
 def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:

@@ -9,7 +9,7 @@ from typing import Any
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import Document
+from skyarm.studies.compare.cell_flights import Document
 from skyarm.studies.compare.comparison import SUITE, Comparison
 from skyarm.studies.compare.contact_suite import CONTACT, ContactSuite
 from skyarm.studies.compare.contact_tasks import OWN
@@ -20,7 +20,11 @@ from skyarm.studies.compare.run_suite import Suite, fly_suite
 from skyarm.studies.flights.executor import Progress
 from skyarm.view.pages import Report, section
 
-SUITES: dict[str, Any] = {SUITE: Comparison, ENVELOPE: Envelope, CONTACT: ContactSuite}
+SUITES: dict[str, type[Comparison] | type[Envelope] | type[ContactSuite]] = {
+    SUITE: Comparison,
+    ENVELOPE: Envelope,
+    CONTACT: ContactSuite,
+}
 
 
 @immutable
@@ -28,7 +32,8 @@ class ComparisonResults:
     """Results of a comparison.
 
     Attributes:
-        folder: of its files. document: content of its JSON file. report: its tables; ``markdown()`` of it is text.
+        folder: folder of its files. document: content of its JSON file.
+        report: report of its tables; ``markdown()`` of it is text.
     """
 
     folder: Path
@@ -74,8 +79,8 @@ def suite_of(what: Scenario | PathLike, names: Sequence[str] | None, field: str,
 
     Args:
         what: a scenario, the name or path of one, or a name of ``SUITES``.
-        names: of controllers; None for the usual ones of the comparison, or those of ``options``.
-        field: of the names, in messages.
+        names: names of controllers; None for the usual ones of the comparison, or those of ``options``.
+        field: field of the names, in messages.
         options: fields of the comparison.
 
     Raises:

@@ -7,7 +7,7 @@ from dataclasses import field
 
 from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
-from skyarm.studies.compare.cells import JITTER, LIMITED, Document, Flights, Record
+from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights, Document, Record
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import DPI, Refused, SummarySuite
 from skyarm.studies.compare.suite import CASES, Condition, conditions
@@ -23,11 +23,12 @@ BRIEF, WIDEST = ("step", "part"), "case3_wind"
 
 
 @immutable
-class Comparison(SummarySuite[Flights]):
+class Comparison(SummarySuite[CellFlights]):
     """Benchmark that compares all shipped controllers on the same cases and perturbed plants.
 
     Attributes:
-        entrants: in order. conditions: in order. seed: of plants and noise. plant: "rigid_body" or "mujoco".
+        entrants: controllers in order. conditions: conditions in order. seed: seed of plants and noise.
+        plant: "rigid_body" or "mujoco".
     """
 
     entrants: Mapping[str, Entrant] = field(default_factory=lambda: ENTRANTS)
@@ -43,17 +44,17 @@ class Comparison(SummarySuite[Flights]):
         flights = {name: each.episodes for name, each in self.conditions.items()}
         return {"laws": list(self.entrants), "conditions": flights, "seed": self.seed, "plant": self.plant}
 
-    def flights(self) -> list[Flights]:
+    def flights(self) -> list[CellFlights]:
         """All flights of the comparison, grouped by controller, condition and case."""
         return [
-            Flights(entrant=entrant, case=CASES[case], condition=condition, seed=self.seed, plant=self.plant)
+            CellFlights(entrant=entrant, case=CASES[case], condition=condition, seed=self.seed, plant=self.plant)
             for entrant in self.entrants.values()
             for condition in self.conditions.values()
             for case in condition.cases
             if not condition.spread or case == WIDEST or entrant.group not in BRIEF
         ]
 
-    def plan_cells(self) -> tuple[list[Flights], Refused]:
+    def plan_cells(self) -> tuple[list[CellFlights], Refused]:
         """All flights of the comparison, and an empty mapping, since no controller is excluded."""
         return self.flights(), {}
 
@@ -92,7 +93,7 @@ def _share(summary: Record | None) -> Share | None:
 
 
 @immutable(kw_only=False)
-class Column:
+class ReportColumn:
     """Column of a results table: heading, case, metric, and the factor from SI to the heading's unit."""
 
     head: str
@@ -104,19 +105,19 @@ class Column:
 BASE, JOINT, TOOL = (f"{what}_error_mean_continuous" for what in ("position", "joint", "ee"))
 
 TRACKING = (
-    Column("case 1 base, mm", "case1", BASE),
-    Column("case 1 joints, mrad", "case1", JOINT),
-    Column("case 2 base, mm", "case2", BASE),
-    Column("case 2 joints, mrad", "case2", JOINT),
-    Column("gust base x, mm", "case2_gust", "gust_peak_x_continuous"),
-    Column("gust tip x, mm", "case2_gust", "gust_ee_peak_x_continuous"),
-    Column("case 3 base, mm", "case3", BASE),
-    Column("case 3 tip, mm", "case3", TOOL),
-    Column("wind base, mm", "case3_wind", BASE),
-    Column("wind tip, mm", "case3_wind", TOOL),
-    Column("45 deg tip, mm", "case3_wind_45", TOOL),
-    Column("side tip, mm", "case3_wind_side", TOOL),
-    Column("50 g, wind tip, mm", "case3_wind_payload", TOOL),
+    ReportColumn("case 1 base, mm", "case1", BASE),
+    ReportColumn("case 1 joints, mrad", "case1", JOINT),
+    ReportColumn("case 2 base, mm", "case2", BASE),
+    ReportColumn("case 2 joints, mrad", "case2", JOINT),
+    ReportColumn("gust base x, mm", "case2_gust", "gust_peak_x_continuous"),
+    ReportColumn("gust tip x, mm", "case2_gust", "gust_ee_peak_x_continuous"),
+    ReportColumn("case 3 base, mm", "case3", BASE),
+    ReportColumn("case 3 tip, mm", "case3", TOOL),
+    ReportColumn("wind base, mm", "case3_wind", BASE),
+    ReportColumn("wind tip, mm", "case3_wind", TOOL),
+    ReportColumn("45 deg tip, mm", "case3_wind_45", TOOL),
+    ReportColumn("side tip, mm", "case3_wind_side", TOOL),
+    ReportColumn("50 g, wind tip, mm", "case3_wind_payload", TOOL),
 )
 """Where the laws are on the truth."""
 
@@ -133,13 +134,13 @@ COST = (
             *(("side", "case3_wind_side"), ("50 g, wind", "case3_wind_payload")),
         )
         for column in (
-            Column(f"{head} jitter, rad/s", case, JITTER, 1.0),
-            Column(f"{head} at a limit, %", case, LIMITED, 100.0),
+            ReportColumn(f"{head} jitter, rad/s", case, JITTER, 1.0),
+            ReportColumn(f"{head} at a limit, %", case, LIMITED, 100.0),
         )
     ),
-    Column("joint torque 1, mN m RMS", "case3_wind", "tau1_rms"),
-    Column("attitude motion, rad/s", "case3_wind", "rate_rms", 1.0),
-    Column("largest tilt, deg", "case3_wind", "tilt_max", 57.29577951308232),
+    ReportColumn("joint torque 1, mN m RMS", "case3_wind", "tau1_rms"),
+    ReportColumn("attitude motion, rad/s", "case3_wind", "rate_rms", 1.0),
+    ReportColumn("largest tilt, deg", "case3_wind", "tilt_max", 57.29577951308232),
 )
 """What the errors were bought with: rotor jitter and saturation wherever the tip's error is shown."""
 
@@ -173,10 +174,10 @@ GROUPS = {
 """Group of an entrant -> its title."""
 
 
-def value(summaries: Record, column: Column, entrant: str) -> float | None:
+def value(summaries: Record, column: ReportColumn, entrant: str) -> float | None:
     """Mean of a column's metric for a controller, in the column's unit; None if no flight was completed."""
-    found = summaries.get(column.case, {}).get(entrant)
-    spread = found["metrics"].get(column.metric) if found else None
+    statistics = summaries.get(column.case, {}).get(entrant)
+    spread = statistics["metrics"].get(column.metric) if statistics else None
     return None if spread is None else spread["mean"] * column.factor
 
 
@@ -199,8 +200,8 @@ def comparison_report(
 
     Args:
         found: ``summaries`` by condition, case, entrant.
-        entrants: in order.
-        conditions: in order.
+        entrants: controllers in order.
+        conditions: conditions in order.
         picture: PNG of all laws.
     """
     sections = main_sections(found, entrants, conditions)
@@ -241,20 +242,20 @@ def _tables(summaries: Record, entrants: Mapping[str, Entrant], condition: Condi
         head = ["law", *(f">{case} {word}" for case in condition.cases for word in words)]
         rows = plants_rows(summaries, entrants, condition.cases)
         return [_table_by_kind(head, rows, entrants, "Successes, tip errors")]
-    found = []
+    tables = []
     for columns, caption in ((TRACKING, f"Errors ({WHICH})"), (COST, COST_WORDS)):
         head, rows = ["law", *(f">{each.head}" for each in columns)], truth_rows(summaries, entrants, columns)
-        found.append(_table_by_kind(head, rows, entrants, caption))
-    return found
+        tables.append(_table_by_kind(head, rows, entrants, caption))
+    return tables
 
 
 def _table_by_kind(head: list[str], rows: list[list[str]], entrants: Mapping[str, Entrant], caption: str) -> Table:
     """Results table with its rows grouped by kind of controller, such as published ones."""
-    found = [(title, [row for row in rows if entrants[row[0]].group == group]) for group, title in GROUPS.items()]
-    return Table(head=head, rows=rows, caption=caption, groups=[(title, some) for title, some in found if some])
+    groups = [(title, [row for row in rows if entrants[row[0]].group == group]) for group, title in GROUPS.items()]
+    return Table(head=head, rows=rows, caption=caption, groups=[(title, some) for title, some in groups if some])
 
 
-def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[Column]) -> list[list[str]]:
+def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[ReportColumn]) -> list[list[str]]:
     """Table rows of errors on the unperturbed plant, one per controller with any result."""
     return [
         [name, *(number(value(summaries, column, name)) for column in columns)]
@@ -269,15 +270,17 @@ def plants_rows(summaries: Record, entrants: Mapping[str, Entrant], cases: Seque
     for name in entrants:
         cells = []
         for case in cases:
-            found = summaries.get(case, {}).get(name)
-            if found is None:
+            statistics = summaries.get(case, {}).get(name)
+            if statistics is None:
                 cells += [DASH, DASH, DASH]
                 continue
-            spread, (low, high) = found["metrics"].get(TOOL), found["success_interval"]
-            bought = ((found["metrics"].get(metric), factor) for metric, factor in ((JITTER, 1.0), (LIMITED, 100.0)))
+            spread, (low, high) = statistics["metrics"].get(TOOL), statistics["success_interval"]
+            bought = (
+                (statistics["metrics"].get(metric), factor) for metric, factor in ((JITTER, 1.0), (LIMITED, 100.0))
+            )
             others = max(each["episodes"] for each in summaries[case].values())
-            few = f" of {found['episodes']}" if found["episodes"] < max(FEW, others) else ""
-            cells.append(f"{found['success_rate']:.1%} [{low:.1%}, {high:.1%}]{few}")
+            few = f" of {statistics['episodes']}" if statistics["episodes"] < max(FEW, others) else ""
+            cells.append(f"{statistics['success_rate']:.1%} [{low:.1%}, {high:.1%}]{few}")
             cells.append(DASH if spread is None else f"{number(spread['mean'], 1e3)} / {number(spread['p95'], 1e3)}")
             cells.append("; ".join(number(each and each["mean"], factor) for each, factor in bought))
         if any(cell != DASH for cell in cells):

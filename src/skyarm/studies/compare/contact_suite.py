@@ -17,8 +17,8 @@ from skyarm.records.arrays import Mask
 from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import JITTER, LIMITED, Cell, Document, Flights, Record
-from skyarm.studies.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, Task, flies_its_own, scenario_of
+from skyarm.studies.compare.cell_flights import JITTER, LIMITED, Cell, CellFlights, Document, Record
+from skyarm.studies.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, ContactTask, flies_its_own, scenario_of
 from skyarm.studies.compare.contact_worlds import Worlds, draw_worlds
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Refused, Suite
@@ -40,7 +40,7 @@ CONDITIONS = {"perfect": "perfect state", "noisy": "noisy measurements"}
 
 
 @immutable(slots=False)
-class ContactFlights(Flights):
+class ContactFlights(CellFlights):
     """Flights of one controller in one contact task with perturbed surroundings and plant."""
 
     further_metrics = METRICS
@@ -48,7 +48,7 @@ class ContactFlights(Flights):
     meets_perturbed_plants = True
 
     @property
-    def task(self) -> Task:
+    def task(self) -> ContactTask:
         """Contact task that these flights perform."""
         return TASKS[self.case.name]
 
@@ -72,27 +72,27 @@ class ContactFlights(Flights):
         Stiffness k and friction mu need steps by k and by k mu. With the largest k, the mu that makes the largest k mu
         of any world needs the shortest step of all worlds, and none that is shorter.
         """
-        found = super().stiffest(values)
+        extremes = super().stiffest(values)
         for path, column in values.items():
             if path.endswith(".material.stiffness"):
-                hardest = found[path] = float(column.max())
+                hardest = extremes[path] = float(column.max())
                 rough = path.removesuffix("stiffness") + "friction"
                 if rough in values:
-                    found[rough] = float((column * values[rough]).max()) / hardest
+                    extremes[rough] = float((column * values[rough]).max()) / hardest
             if re.fullmatch(r"world\.grippers\.\w+\.stiffness", path):
-                found[path] = float(column.max())
+                extremes[path] = float(column.max())
             if re.fullmatch(r"world\.objects\.\w+\.mass", path):
-                found[path] = float(column.min())
-        return found
+                extremes[path] = float(column.min())
+        return extremes
 
 
 @lru_cache(maxsize=64)
 def worlds_of(task: str, count: int, seed: int) -> Worlds:
     """Draw perturbed surroundings and plants of a contact task, around its shipped scenario."""
-    found = draw_worlds(TASKS[task], scenario_of(TASKS[task], FLAGSHIP, noisy=False), count, seed=seed)
-    for column in found.values.values():
+    worlds = draw_worlds(TASKS[task], scenario_of(TASKS[task], FLAGSHIP, noisy=False), count, seed=seed)
+    for column in worlds.values.values():
         np.asarray(column).setflags(write=False)
-    return found
+    return worlds
 
 
 @immutable
@@ -100,8 +100,8 @@ class ContactSuite(Suite[ContactFlights]):
     """Benchmark of several controllers on contact tasks, such as pressing or opening a door.
 
     Attributes:
-        laws: names, in order. tasks: names, in order. worlds: of each task. seed: of worlds and noise. plant: that
-            flies.
+        laws: names, in order. tasks: names, in order. worlds: number of worlds of each task.
+        seed: seed of worlds and noise. plant: kind of plant.
     """
 
     laws: tuple[str, ...] = LAWS
@@ -192,41 +192,41 @@ NUMBERS: Mapping[str, tuple[str, str, float, float]] = {
 """Number of a cell -> metric, head, factor from SI to its unit, percentile over flights that came to their end."""
 
 
-def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Mask]:
+def lacks(task: ContactTask, cell: Cell, weight: float, phases: int) -> dict[str, Mask]:
     """Unmet success criteria of a contact task: criterion -> True for each flight that fails it.
 
     Args:
-        task: with its success criteria.
-        cell: its flights.
-        weight: of the vehicle, N.
-        phases: of the scenario that was flown; 0 where none waits.
+        task: task with its success criteria.
+        cell: flights of the task.
+        weight: weight of the vehicle, N.
+        phases: number of phases of the scenario that was flown; 0 where none waits.
     """
     m, late = cell.metrics, cell.status == "phase_failed"
-    found = {"lost": ~(cell.tracked_to_end | (late & cell.upright))}
-    found["phases"] = late | ~(m["phases_done"] >= phases)
+    unmet = {"lost": ~(cell.tracked_to_end | (late & cell.upright))}
+    unmet["phases"] = late | ~(m["phases_done"] >= phases)
     if task.held:
-        found["force"] = ~(m["contact_held"] >= HELD)
+        unmet["force"] = ~(m["contact_held"] >= HELD)
     if task.angle is not None:
-        found["opening"] = ~(m["mechanism_furthest"] >= task.angle)
+        unmet["opening"] = ~(m["mechanism_furthest"] >= task.angle)
     if task.depth is not None:
-        found["depth"] = ~(m["tip_lowest"] <= task.depth)
+        unmet["depth"] = ~(m["tip_lowest"] <= task.depth)
     if task.place is not None:
         x, y = task.place
-        found["place"] = ~(np.hypot(m["object_last_x"] - x, m["object_last_y"] - y) <= NEAR)
+        unmet["place"] = ~(np.hypot(m["object_last_x"] - x, m["object_last_y"] - y) <= NEAR)
     if task.stands is not None:
-        found["standing"] = ~(m["contact_last"] >= task.stands * weight)
-        found["place"] = ~(m["ee_error_last_mean_continuous"] <= APART)
-    return found
+        unmet["standing"] = ~(m["contact_last"] >= task.stands * weight)
+        unmet["place"] = ~(m["ee_error_last_mean_continuous"] <= APART)
+    return unmet
 
 
-def cell_record(task: Task, cell: Cell, weight: float, phases: int) -> Document:
+def cell_record(task: ContactTask, cell: Cell, weight: float, phases: int) -> Document:
     """Results of one controller in a contact task as plain data: success rate, failure causes, median errors.
 
     Args:
-        task: as of :func:`lacks`; a flight that lacks several things counts under the first.
-        cell: its flights.
+        task: task as of :func:`lacks`; a flight that lacks several things counts under the first.
+        cell: flights of the task.
         weight: N, of the vehicle.
-        phases: of the scenario.
+        phases: number of phases of the scenario.
     """
     bad = np.zeros(len(cell.status), dtype=bool)
     causes: Counter[str] = Counter()
@@ -235,16 +235,16 @@ def cell_record(task: Task, cell: Cell, weight: float, phases: int) -> Document:
             causes[str(cell.status[k]) if word == "lost" and not cell.completed[k] else word] += 1
         bad |= flags
     count, good = len(bad), int((~bad).sum())
-    found: Document = {"flights": count, "successes": good, "success_rate": good / count}
-    found["success_interval"] = list(wilson(good, count))
-    found["causes"] = dict(causes.most_common())
+    record: Document = {"flights": count, "successes": good, "success_rate": good / count}
+    record["success_interval"] = list(wilson(good, count))
+    record["causes"] = dict(causes.most_common())
     for name, (metric, _, _, percentile) in NUMBERS.items():
         values = cell.metrics[metric][cell.completed]
         inside = np.abs(values[np.isfinite(values)])
-        found[name] = float(np.percentile(inside, percentile)) if inside.size else None
+        record[name] = float(np.percentile(inside, percentile)) if inside.size else None
     if not phases:  # the plan says when it is over
-        found["time"] = None
-    return found
+        record["time"] = None
+    return record
 
 
 MEANING = (

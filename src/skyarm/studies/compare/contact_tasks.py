@@ -49,11 +49,11 @@ DELAY = 0.010
 
 
 @immutable
-class Task:
+class ContactTask:
     """Contact task of the benchmark: scenario, desired contact force, bounds of perturbations, success criteria.
 
     Attributes:
-        name: of the shipped scenario. title: in a few words.
+        name: name of the shipped scenario. title: title in a few words.
         push: desired push, N; 0 without. normal: nominal, out of the surface.
         face: distance, m, from the tip's path to the nominal surface, against the normal.
         materials: names of the touched objects, as ``surfaces.wall``; all of one stiffness and friction.
@@ -64,7 +64,8 @@ class Task:
         grip: name of a gripper that holds it with the drawn stiffness, and goes along an arc.
         object: name of an object of unknown mass.
         held: whether the force must be held.
-        place: where the object must lie in the end, x and y, m. angle: that the mechanism must reach, rad or m.
+        place: position where the object must lie in the end, x and y, m.
+        angle: opening that the mechanism must reach, rad or m.
         depth: height that the tip must reach, m. stands: share of the weight on the surface in the end.
     """
 
@@ -89,7 +90,7 @@ class Task:
     stands: float | None = None
 
 
-TASKS: Mapping[str, Task] = {row["name"]: Task(**row) for row in library_rows("contact_tasks")}
+TASKS: Mapping[str, ContactTask] = {row["name"]: ContactTask(**row) for row in library_rows("contact_tasks")}
 """By name, in the order of the tables."""
 
 
@@ -112,12 +113,12 @@ BEHIND = 0.01
 """m, behind the believed surface, of the path of a law that follows positions."""
 
 
-def document_of(task: Task) -> dict[str, Any]:
+def document_of(task: ContactTask) -> dict[str, Any]:
     """Shipped scenario of a task as plain data."""
     return tomllib.loads((LIBRARY / f"{task.name}.toml").read_text("utf-8"))
 
 
-def flies_its_own(task: Task, law: str) -> bool:
+def flies_its_own(task: ContactTask, law: str) -> bool:
     """True if a variant of the centroidal law behaves differently from the full law in a contact task.
 
     Without a push the flagship has no interaction to leave out, without an object no load to learn.
@@ -125,7 +126,7 @@ def flies_its_own(task: Task, law: str) -> bool:
     return task.push > 0.0 or bool(task.grip) if law == MOTION else bool(task.object) or law != LOAD
 
 
-def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0) -> Scenario:
+def scenario_of(task: ContactTask, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0) -> Scenario:
     """Shipped, unperturbed scenario of a task for one controller.
 
     Raises:
@@ -137,41 +138,41 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
         document["controller"].pop("interaction", None)
     if law == LOAD:
         document["controller"]["load"] = LARGEST
-    found = scenario_from(document)
+    planned = scenario_from(document)
     if law not in OWN:
         name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
         name = f"{law}{TUNED_GAINS}" if law in RIVALS else name
-        found = found.with_controller(controller_by_name(found, name))
-    if task.push and not presses(found.controller.par):
+        planned = planned.with_controller(controller_by_name(planned, name))
+    if task.push and not presses(planned.controller.par):
         led = scenario_from(as_positions(task, document))
-        found = led.with_controller(found.controller)
-    noise, delays = NOISE if noisy else found.noise, Delays(longest_command=DELAY)
-    return with_words(found, name=task.name, seed=seed, noise=noise, delays=delays, wind=force_wind(found))
+        planned = led.with_controller(planned.controller)
+    noise, delays = NOISE if noisy else planned.noise, Delays(longest_command=DELAY)
+    return with_words(planned, name=task.name, seed=seed, noise=noise, delays=delays, wind=force_wind(planned))
 
 
-def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
+def as_positions(task: ContactTask, document: dict[str, Any]) -> dict[str, Any]:
     """Scenario for a controller without force control: desired tip path offset by ``BEHIND`` into the surface."""
     path = document["reference"]["tip"]["path"]
     way = [-(task.face + BEHIND) * n for n in task.normal]
     start, at, phases = list(path["position"]), list(path["position"]), list[dict[str, Any]]()
     for phase in path["phases"]:
-        found = {**phase}
+        replacement = {**phase}
         kind = phase["kind"]
         if kind == "press":
             phases.append({"kind": "go_to", "position": _shift(at, way), "duration": 2.0})
-            found["until"] = {"error": 1.0, "hold": 0.1, "timeout": 1.0, "on_timeout": "go_on"}
+            replacement["until"] = {"error": 1.0, "hold": 0.1, "timeout": 1.0, "on_timeout": "go_on"}
         elif kind == "insert":
             deeper = [-float(phase["distance"]) * n for n in task.normal]
-            found = {"kind": "slide", "position": _shift(_shift(at, way), deeper), "duration": 2.0}
+            replacement = {"kind": "slide", "position": _shift(_shift(at, way), deeper), "duration": 2.0}
         elif kind == "retreat":
-            found = {"kind": "retreat", "position": start}
+            replacement = {"kind": "retreat", "position": start}
         elif "points" in phase:
-            found["points"] = [_shift(point, way) for point in phase["points"]]
+            replacement["points"] = [_shift(point, way) for point in phase["points"]]
             at = list(phase["points"][-1])
         elif "position" in phase:
-            found["position"] = _shift(phase["position"], way)
+            replacement["position"] = _shift(phase["position"], way)
             at = list(phase["position"])
-        phases.append(found)
+        phases.append(replacement)
     tip = {**document["reference"]["tip"], "path": {**path, "phases": phases}}
     return {**document, "reference": {**document["reference"], "tip": tip}}
 

@@ -18,7 +18,7 @@ from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.joints import effort_limits
 from skyarm.studies.assess.push_limits import HALF, WARNS, pushing_efforts, yaw_room, yaw_torques
-from skyarm.studies.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, Task
+from skyarm.studies.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, ContactTask
 from skyarm.studies.compare.perturbed_plants import on_sphere
 
 CHANNEL = 30
@@ -36,7 +36,7 @@ class Worlds:
     """Perturbed parameters of surroundings and plant with which a contact task is feasible.
 
     Attributes:
-        values: path -> (count,). drawn: how many had to be drawn for them.
+        values: path -> (count,). drawn: number of worlds drawn for them.
     """
 
     values: Mapping[str, Array]
@@ -48,12 +48,12 @@ class Worlds:
         return {"worlds": count, "drawn": self.drawn, "discarded": self.drawn - count}
 
 
-def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Worlds:
+def draw_worlds(task: ContactTask, scenario: Scenario, count: int, *, seed: int) -> Worlds:
     """Draw ``count`` feasible perturbed scenarios of a contact task from a seed.
 
     Args:
-        task: with its bounds.
-        scenario: of the task, with the force wind; its plant is perturbed.
+        task: task with its bounds.
+        scenario: scenario of the task, with the force wind; its plant is perturbed.
         count: worlds.
         seed: key.
 
@@ -64,84 +64,86 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
     share = uniforms(seed, np.arange(drawn), CHANNEL, 0, NUMBERS)
     every = {"stiffness": _log(STIFFNESS, share[:, 0]), "friction": _uniform(task.friction, share[:, 1]),
              "wind": task.wind * share[:, 2], "mass": _log(MASS, share[:, 3])}  # fmt: skip
-    found = np.flatnonzero(kept(task, scenario, every))[:count]
-    last = int(found[-1]) + 1 if found.size else drawn
+    feasible = np.flatnonzero(feasible_worlds(task, scenario, every))[:count]
+    last = int(feasible[-1]) + 1 if feasible.size else drawn
     # of a handful of worlds chance alone may discard a third
-    if found.size < count or last - count > max(MOST_DISCARDED * last, 8.0):
+    if feasible.size < count or last - count > max(MOST_DISCARDED * last, 8.0):
         most = f"{100.0 * MOST_DISCARDED:g} %"
-        gone = f"{last - found.size} of {last} worlds are discarded"
+        gone = f"{last - feasible.size} of {last} worlds are discarded"
         raise ValueError(f"task {task.name}: {gone}: must be at most {most}")
-    rows = {name: column[found] for name, column in every.items()}
-    return Worlds(values=_numbers(task, scenario, rows, share[found]), drawn=last)
+    rows = {name: column[feasible] for name, column in every.items()}
+    return Worlds(values=_numbers(task, scenario, rows, share[feasible]), drawn=last)
 
 
-def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> Mask:
+def feasible_worlds(task: ContactTask, scenario: Scenario, drawn: Mapping[str, Array]) -> Mask:
     """Feasibility of a contact task: True for each perturbed scenario that the vehicle can perform.
 
     Args:
-        task: what is done.
-        scenario: of the task.
+        task: task to do.
+        scenario: scenario of the task.
         drawn: ``friction``, ``wind`` (N), and ``mass`` as a share, (count,) each.
     """
     joints = tuple(float(q) for q in scenario.reference.at(0.0).joints)
-    found = np.ones(len(drawn["wind"]), dtype=bool)
+    feasible = np.ones(len(drawn["wind"]), dtype=bool)
     push = task.push * np.array(task.normal)  # of the surface on the tip, of a level base that looks along x
     limits = effort_limits(scenario.plant.vehicle)
     if task.push:
-        found &= drawn["wind"] <= HALF * task.push
-        found &= bool(np.all(np.abs(pushing_efforts(scenario, joints, push)) <= WARNS * limits))
+        feasible &= drawn["wind"] <= HALF * task.push
+        feasible &= bool(np.all(np.abs(pushing_efforts(scenario, joints, push)) <= WARNS * limits))
     if task.sideways:
         pushing, sliding = yaw_torques(scenario, joints, push)
         room = yaw_room(scenario, joints)
-        found &= pushing + drawn["friction"] * sliding <= HALF * room
+        feasible &= pushing + drawn["friction"] * sliding <= HALF * room
     if task.object:
         mass = number_at(scenario, f"world.objects.{task.object}.mass")
         weight = np.array([0.0, 0.0, -float(scenario.plant.gravity) * mass])
         still = pushing_efforts(scenario, joints, 0.0 * weight)
         more = pushing_efforts(scenario, joints, weight) - still
         efforts = still[:, None] + more[:, None] * drawn["mass"]
-        found &= np.all(np.abs(efforts) <= WARNS * limits[:, None], axis=0)
-    return found
+        feasible &= np.all(np.abs(efforts) <= WARNS * limits[:, None], axis=0)
+    return feasible
 
 
-def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
+def _numbers(task: ContactTask, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
     """Perturbed parameters of a contact task: parameter path -> values (scenarios,)."""
-    found: dict[str, Array] = {}
+    numbers: dict[str, Array] = {}
     for name in task.materials:
-        found[f"world.{name}.material.stiffness"] = drawn["stiffness"]
-        found[f"world.{name}.material.friction"] = drawn["friction"]
+        numbers[f"world.{name}.material.stiffness"] = drawn["stiffness"]
+        numbers[f"world.{name}.material.friction"] = drawn["friction"]
     if task.object:
         path = f"world.objects.{task.object}.mass"
-        found[path] = number_at(scenario, path) * drawn["mass"]
+        numbers[path] = number_at(scenario, path) * drawn["mass"]
     thrust = _uniform(THRUST, share[:, 4])
     for i in range(len(scenario.plant.vehicle.rotors)):
         path = f"plant.vehicle.rotors.{i}.thrust_coefficient"
-        found[path] = number_at(scenario, path) * thrust
-    found["delays.command"] = DELAY * share[:, 5]
+        numbers[path] = number_at(scenario, path) * thrust
+    numbers["delays.command"] = DELAY * share[:, 5]
     for axis, part in zip("xyz", on_sphere(2.0 * share[:, 6] - 1.0, 2.0 * math.pi * share[:, 7]), strict=True):
-        found[f"environment.wind.force_W.{axis}"] = drawn["wind"] * part
+        numbers[f"environment.wind.force_W.{axis}"] = drawn["wind"] * part
     if task.wrong_normal:
         for i, part in enumerate(_tilt(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])):
-            found[f"reference.push.normal.{i}"] = part
-    return found | _handle_numbers(task, scenario, drawn, share)
+            numbers[f"reference.push.normal.{i}"] = part
+    return numbers | _handle_numbers(task, scenario, drawn, share)
 
 
-def _handle_numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
+def _handle_numbers(
+    task: ContactTask, scenario: Scenario, drawn: Mapping[str, Array], share: Array
+) -> dict[str, Array]:
     """Perturbed hinge position, mechanism friction and grip stiffness of a task with a handle, by parameter path."""
-    found: dict[str, Array] = {}
+    numbers: dict[str, Array] = {}
     if task.hinge:
         name, *way = task.hinge
         for i, length in enumerate(way):
             if length:
                 path = f"world.{name}.position.{i}"
-                found[path] = number_at(scenario, path) + RADIUS * (2.0 * share[:, 8] - 1.0) * length
+                numbers[path] = number_at(scenario, path) + RADIUS * (2.0 * share[:, 8] - 1.0) * length
     if task.grip:
-        found[f"world.grippers.{task.grip}.stiffness"] = drawn["stiffness"]
+        numbers[f"world.grippers.{task.grip}.stiffness"] = drawn["stiffness"]
     for each, column in (("friction", 1), ("damping", 3), ("stiffness", 9)) if task.drags else ():
         path = f"world.mechanisms.{task.drags}.{each}"
         if number_at(scenario, path):
-            found[path] = number_at(scenario, path) * _log(DRAG, share[:, column])
-    return found
+            numbers[path] = number_at(scenario, path) * _log(DRAG, share[:, column])
+    return numbers
 
 
 def _tilt(normal: tuple[float, float, float], angle: Array, azimuth: Array) -> list[Array]:

@@ -42,8 +42,9 @@ class Entrant:
     Attributes:
         name: short name. group: "paper", "step" (the paper's law made better), "published", "centroidal" or "part"
             (the centroidal law without one of its blocks).
-        law: a preset or a law. options: of the law, whatever the condition. perfect, noisy: options for either kind.
-        tuned: with the gains of :mod:`skyarm.control.catalogue`. told: whether it receives a known delay.
+        law: a preset or a law. options: options of the law, whatever the condition.
+        perfect, noisy: options for either kind.
+        tuned: whether it has the gains of :mod:`skyarm.control.catalogue`. told: whether it receives a known delay.
     """
 
     name: str
@@ -87,10 +88,10 @@ def chosen_entrants(names: Sequence[str], field: str) -> dict[str, Entrant]:
     require_different(names, field)
     chosen = {name: each for name, each in ENTRANTS.items() if name in names}
     for name in names:
-        found = ENTRANTS.get(name) or own_entrant(name)
-        if found is None:
+        entrant = ENTRANTS.get(name) or own_entrant(name)
+        if entrant is None:
             raise ValueError(f"{field} = {shown(name)}: {must_be_one_of(ENTRANTS, name)}")
-        if chosen.setdefault(found.name, found) != found:
+        if chosen.setdefault(entrant.name, entrant) != entrant:
             raise ValueError(
                 f"{field} = {shown(','.join(names))}: must not name two files and makers of the same names"
             )

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -19,10 +18,10 @@ from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cells import JITTER, LIMITED, ONE_BY_ONE, Cell, Document, Flights, Record
+from skyarm.studies.compare.cell_flights import JITTER, LIMITED, ONE_BY_ONE, Cell, CellFlights, Document, Record
 from skyarm.studies.compare.entrants import TUNED, Entrant
-from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, TIP, TIP_MAX, Axis, plants_at
-from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
+from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, PLANTS, TIP, TIP_MAX, EnvelopeAxis, plants_at
+from skyarm.studies.compare.envelope_setting import DURATION, PAPER, EnvelopeSetting, setting_of
 from skyarm.studies.compare.run_suite import DPI, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.view.figures.comparison_figures import envelope_figure
@@ -42,7 +41,7 @@ QUICK = 10.0
 
 
 @immutable(slots=False)
-class AxisFlights(Flights):
+class AxisFlights(CellFlights):
     """Flights of one controller in a trial at increasing difficulty, all with the same noise.
 
     Attributes:
@@ -57,12 +56,12 @@ class AxisFlights(Flights):
     same_noise = True
 
     @property
-    def axis(self) -> Axis:
+    def axis(self) -> EnvelopeAxis:
         """Difficulty axis of these flights: a trial with one parameter that grows."""
         return AXES[self.case.name]
 
     @property
-    def setting(self) -> Setting:
+    def setting(self) -> EnvelopeSetting:
         """Hover scenario of the vehicle, with the scales of its envelope trials."""
         return setting_of(self.vehicle, self.duration, self.plant)
 
@@ -98,15 +97,15 @@ class AxisFlights(Flights):
 
 
 def axis_flights(
-    law: str, axis: Axis, setting: Setting, *, seed: int = 0, plant: str = "rigid_body"
+    law: str, axis: EnvelopeAxis, setting: EnvelopeSetting, *, seed: int = 0, plant: str = "rigid_body"
 ) -> list[AxisFlights]:
     """Flights of a controller along one difficulty axis: one batch if possible, else one entry per value.
 
     Args:
         law: preset or law.
-        axis: with the values that fly.
+        axis: axis with the values that fly.
         setting: vehicle and duration.
-        seed: of the noise.
+        seed: seed of the noise.
         plant: kind of simulated plant.
 
     Raises:
@@ -136,7 +135,8 @@ class Envelope(Suite[AxisFlights]):
     """Benchmark that measures the performance envelope of several controllers.
 
     Attributes:
-        laws: presets or laws, in order. axes: names. vehicle: name or file. seed: of the noise. plant: its kind.
+        laws: presets or laws, in order. axes: names. vehicle: name or file. seed: seed of the noise.
+        plant: kind of plant.
         quick: the first and the last value of each axis only, in flights of 10 s.
     """
 
@@ -151,11 +151,11 @@ class Envelope(Suite[AxisFlights]):
     settings = ("vehicle", "seed", "plant", "quick")
 
     @property
-    def setting(self) -> Setting:
+    def setting(self) -> EnvelopeSetting:
         """Hover scenario of the vehicle, with the scales of its envelope trials."""
         return setting_of(self.vehicle, QUICK if self.quick else DURATION, self.plant)
 
-    def setting_of_axis(self, name: str) -> Setting:
+    def setting_of_axis(self, name: str) -> EnvelopeSetting:
         """Hover scenario of the vehicle that flies a difficulty axis, the envelope's or the axis' own."""
         return setting_of(AXES[name].vehicle or self.vehicle, self.setting.duration, self.plant)
 
@@ -169,28 +169,28 @@ class Envelope(Suite[AxisFlights]):
             if not (servos and AXES[name].torques) and (self.vehicle == PAPER or not AXES[name].vehicle)
         )
 
-    def axis(self, name: str) -> Axis:
+    def axis(self, name: str) -> EnvelopeAxis:
         """Difficulty axis by name, with only the values to be simulated."""
         axis = AXES[name]
         return dataclasses.replace(axis, values=(axis.values[0], axis.values[-1])) if self.quick else axis
 
     def plan_cells(self) -> tuple[list[AxisFlights], dict[str, str]]:
         """All flights of the envelope, and reasons why a controller is excluded."""
-        found: list[AxisFlights] = []
+        cells: list[AxisFlights] = []
         refused: dict[str, str] = {}
         for law in self.laws:
             for name in self.flyable_axes:
                 axis, setting = self.axis(name), self.setting_of_axis(name)
                 try:
-                    found += axis_flights(law, axis, setting, seed=self.seed, plant=self.plant)
+                    cells += axis_flights(law, axis, setting, seed=self.seed, plant=self.plant)
                 except ControllerError as error:
                     if axis.vehicle:  # the law may fly the others
                         refused[f"{law} on {axis.vehicle}"] = str(error)
                         continue
                     refused[law] = str(error)
-                    found = [each for each in found if each.entrant.name != law]
+                    cells = [each for each in cells if each.entrant.name != law]
                     break
-        return found, refused
+        return cells, refused
 
     def judge(self, todo: Sequence[AxisFlights], cells: Sequence[Cell], refused: Refused) -> Document:
         """Evaluate the envelope: errors of every controller at every value of every difficulty axis."""
@@ -229,30 +229,30 @@ JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base; time wi
 """What the numbers of an axis are, in words."""
 
 
-def points_of(cell: Cell, axis: Axis, values: int | None = None) -> list[Document]:
+def points_of(cell: Cell, axis: EnvelopeAxis, values: int | None = None) -> list[Document]:
     """Results along a difficulty axis as plain data: errors in m, tilt in rad, status, crashed or not.
 
     Of an axis of plants one for each of so many ``values``.
     """
-    found = _lanes(cell, axis)
+    lanes = _lanes(cell, axis)
     if not axis.plants:
-        return found
-    count = len(found) // (values or 1)
-    return [point_of_plants(found[k : k + count]) for k in range(0, len(found), count)]
+        return lanes
+    count = len(lanes) // (values or 1)
+    return [point_of_plants(lanes[k : k + count]) for k in range(0, len(lanes), count)]
 
 
-def _lanes(cell: Cell, axis: Axis) -> list[Document]:
-    found = []
+def _lanes(cell: Cell, axis: EnvelopeAxis) -> list[Document]:
+    lanes = []
     for k, status in enumerate(cell.status):
         numbers = {
             name: _finite(cell.metrics[metric][k]) for name, metric in (("judged", axis.metric), *MEASURED.items())
         }
         lost = not cell.tracked_to_end[k] or numbers["judged"] is None
-        found.append({**numbers, "status": str(status), "lost": bool(lost)})
-    return found
+        lanes.append({**numbers, "status": str(status), "lost": bool(lost)})
+    return lanes
 
 
-def _finite(value: Any) -> float | None:
+def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
@@ -262,23 +262,23 @@ def point_of_plants(flights: Sequence[Record]) -> Document:
     It is judged by the largest mean error of the plants that fly to their end, and lost where one plant is. Its mean
     is the median of the plants' means, all else the largest of theirs. ``plants`` has them one by one.
     """
-    kept = [each for each in flights if not each["lost"]]
-    found: Document = {key: _over(kept, key, max) for key in ("judged", "tip_max", "outside", "jitter", "limited")}
-    found |= {"tip_mean": _over(kept, "tip_mean", np.median), "tilt": _over(flights, "tilt", max)}
+    flown = [each for each in flights if not each["lost"]]
+    point: Document = {key: _over(flown, key, max) for key in ("judged", "tip_max", "outside", "jitter", "limited")}
+    point |= {"tip_mean": _over(flown, "tip_mean", np.median), "tilt": _over(flights, "tilt", max)}
     gone = [each["status"] for each in flights if each["lost"]]
-    held = sum(each["tip_max"] <= NEAR for each in kept)
-    counts = {"of": len(flights), "held": held, "lost": len(gone)}
+    near = sum(each["tip_max"] <= NEAR for each in flown)
+    counts = {"of": len(flights), "held": near, "lost": len(gone)}
     each = [{"judged": one["judged"], "lost": one["lost"]} for one in flights]
-    return {**found, "status": gone[0] if gone else "completed", "lost": bool(gone), "plants": {**counts, "each": each}}
+    return {**point, "status": gone[0] if gone else "completed", "lost": bool(gone), "plants": {**counts, "each": each}}
 
 
-def _over(flights: Sequence[Record], key: str, how: Any) -> float | None:
+def _over(flights: Sequence[Record], key: str, how: Callable[[list[float]], float]) -> float | None:
     numbers = [each[key] for each in flights if each[key] is not None]
-    found = float(how(numbers)) if numbers else math.nan
-    return found if math.isfinite(found) else None
+    combined = float(how(numbers)) if numbers else math.nan
+    return combined if math.isfinite(combined) else None
 
 
-def axis_record(axis: Axis, setting: Setting) -> Document:
+def axis_record(axis: EnvelopeAxis, setting: EnvelopeSetting) -> Document:
     """Description of a difficulty axis as plain data, without results; values in display units."""
     return {
         "title": axis.title,

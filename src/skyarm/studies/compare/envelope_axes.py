@@ -21,7 +21,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import LATE
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Change, Delays, JointDrive, Scenario, with_words
 from skyarm.sensing.measurement import SensorNoise
-from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting
+from skyarm.studies.compare.envelope_setting import DURATION, PAPER, EnvelopeSetting
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
 from skyarm.studies.compare.suite import DELAY, NOISE
 from skyarm.vehicle.vehicle_records import BodyDrag
@@ -87,21 +87,21 @@ Numbers = Mapping[str, float]
 
 
 @immutable
-class Axis:
+class EnvelopeAxis:
     """Difficulty axis of the performance envelope: one trial at several parameter values, the easiest first.
 
     Attributes:
-        name: short name. title: one line. unit: of the values as they are shown.
-        values: for the paper's vehicle, SI; the largest change of the trial last.
+        name: short name. title: one line. unit: unit of the values as they are shown.
+        values: values for the paper's vehicle, SI; the largest change of the trial last.
         build: scenario of the setting, its law that of the setting; of setting and value where ``numbers`` is None.
         numbers: path -> number of a value, where values are data of one scenario; None where each is a scenario.
         plants: a value is the width of a spread of plants, and many fly each.
-        share: of the values that the setting's vehicle is given.
+        share: share of the values that the setting's vehicle is given.
         shown: factor from SI to the unit.
         noisy: sensor noise and a measurement that is 5 ms old, a delay that the law knows.
-        start: s, beginning of the error metrics. metric: that decides on the axis.
-        torques: of joints that take torques only; a vehicle whose joints are servos does not fly it.
-        vehicle: that flies the axis in place of the envelope's; "" for none.
+        start: s, beginning of the error metrics. metric: metric that decides on the axis.
+        torques: whether the joints must take torques; a vehicle whose joints are servos does not fly it.
+        vehicle: vehicle that flies the axis in place of the envelope's; "" for none.
     """
 
     name: str
@@ -109,9 +109,9 @@ class Axis:
     unit: str
     values: tuple[float, ...]
     build: Callable[..., Scenario]
-    numbers: Callable[[Setting, float], Numbers] | None = None
+    numbers: Callable[[EnvelopeSetting, float], Numbers] | None = None
     plants: bool = False
-    share: Callable[[Setting], float] = lambda setting: 1.0
+    share: Callable[[EnvelopeSetting], float] = lambda setting: 1.0
     shown: float = 1.0
     noisy: bool = False
     start: float = DISTURBED
@@ -119,12 +119,12 @@ class Axis:
     torques: bool = False
     vehicle: str = ""
 
-    def of(self, setting: Setting) -> tuple[float, ...]:
+    def of(self, setting: EnvelopeSetting) -> tuple[float, ...]:
         """Parameter values of a difficulty axis, scaled to a vehicle, SI."""
         share = self.share(setting)
         return tuple(float(f"{value * share:.3g}") for value in self.values)
 
-    def scenario(self, setting: Setting, value: float) -> Scenario:
+    def scenario(self, setting: EnvelopeSetting, value: float) -> Scenario:
         """Scenario of an envelope trial at one axis value, with sensor noise if the axis requires it."""
         built = self.build(setting, value) if self.numbers is None else self.build(setting)
         if self.noisy and built.noise == PERFECT_SENSORS:
@@ -138,12 +138,14 @@ def sine_from_rest(amplitude: float, frequency_hz: float = 1.0, phase: float = 0
     return Product(Sine(amplitude=amplitude, frequency_hz=frequency_hz, phase=phase), EASE)
 
 
-def along(setting: Setting, **signals: Any) -> Scenario:
+def along(setting: EnvelopeSetting, **signals: Any) -> Scenario:
     """Scenario of a vehicle that follows the given reference signals of base and joints."""
     return setting.hover.with_reference(dataclasses.replace(setting.hover.reference, **signals))
 
 
-def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float, phase: float) -> tuple[Signal, ...]:
+def swings(
+    setting: EnvelopeSetting, amplitudes: tuple[float, ...], frequency_hz: float, phase: float
+) -> tuple[Signal, ...]:
     """Sine references of all joints about mid-range, each with a phase lag to the previous joint."""
     return tuple(
         Sum((Constant(middle), sine_from_rest(amplitudes[j % len(amplitudes)] * unit, frequency_hz, phase * j)))
@@ -151,34 +153,34 @@ def swings(setting: Setting, amplitudes: tuple[float, ...], frequency_hz: float,
     )
 
 
-def swinging(setting: Setting, amplitude: float = 1.0) -> Scenario:
+def swinging(setting: EnvelopeSetting, amplitude: float = 1.0) -> Scenario:
     """Envelope trial: all joints swing in hover at 1 Hz, amplitude in rad."""
     return along(setting, joints=swings(setting, (amplitude,), 1.0, SWING_PHASE))
 
 
-def moving_base(setting: Setting, **axes: Any) -> Scenario:
+def moving_base(setting: EnvelopeSetting, **axes: Signal) -> Scenario:
     """Envelope trial: the base follows reference signals while the arm swings gently."""
     return along(setting, joints=swings(setting, ARM, ARM_HZ, ARM_PHASE), **axes)
 
 
-def circle(setting: Setting, radius: float = 1.0, speed: float = 1.0) -> Scenario:
+def circle(setting: EnvelopeSetting, radius: float = 1.0, speed: float = 1.0) -> Scenario:
     """Envelope trial: horizontal circle, radius in m and speed in m/s."""
     f = speed / (2.0 * math.pi * radius)
     return moving_base(setting, x=sine_from_rest(radius, f, 0.5 * math.pi), y=sine_from_rest(radius, f))
 
 
-def slow_circle(setting: Setting, delays: Delays = ON_TIME, noise: SensorNoise = PERFECT_SENSORS) -> Scenario:
+def slow_circle(setting: EnvelopeSetting, delays: Delays = ON_TIME, noise: SensorNoise = PERFECT_SENSORS) -> Scenario:
     """Envelope trial: slow horizontal circle, used for delays, lags, payloads and noise."""
     return with_words(circle(setting, *SLOW), delays=delays, noise=noise)
 
 
-def slow_circle_with_onset(setting: Setting) -> Scenario:
+def slow_circle_with_onset(setting: EnvelopeSetting) -> Scenario:
     """Envelope trial: slow circle on which commands, on time before, are late from 8 s on."""
     late = Change(at=ONSET, path=LATE, value=LATEST)
     return with_words(slow_circle(setting), delays=Delays(measurement=DELAY, longest_command=LATEST), changes=(late,))
 
 
-def figure(setting: Setting) -> Scenario:
+def figure(setting: EnvelopeSetting) -> Scenario:
     """Envelope trial: Lissajous figure in space while the joints swing faster; frequencies are set by the axis."""
     height = setting.hover.reference.z
     base = {axis: sine_from_rest(size * setting.climb, times, phase) for axis, (size, times, phase) in FIGURE.items()}
@@ -186,14 +188,14 @@ def figure(setting: Setting) -> Scenario:
     return along(setting, **base | {"z": Sum((height, base["z"]))}, joints=swings(setting, (size,), times, phase))
 
 
-def figure_frequencies(setting: Setting, frequency: float) -> Numbers:
+def figure_frequencies(setting: EnvelopeSetting, frequency: float) -> Numbers:
     """Parameter path -> frequency of every sine of the Lissajous figure, Hz."""
     paths = {("z.1" if axis == "z" else axis): times for axis, (_, times, _) in FIGURE.items()}
     paths |= {f"joints.{j}.1": FIGURE_ARM[1] for j in range(setting.truth.n)}
     return {f"reference.{path}.signal.frequency_hz": times * frequency for path, times in paths.items()}
 
 
-def random_curve(setting: Setting, step: float) -> Scenario:
+def random_curve(setting: EnvelopeSetting, step: float) -> Scenario:
     """Envelope trial: base and joints follow B-splines of random points, the given time apart, s."""
     draws = np.random.default_rng(POINTS)
     count = math.ceil(DURATION / min(RANDOM_STEPS)) + 8
@@ -210,17 +212,17 @@ def random_curve(setting: Setting, step: float) -> Scenario:
     return along(setting, **base | {"z": Sum((setting.hover.reference.z, base["z"]))}, joints=joints)
 
 
-def vertical(setting: Setting) -> Scenario:
+def vertical(setting: EnvelopeSetting) -> Scenario:
     """Envelope trial: vertical sine motion of 0.2 m amplitude."""
     return moving_base(setting, z=Sum((setting.hover.reference.z, sine_from_rest(0.2 * setting.climb))))
 
 
-def pushed_hover(setting: Setting, **force: Any) -> Scenario:
+def pushed_hover(setting: EnvelopeSetting, **force: Any) -> Scenario:
     """Envelope trial: hover under a given disturbance force."""
     return with_words(setting.hover, forces=(Disturbance(**force),))
 
 
-def turning_wind(setting: Setting) -> Scenario:
+def turning_wind(setting: EnvelopeSetting) -> Scenario:
     """Envelope trial: hover in a wind that rotates about the vertical, force 2 N, air speed 2 m/s."""
     force, air = (
         SignalVector(**{axis: Sine(amplitude=size, frequency_hz=1.0, phase=phase)
@@ -230,7 +232,7 @@ def turning_wind(setting: Setting) -> Scenario:
     return with_words(pushed_hover(setting, force=force), air=(AirSignals(velocity_W=air),))
 
 
-def turbulence(setting: Setting, mean: float) -> Scenario:
+def turbulence(setting: EnvelopeSetting, mean: float) -> Scenario:
     """Envelope trial: hover in turbulent wind along x with given mean, m/s, standard deviation half the mean."""
     drag = BodyDrag(area=Vec3(*(2.0 * HULL * setting.weight / 1.225,) * 3), air_density=1.225)
     sigma, length = Vec3(*(0.5 * mean,) * 3), Vec3(*(SCALE_LENGTH,) * 3)
@@ -239,7 +241,7 @@ def turbulence(setting: Setting, mean: float) -> Scenario:
     return with_words(setting.hover, plant=plant, wind=MovingAir(velocity_W=Vec3(mean, 0, 0), turbulence=gusts))
 
 
-def wind_steps(setting: Setting) -> Scenario:
+def wind_steps(setting: EnvelopeSetting) -> Scenario:
     """Envelope trial: hover under a step force on the base, along one axis after another."""
     vector = {
         axis: Product(Constant(1.0), Sum(tuple(Windowed(Constant(sign), a, b) for a, b, sign in windows)))
@@ -248,32 +250,32 @@ def wind_steps(setting: Setting) -> Scenario:
     return pushed_hover(setting, force=SignalVector(**vector))
 
 
-def pushes(axis: str, setting: Setting) -> Scenario:
+def pushes(axis: str, setting: EnvelopeSetting) -> Scenario:
     """Envelope trial: hover under a pulsed tip force along a world axis, on for half of every second."""
     pulses = Pulses(count=max(1, math.ceil(setting.duration)), start=4.0, period=1.0, width=0.5)
     force = SignalVector(**{axis: Product(Constant(1.0), pulses)})
     return pushed_hover(setting, frame=setting.truth.end_effector, force=force)
 
 
-def lagging_joints(setting: Setting) -> Scenario:
+def lagging_joints(setting: EnvelopeSetting) -> Scenario:
     """Envelope trial: slow circle with a first-order lag on the joint torques."""
     lagged = LaggedTorque(time_constant=LONGEST)
     drives = tuple(JointDrive(joint=link.joint.name, drive=lagged) for link in setting.truth.links)
     return with_words(slow_circle(setting), drives=drives)
 
 
-def wrong_plants(setting: Setting, times: float) -> Scenario:
+def wrong_plants(setting: EnvelopeSetting, times: float) -> Scenario:
     """Envelope trial: joints swing by 0.5 rad on a perturbed plant with an unmodelled command delay."""
     delays = Delays(longest_command=WIDEST * Spread().delay)
     return with_words(swinging(setting, 0.5), delays=delays, wind=ForceWind())
 
 
-def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *, seed: int) -> dict[str, Array]:
+def plants_at(setting: EnvelopeSetting, scenario: Scenario, times: float, count: int, *, seed: int) -> dict[str, Array]:
     """Perturbed plants at one axis value: parameter path -> values (plants,).
 
     Args:
         setting: vehicle.
-        scenario: of :func:`wrong_plants`; its truth is the middle of the spread.
+        scenario: scenario of :func:`wrong_plants`; its truth is the middle of the spread.
         times: width of the spread over that of the comparison.
         count: plants.
         seed: key.
@@ -291,17 +293,17 @@ def widen(spread: Spread, times: float) -> Spread:
     return Spread(**shares, thrust=(low * times, high * times))
 
 
-def same(*paths: str, factor: float = 1.0) -> Callable[[Setting, float], Numbers]:
+def same(*paths: str, factor: float = 1.0) -> Callable[[EnvelopeSetting, float], Numbers]:
     """Function from an axis value to parameters by path: all get the axis value times a factor."""
     return lambda setting, value: dict.fromkeys(paths, value * factor)
 
 
-def frequencies(*axes: str) -> Callable[[Setting, float], Numbers]:
+def frequencies(*axes: str) -> Callable[[EnvelopeSetting, float], Numbers]:
     """Function from an axis value to parameters by path: the axis value as frequency of several sine references."""
     return same(*(f"reference.{axis}.signal.frequency_hz" for axis in axes))
 
 
-def rotor_lags(setting: Setting, times: float) -> Numbers:
+def rotor_lags(setting: EnvelopeSetting, times: float) -> Numbers:
     """Parameter path -> time constant of every rotor, rising and falling, s."""
     falling = 1.0 + FALLING * (times - 1.0) / 3.0
     return {
@@ -311,7 +313,7 @@ def rotor_lags(setting: Setting, times: float) -> Numbers:
     }
 
 
-def by_weight(setting: Setting) -> float:
+def by_weight(setting: EnvelopeSetting) -> float:
     """Scale of forces and payloads for a vehicle: its weight over that of the Barakou et al. 2026 vehicle."""
     return setting.weight
 
@@ -319,12 +321,12 @@ def by_weight(setting: Setting) -> float:
 RANDOM_STEPS = (1.0, 0.7, 0.5, 0.35)
 """s, between the points of the random curve."""
 
-MOVING = partial(Axis, start=SETTLED)
-SLOWLY = partial(Axis, noisy=True)
+MOVING = partial(EnvelopeAxis, start=SETTLED)
+SLOWLY = partial(EnvelopeAxis, noisy=True)
 VERTICAL = partial(MOVING, title="vertical sine of 0.2 m, arm swinging", unit="Hz", build=vertical,
                    numbers=frequencies("z.1"))  # fmt: skip
 
-LATE_IN_FLIGHT: Mapping[str, Any] = {"build": slow_circle_with_onset, "numbers": same("changes.0.value")}
+LATE_IN_FLIGHT = partial(SLOWLY, build=slow_circle_with_onset, numbers=same("changes.0.value"), start=ONSET, shown=1e3)
 
 ROWS = (
     MOVING(
@@ -358,13 +360,13 @@ ROWS = (
         name="wrong_plants", unit="times", values=(0.5, 1.0, 1.5, WIDEST), build=wrong_plants, plants=True,
         title=f"hover, joints swinging by 0.5 rad at 1 Hz, {PLANTS} wrong plants, width of their spread",
     ),
-    Axis(
+    EnvelopeAxis(
         name="step", title="step of the position along x", unit="m", values=(0.5, 1.0, 2.0, 3.0), start=STEP,
         # within one control period of the paper's rates
         build=lambda setting: along(setting, x=Ramp(start=STEP, duration=0.005, height=1.0)),
         numbers=same("reference.x.height"), share=lambda setting: setting.climb, metric=OVERSHOOT,
     ),
-    Axis(
+    EnvelopeAxis(
         name="turning_wind", title="hover in 2 N of wind that turns, time of a turn", unit="s",
         values=(40.0, 20.0, 10.0, 5.0), build=turning_wind,
         numbers=lambda setting, period: {
@@ -372,15 +374,15 @@ ROWS = (
             for what in ("forces.0.force", "air.0.velocity") for axis in "xy"
         },
     ),
-    Axis(name="turbulence", title="hover in turbulent air, mean speed", unit="m/s", values=(1.5, 3.0, 4.5, 6.0),
+    EnvelopeAxis(name="turbulence", title="hover in turbulent air, mean speed", unit="m/s", values=(1.5, 3.0, 4.5, 6.0),
          build=turbulence),
-    Axis(
+    EnvelopeAxis(
         name="wind_steps", title="hover, a force on the base that steps from axis to axis", unit="N",
         values=(1.0, 2.0, 3.0, 4.0, 5.0), build=wind_steps, share=by_weight, noisy=True,
         numbers=same(*(f"environment.forces.0.force.{axis}.signal" for axis in "xyz")),
     ),
     *(
-        Axis(
+        EnvelopeAxis(
             name=f"push_{axis}", title=f"hover, the tip pushed along {axis} during half of every second", unit="N",
             values=(0.5, 1.0, 2.0, 3.0), build=partial(pushes, axis), share=by_weight, noisy=True,
             numbers=same(f"environment.forces.0.force.{axis}.signal"),
@@ -392,14 +394,14 @@ ROWS = (
         values=(0.0, 0.005, 0.01, 0.015, 0.02, LONGEST), numbers=same(LATE),
         build=partial(slow_circle, delays=Delays(measurement=DELAY, longest_command=LONGEST)),
     ),
-    SLOWLY(
+    LATE_IN_FLIGHT(
         name="delay_in_flight", title="slow circle, commands late from 8 s on, unknown to the law", unit="ms",
-        shown=1e3, values=(0.0, 0.01, 0.02, 0.03, LATEST), start=ONSET, **LATE_IN_FLIGHT,
+        values=(0.0, 0.01, 0.02, 0.03, LATEST),
     ),
     *(
-        SLOWLY(
-            name=vehicle, title=f"the same on {vehicle}", unit="ms late", shown=1e3,
-            values=(0.0, 0.01, 0.02, 0.03), start=ONSET, vehicle=vehicle, **LATE_IN_FLIGHT,
+        LATE_IN_FLIGHT(
+            name=vehicle, title=f"the same on {vehicle}", unit="ms late", values=(0.0, 0.01, 0.02, 0.03),
+            vehicle=vehicle,
         )
         for vehicle in VEHICLES
     ),
@@ -434,4 +436,4 @@ ROWS = (
 )  # fmt: skip
 """Motions of base and arm; a step, and forces on a hover; delays, lags, a load and noise on a slow circle."""
 
-AXES: Mapping[str, Axis] = {axis.name: axis for axis in ROWS}
+AXES: Mapping[str, EnvelopeAxis] = {axis.name: axis for axis in ROWS}

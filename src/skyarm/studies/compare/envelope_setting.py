@@ -23,6 +23,7 @@ from skyarm.records.immutable import immutable
 from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -43,14 +44,15 @@ DURATION = 20.0
 
 
 @immutable
-class Setting:
+class EnvelopeSetting:
     """Hover scenario of a vehicle, and the scales of the envelope's trials with the vehicle.
 
     Attributes:
         vehicle: name or file. hover: scenario that every trial is made from.
         weight: over that of the paper's vehicle. climb: share of the paper's accelerations, at most 1.
-        middle: of each joint's swing, rad or m. swing: of each joint, rad or m where the paper's arm swings by 1.
-        duration: of a trial, s.
+        middle: middle of each joint's swing, rad or m.
+        swing: amplitude of each joint, rad or m where the paper's arm swings by 1.
+        duration: duration of a trial, s.
     """
 
     vehicle: str
@@ -68,7 +70,7 @@ class Setting:
 
 
 @lru_cache(maxsize=8)
-def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "rigid_body") -> Setting:
+def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "rigid_body") -> EnvelopeSetting:
     """Hover scenario and trial scales of a vehicle given by name or file.
 
     Raises:
@@ -79,10 +81,10 @@ def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "r
     _require_arm(vehicle, truth)
     middle, swing = zip(*(_swing_range(link.joint) for link in truth.links), strict=True)
     hover = _hover(vehicle, truth, duration, plant)
-    held = Trajectory(z=Constant(_height(truth)), joints=tuple(Constant(value) for value in middle))
-    return Setting(
+    reference = Trajectory(z=Constant(_height(truth)), joints=tuple(Constant(value) for value in middle))
+    return EnvelopeSetting(
         vehicle=vehicle,
-        hover=hover.with_reference(held),
+        hover=hover.with_reference(reference),
         weight=float(truth.mass) / float(load_vehicle(PAPER).mass),
         climb=min(1.0, _spare_thrust(truth) / _spare_thrust(load_vehicle(PAPER))),
         middle=middle,
@@ -101,8 +103,8 @@ def _require_arm(name: str, truth: Vehicle) -> None:
 def _hover(vehicle: str, truth: Vehicle, duration: float, plant: str) -> Scenario:
     """Hover scenario of a vehicle; that of Barakou et al. 2026 has the controller model of the publication."""
     if vehicle == PAPER:
-        found = load_scenario("case3", plant=plant, duration=duration)
-        return dataclasses.replace(found, name="hover", title="hover")
+        scenario = load_scenario("case3", plant=plant, duration=duration)
+        return dataclasses.replace(scenario, name="hover", title="hover")
     document: dict[str, Any] = {
         "name": "hover",
         "duration": duration,
@@ -123,7 +125,7 @@ def _spare_thrust(vehicle: Vehicle) -> float:
     return (most if math.isfinite(most) else 3.0) - 1.0
 
 
-def _swing_range(joint: Any) -> tuple[float, float]:
+def _swing_range(joint: Joint) -> tuple[float, float]:
     """Mid position of a joint's swing, and the amplitude that corresponds to 1, within the joint's limits."""
     low, high = float(joint.lower), float(joint.upper)
     middle = 0.0 if low < 0.0 < high or not math.isfinite(low + high) else 0.5 * (low + high)

@@ -15,7 +15,7 @@ from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.draws import draws_needed
-from skyarm.studies.compare.cells import JITTER, LIMITED, Document, Flights, Record
+from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights, Document, Record
 from skyarm.studies.compare.comparison import BASE, JOINT, TOOL, title_of
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Refused, SummarySuite
@@ -43,7 +43,7 @@ COLUMNS: Sequence[tuple[str, str, float]] = (
 
 
 @immutable
-class GivenFlights(Flights):
+class GivenFlights(CellFlights):
     """Flights of a scenario as with ``skyarm run FILE --laws LAW``, one per noise seed."""
 
     given: Scenario | PathLike
@@ -59,9 +59,10 @@ class OwnScenario(SummarySuite[GivenFlights]):
     """Comparison of several controllers on one scenario of the user.
 
     Attributes:
-        scenario: or its file, or the name of a shipped one. laws: that fly after the scenario's own, any controllers.
-        plant: its kind. seeds: flights of each law, if the scenario has noise or random parts; else one.
-        seed: of the noise.
+        scenario: scenario, or its file, or the name of a shipped one.
+        laws: controllers that fly after the scenario's own, any controllers.
+        plant: kind of plant. seeds: flights of each law, if the scenario has noise or random parts; else one.
+        seed: seed of the noise.
     """
 
     scenario: Scenario | PathLike

@@ -28,10 +28,10 @@ class Spread:
         mass: share of each body's mass. com: m, each axis of each body. inertia: share of each body's inertia tensor
             and mass moments, one factor a body, so that the tensor stays one of a body.
         thrust: lowest and highest share of the thrust coefficient, one factor for all rotors (supply, air density).
-        damping: of every joint, N m s/rad. payload: point mass at the tip, kg.
+        damping: damping of every joint, N m s/rad. payload: point mass at the tip, kg.
         wind: force on the base, N, direction uniform on the sphere; it blows in place of the case's own mean
             force, whose air speed and gust stay.
-        delay: of the commands, s.
+        delay: delay of the commands, s.
     """
 
     mass: float = 0.2
@@ -48,7 +48,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
     """Draw perturbed plants: parameter path -> values (plants,), the same for all compared controllers.
 
     Args:
-        scenario: its truth is the middle of the spread.
+        scenario: scenario whose plant is the middle of the spread.
         spread: bounds.
         count: plants, numbered from 0; the first ones do not depend on it.
         seed: key.
@@ -61,16 +61,16 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
 
     mass, com = draw_signed(CHANNEL_MASS, len(bodies)), draw_signed(CHANNEL_COM, 3 * len(bodies))
     inertia, world = draw_signed(CHANNEL_INERTIA, len(bodies)), draw_signed(CHANNEL_WORLD, 4)
-    found: dict[str, Array] = {}
+    values: dict[str, Array] = {}
 
     def scale(path: str, factor: Array) -> None:
-        found[path] = number_at(scenario, path) * factor
+        values[path] = number_at(scenario, path) * factor
 
     for i, body in enumerate(bodies):
         at = f"plant.vehicle.{body}"
         scale(f"{at}.mass", 1.0 + spread.mass * mass[:, i])
         for k, axis in enumerate("xyz"):
-            found[f"{at}.com.{axis}"] = number_at(scenario, f"{at}.com.{axis}") + spread.com * com[:, 3 * i + k]
+            values[f"{at}.com.{axis}"] = number_at(scenario, f"{at}.com.{axis}") + spread.com * com[:, 3 * i + k]
         for moment in ("xx", "yy", "zz", "xy", "xz", "yz"):
             scale(f"{at}.inertia.{moment}", 1.0 + spread.inertia * inertia[:, i])
     low, high = spread.thrust
@@ -78,15 +78,15 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
     for i in range(len(truth.rotors)):
         scale(f"plant.vehicle.rotors.{i}.thrust_coefficient", thrust)
     for i in range(truth.n):
-        found[f"plant.vehicle.links.{i}.joint.damping"] = 0.5 * spread.damping * (1.0 + world[:, 0])
-    found["plant.payload.mass"] = 0.5 * spread.payload * (1.0 + world[:, 1])
+        values[f"plant.vehicle.links.{i}.joint.damping"] = 0.5 * spread.damping * (1.0 + world[:, 0])
+    values["plant.payload.mass"] = 0.5 * spread.payload * (1.0 + world[:, 1])
     if spread.delay:
-        found["delays.command"] = 0.5 * spread.delay * (1.0 + world[:, 2])
+        values["delays.command"] = 0.5 * spread.delay * (1.0 + world[:, 2])
     force = 0.5 * spread.wind * (1.0 + world[:, 3])
     height, turn = draw_signed(CHANNEL_WIND, 2).T
     for axis, part in zip("xyz", on_sphere(height, math.pi * turn), strict=True):
-        found[f"environment.wind.force_W.{axis}"] = force * part
-    return found
+        values[f"environment.wind.force_W.{axis}"] = force * part
+    return values
 
 
 def on_sphere(height: Array, azimuth: Array) -> tuple[Array, Array, Array]:
@@ -155,15 +155,15 @@ def fitted_damping(scenario: Scenario, spread: Spread, values: dict[str, Array])
     """Rescale the drawn joint dampings to lie between zero and a limit from joint inertia or nominal damping.
 
     Args:
-        scenario: its truth is the middle of the spread.
-        spread: that they were drawn from.
+        scenario: scenario whose plant is the middle of the spread.
+        spread: spread that they were drawn from.
         values: path -> (plants,), of :func:`skyarm.studies.compare.perturbed_plants.draw`.
     """
     truth = scenario.plant.vehicle
     M = dynamics.mass_matrix(truth, Mat3.identity(), (0.0,) * truth.n)
-    found = dict(values)
+    rescaled = dict(values)
     for i in range(truth.n):
         path = f"plant.vehicle.links.{i}.joint.damping"
         most = max(min(spread.damping, FRICTION * float(M[6 + i][6 + i])), 2.0 * number_at(scenario, path))
-        found[path] = values[path] * (most / spread.damping)
-    return found
+        rescaled[path] = values[path] * (most / spread.damping)
+    return rescaled

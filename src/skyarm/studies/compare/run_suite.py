@@ -17,7 +17,7 @@ from typing import ClassVar, Generic, TypeVar
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.records.files import PathLike, needs_extra, require_writable, taken_back, write_atomically
 from skyarm.records.registry.plugins import identities
-from skyarm.studies.compare.cells import NAMES, Cell, Document, Flights, Record, table
+from skyarm.studies.compare.cell_flights import NAMES, Cell, CellFlights, Document, Record, table
 from skyarm.studies.flights import Crew, Store
 from skyarm.studies.flights.executor import Progress
 from skyarm.studies.flights.store import ROWS, concatenate, files_by_label, unpack_rows
@@ -25,7 +25,7 @@ from skyarm.view.pages import Report
 
 DPI = 160
 PAGE = "report.html"
-F = TypeVar("F", bound=Flights)
+F = TypeVar("F", bound=CellFlights)
 
 Refused = Mapping[str, str]
 """Law, or law and trial -> why it does not fly."""
@@ -35,7 +35,7 @@ class Suite(ABC, Generic[F]):
     """Base class of controller benchmarks: the flights to simulate, their evaluation and report.
 
     Attributes:
-        name: of the suite. file: name of its results, without the suffix. folder: usual one of its files.
+        name: name of the suite. file: name of its results, without the suffix. folder: usual folder of its files.
         settings: fields that determine its report.
     """
 
@@ -81,7 +81,7 @@ def fly_suite(
     """Simulate the missing flights of a benchmark, write its files, and return the content of its JSON file.
 
     Args:
-        suite: that flies.
+        suite: suite to fly.
         out: folder of its files; cells whose rows it holds do not fly again.
         workers: threads or processes that fly; no number depends on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT"; for more cells than workers processes, if left out.
@@ -109,17 +109,17 @@ def fly_suite(
                     flown[work.label] = content
                     if progress is not None:
                         progress(len(cells), len(todo), work.label.replace("__", " "))
-            found: Document = {"schema": 1, "suite": suite.name, **suite.options}
+            document: Document = {"schema": 1, "suite": suite.name, **suite.options}
             if identities():
-                found["plugins"] = identities()
-            found |= suite.judge(todo, [cells[each.label] for each in todo], refused)
-            write_suite(suite, found, suite.pictures(found), folder)
+                document["plugins"] = identities()
+            document |= suite.judge(todo, [cells[each.label] for each in todo], refused)
+            write_suite(suite, document, suite.pictures(document), folder)
             if store:
                 columns = [
                     (flown[each.label], (*NAMES, "status", "trial", *cells[each.label].metrics)) for each in todo
                 ]
                 write_atomically(folder / "flights.parquet", concatenate(columns))
-    return found
+    return document
 
 
 def open_store(folder: Path) -> Store | None:

@@ -44,7 +44,7 @@ class Case:
         name: short name. title: one line. scenario: shipped scenario it starts from.
         wind: angle of its wind from the x axis about the vertical, rad.
         payload: point mass that the model of the controller lacks, kg.
-        windows: of the metrics.
+        windows: windows of the metrics.
     """
 
     name: str
@@ -56,12 +56,12 @@ class Case:
 
     def build(self) -> Scenario:
         """Scenario of the case with perfect sensors and a placeholder controller."""
-        found = load_scenario(self.scenario)
-        world = found.plant
+        shipped = load_scenario(self.scenario)
+        world = shipped.plant
         if self.payload:
             world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
-        wind = turn_wind(force_wind(found), self.wind)
-        return with_words(found, name=self.name, plant=world, wind=wind, ground=GROUND)
+        wind = turn_wind(force_wind(shipped), self.wind)
+        return with_words(shipped, name=self.name, plant=world, wind=wind, ground=GROUND)
 
 
 def force_wind(scenario: Scenario) -> ForceWind:
@@ -137,7 +137,7 @@ def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
         seeds: noisy flights of the truth.
     """
     every = tuple(CASES)
-    found = (
+    listed = (
         Condition(name="perfect", title="perfect state", noisy=False, episodes=1, cases=every),
         Condition(name="noisy", title="noise and one period of delay", noisy=True, episodes=seeds, cases=every),
         *(
@@ -148,4 +148,4 @@ def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
             )
         ),
     )
-    return {each.name: each for each in found}
+    return {each.name: each for each in listed}

@@ -7,14 +7,14 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
-from typing import Any, Protocol
+from typing import Protocol
 
 from skyarm.records.files import shown
 from skyarm.records.files.messages import comma_list
 from skyarm.simulate.lane_numbers import require_count
 from skyarm.studies.flights.fly import fly, fly_together
 from skyarm.studies.flights.store import Store, pack_rows, unpack_rows
-from skyarm.studies.flights.work import Rows, Work, identified
+from skyarm.studies.flights.work import Arguments, Rows, Work, identified
 
 LOCAL, PROCESSES, RAY = "local", "processes", "ray"
 
@@ -43,7 +43,7 @@ class Executor(Protocol):
     """Performs calls somewhere.
 
     Attributes:
-        slots: calls that may be under way. flying: those that are.
+        slots: largest number of calls under way. flying: number of those that are.
     """
 
     @property
@@ -52,13 +52,13 @@ class Executor(Protocol):
     @property
     def flying(self) -> int: ...  # noqa: D102
 
-    def submit(self, token: Any, function: Callable[..., Any], *arguments: Any) -> None:
+    def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
         """Begin a call."""
 
-    def collect(self) -> tuple[Any, Any]:
+    def collect(self) -> tuple[Work, bytes]:
         """Wait for a call; its token and result."""
 
-    def close(self, *, abandon: bool) -> list[tuple[Any, Any]]:
+    def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
         """End; what still flies is waited for, or abandoned. Tokens and results that were not collected."""
 
 
@@ -68,23 +68,23 @@ class Here:
     slots = 1
 
     def __init__(self) -> None:
-        self._next: list[Any] = []
+        self._next: list[tuple[Work, Callable[[], bytes]]] = []
 
     @property
     def flying(self) -> int:
         """1 while a call waits."""
         return len(self._next)
 
-    def submit(self, token: Any, function: Callable[..., Any], *arguments: Any) -> None:
+    def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
         """Note a call."""
-        self._next.append((token, function, arguments))
+        self._next.append((token, lambda: function(*arguments)))
 
-    def collect(self) -> tuple[Any, Any]:
+    def collect(self) -> tuple[Work, bytes]:
         """Perform the call that was noted."""
-        token, function, arguments = self._next.pop()
-        return token, function(*arguments)
+        token, call = self._next.pop()
+        return token, call()
 
-    def close(self, *, abandon: bool) -> list[tuple[Any, Any]]:
+    def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
         """Nothing goes on."""
         return []
 
@@ -185,12 +185,12 @@ class Crew:
         every = list(works)
         here = self.on == LOCAL
         flying = self._together(every) if here else ((work, unpack_rows(content)) for work, content in self.fly(every))
-        found = {id(work): rows for work, rows in flying}
-        return [found[id(work)] for work in every]
+        by_work = {id(work): rows for work, rows in flying}
+        return [by_work[id(work)] for work in every]
 
     def _together(self, works: Iterable[Work]) -> Iterator[tuple[Work, Rows]]:
         """Works with their rows, flown here."""
-        groups: dict[Any, list[Work]] = {}
+        groups: dict[int | tuple[str, int], list[Work]] = {}
         for work in works:
             there = self.store.get(work) if self.store else None
             if there is None:

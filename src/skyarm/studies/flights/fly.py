@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections import OrderedDict
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -40,9 +39,9 @@ def fly_together(works: Sequence[Work], threads: int = 1) -> list[Rows]:
         return [{**_leading_columns(first), **_one_by_one(first)}]
     columns = {path: np.concatenate([np.asarray(work.columns[path]) for work in works]) for path in first.columns}
     episodes = np.concatenate([np.asarray(work.episodes) for work in works])
-    found = _batch(first).fly(columns, seed=first.seed, episodes=episodes, threads=threads)
-    metrics = {name: np.asarray(column, dtype=float) for name, column in found.metrics.items()}
-    flown = {**metrics, "status": found.status.astype(str), "end_time": found.end_time}
+    batch = _batch(first).fly(columns, seed=first.seed, episodes=episodes, threads=threads)
+    metrics = {name: np.asarray(column, dtype=float) for name, column in batch.metrics.items()}
+    flown = {**metrics, "status": batch.status.astype(str), "end_time": batch.end_time}
     parts = {name: np.split(column, ends) for name, column in flown.items()}
     return [
         {**_leading_columns(work), **{name: each[k] for name, each in parts.items()}} for k, work in enumerate(works)
@@ -78,14 +77,14 @@ def _batch(work: Work) -> Batch:
 
 def _one_by_one(work: Work) -> Rows:
     """Metrics, status and end of flights that fly one after the other; NaN for a metric that one of them lacks."""
-    rows: list[dict[str, Any]] = []
+    rows: list[dict[str, float | str | bytes]] = []
     for k in range(work.count):
         log = run(one_scenario(work, k))
-        found = score(log, _metrics_of(work, log), work.windows) if work.measure is None else work.measure(log)
+        metrics = score(log, _metrics_of(work, log), work.windows) if work.measure is None else work.measure(log)
         status = f"{AUTOPILOT}: {log.info['cause']}" if log.status == AUTOPILOT else log.status
-        numbers = {name: np.nan if value is None else float(value) for name, value in found.items()}
-        kept = {"log": npz_content(log)} if work.keeps_log else {}
-        rows.append({**numbers, "status": status, "end_time": float(log.info["end_time"]), **kept})
+        numbers = {name: np.nan if value is None else float(value) for name, value in metrics.items()}
+        logged = {"log": npz_content(log)} if work.keeps_log else {}
+        rows.append({**numbers, "status": status, "end_time": float(log.info["end_time"]), **logged})
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: _column([row.get(name, np.nan) for row in rows]) for name in names}
 
@@ -96,7 +95,7 @@ def _metrics_of(work: Work, log: Log) -> list[str]:
     return [name for name in work.metrics if name not in setpoints]
 
 
-def _column(values: list[Any]) -> Array:
+def _column(values: list[float | str | bytes]) -> Array:
     return np.array(values, dtype=object if isinstance(values[0], bytes) else None)
 
 
@@ -104,8 +103,8 @@ def one_scenario(work: Work, k: int) -> Scenario:
     """Scenario of a single flight of a work, with its command delay rounded to whole physics steps."""
     numbers = {path: float(column[k]) for path, column in work.columns.items()}
     late, rate = numbers.pop(LATE, None), work.scenario.rates.physics
-    found = dataclasses.replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))
+    single = dataclasses.replace(with_numbers(work.scenario, numbers), seed=work.seed, episode=int(work.episodes[k]))
     if late is None:
-        return found
+        return single
     command = round(late * rate) / rate
-    return found.with_delays(dataclasses.replace(found.delays, command=command, longest_command=None))
+    return single.with_delays(dataclasses.replace(single.delays, command=command, longest_command=None))

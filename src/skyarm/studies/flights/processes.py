@@ -12,12 +12,15 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from typing import Any
 
 from skyarm.records.files.user_code import OwnCodeError, own_failure
 from skyarm.records.registry import RegistryError
 from skyarm.records.travel import luggage, pack, unload, unpack
 from skyarm.simulate.other_process import TRIED
+from skyarm.studies.flights.work import Arguments, Work
+
+Call = tuple[Callable[..., bytes], tuple[object, ...]]
+"""Function and its arguments."""
 
 MOST_TRIES = 3
 """Times that a call may begin whose process ends."""
@@ -27,12 +30,12 @@ class Processes:
     """Pool of worker processes that performs calls; one that breaks is replaced.
 
     Args:
-        count: of processes, started as they are needed.
+        count: number of processes, started as they are needed.
     """
 
     def __init__(self, count: int) -> None:
         self.slots, self._count = 2 * count, count
-        self._flying: dict[Future[Any], tuple[Any, bytes, int]] = {}
+        self._flying: dict[Future[bytes], tuple[Work, bytes, int]] = {}
         self._before = set(multiprocessing.active_children())
         self._pool: ProcessPoolExecutor | None = None
 
@@ -41,11 +44,11 @@ class Processes:
         """Number of calls under way."""
         return len(self._flying)
 
-    def submit(self, token: Any, function: Callable[..., Any], *arguments: Any) -> None:
+    def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
         """Begin a call, whose result :meth:`collect` gives with the token."""
         self._begin(token, pack((function, arguments)), 1)
 
-    def _begin(self, token: Any, call: bytes, tries: int) -> None:
+    def _begin(self, token: Work, call: bytes, tries: int) -> None:
         if self._pool is None:
             # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
             spawn = multiprocessing.get_context("spawn")
@@ -55,11 +58,11 @@ class Processes:
         with _ignore_interrupts(), contextlib.suppress(BrokenProcessPool):
             self._flying[self._pool.submit(perform, call)] = token, call, tries
             return
-        broken: Future[Any] = Future()  # told of where it lands
+        broken: Future[bytes] = Future()  # told of where it lands
         broken.set_exception(BrokenProcessPool())
         self._flying[broken] = token, call, tries
 
-    def collect(self) -> tuple[Any, Any]:
+    def collect(self) -> tuple[Work, bytes]:
         """Wait for a call; returns its token and result. What a killed process had begun is begun again.
 
         Raises:
@@ -88,7 +91,7 @@ class Processes:
                 ) from error
             self._begin(token, call, tries + begun)
 
-    def close(self, *, abandon: bool) -> list[tuple[Any, Any]]:
+    def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
         """End all processes; what still flies is waited for, or abandoned. What has landed, as by :meth:`collect`.
 
         A process may be cut off while it sends a result. The pool's thread would wait for the rest for ever, since this
@@ -111,16 +114,18 @@ _REFUSED: list[RegistryError] = []
 """Why this process cannot have its parent's plugins, if it cannot."""
 
 
-def perform(work: bytes) -> Any:
+def perform(work: bytes) -> bytes:
     """Execute one serialised function call in a worker process."""
     if _REFUSED:
         raise _REFUSED[0]
+    call: Call
     try:
-        function, arguments = unpack(work)
+        call = unpack(work)
     except ModuleNotFoundError as error:
         raise ValueError(
             f"{error} on {socket.gethostname()}: install it there, or give its file as a plugin, which travels"
         ) from None
+    function, arguments = call
     try:
         return function(*arguments)
     except (Exception, SystemExit) as error:

@@ -18,14 +18,19 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 from skyarm.records.files import needs_extra, shown, versions
 from skyarm.records.registry import RegistryError
 from skyarm.records.travel import luggage, pack, unpack
 from skyarm.simulate.other_process import TRIED
 from skyarm.studies.flights.processes import MOST_TRIES, equip, perform
-from skyarm.studies.flights.work import kinship
+from skyarm.studies.flights.work import Arguments, Work, kinship
+
+if TYPE_CHECKING:
+    from ray import ObjectRef
 
 QUIET = {"log_to_driver": False, "logging_level": logging.ERROR}
 """Nothing of Ray's own is printed."""
@@ -65,8 +70,8 @@ class Ray:
 
     def __init__(self, address: str, workers: int) -> None:
         self._ray = require_ray("on = 'ray'")
-        self._flying: dict[Any, Any] = {}
-        self._landed: list[Any] = []
+        self._flying: dict[ObjectRef, Work] = {}
+        self._landed: list[ObjectRef] = []
         self._slots, self._counted = 1, -LOOK_SECONDS
         outfit = pack((luggage(), TRIED))
         self._ours = not self._ray.is_initialized()
@@ -94,11 +99,11 @@ class Ray:
         """Number of calls under way."""
         return len(self._flying)
 
-    def submit(self, token: Any, function: Callable[..., Any], *arguments: Any) -> None:
+    def submit(self, token: Work, function: Callable[[*Arguments], bytes], *arguments: *Arguments) -> None:
         """Begin a call, whose result :meth:`collect` gives with the token."""
         self._flying[self._perform.remote(self._kin, self._outfit, pack((function, arguments)))] = token
 
-    def collect(self) -> tuple[Any, Any]:
+    def collect(self) -> tuple[Work, bytes]:
         """Wait for a call; returns its token and result.
 
         Raises:
@@ -117,12 +122,12 @@ class Ray:
             why = " ".join(str(error).split())[:300]
             raise OSError(f"on = 'ray': a process or node ended unexpectedly, {MOST_TRIES + 1} times: {why}") from error
 
-    def close(self, *, abandon: bool) -> list[tuple[Any, Any]]:
+    def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
         """Leave the cluster, or end the one that was started; what still flies is waited for, or cancelled.
 
         Returns what has landed, as :meth:`collect` gives it.
         """
-        flying, sound = self._flying, list[tuple[Any, Any]]()
+        flying, sound = self._flying, list[tuple[Work, bytes]]()
         self._flying = {}
         with contextlib.suppress(*([Exception] if abandon else [])):
             wait = {"num_returns": len(flying), "timeout": 0 if abandon else None}
@@ -140,7 +145,7 @@ class Ray:
         return sound
 
 
-def require_ray(where: str) -> Any:
+def require_ray(where: str) -> ModuleType:
     """Package ray; an error in one line, which begins with ``where``, if it is missing.
 
     Raises:
@@ -149,15 +154,14 @@ def require_ray(where: str) -> Any:
     for name, value in SETTINGS.items():
         os.environ.setdefault(name, value)
     try:
-        import ray
-
+        ray = import_module("ray")
         ray.init  # noqa: B018  (a folder of that name is a package, too)
     except (ImportError, AttributeError):
         raise ValueError(f"{where}: {needs_extra('ray')}") from None
     return ray
 
 
-def _begin(ray: Any, address: str, workers: int) -> None:
+def _begin(ray: ModuleType, address: str, workers: int) -> None:
     """Join a cluster, or start one."""
     on = f"on = {shown(f'ray:{address}' if address else 'ray')}"
     if address:
@@ -228,15 +232,15 @@ def _knock(address: str, on: str) -> None:
 
 def kin() -> dict[str, str]:
     """Versions that must be those of the driver for its works to be read and their rows to be the same bytes."""
-    found = versions("pyarrow", "mujoco-core")
-    python = ".".join(found["python"].split(".")[:2])
-    return {**kinship(), "python": python, **{name: found[name] for name in ("pyarrow", "mujoco-core")}}
+    installed = versions("pyarrow", "mujoco-core")
+    python = ".".join(installed["python"].split(".")[:2])
+    return {**kinship(), "python": python, **{name: installed[name] for name in ("pyarrow", "mujoco-core")}}
 
 
-def _travelling() -> Callable[..., Any]:
+def _travelling() -> Callable[[dict[str, str], bytes, bytes], bytes]:
     """Function that a node's processes execute."""
 
-    def perform_there(must_be: dict[str, str], outfit: bytes, call: bytes) -> Any:
+    def perform_there(must_be: dict[str, str], outfit: bytes, call: bytes) -> bytes:
         # pickled by value, since it is local: this module may be missing on a node, or of another version
         import socket
 
@@ -255,7 +259,7 @@ _arrived: dict[bytes, list[RegistryError]] = {}
 """Outfits that this process has put on, with what is wrong with them."""
 
 
-def perform_on_node(must_be: dict[str, str], outfit: bytes, call: bytes) -> Any:
+def perform_on_node(must_be: dict[str, str], outfit: bytes, call: bytes) -> bytes:
     """Perform a call in a process of a node, whose versions are compared before its first one.
 
     Raises:

@@ -16,8 +16,10 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from functools import cached_property, lru_cache
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +30,11 @@ from skyarm.records.files.unpacked import LARGEST, require_size
 from skyarm.records.files.writing import LOCK, one_writer
 from skyarm.records.immutable import immutable
 from skyarm.studies.flights.work import AUTOPILOT, Rows, Work
+
+if TYPE_CHECKING:
+    from pyarrow import Array as ArrowArray
+    from pyarrow import ChunkedArray, DataType, DictionaryArray
+    from pyarrow.parquet import ParquetFile
 
 FILE = re.compile(r"(?P<label>.+)\.(?P<digest>[0-9a-f]{64})\.parquet")
 
@@ -41,13 +48,12 @@ LONGEST = 120
 
 
 @lru_cache(maxsize=1)
-def _parquet() -> Any:
+def _parquet() -> ModuleType | None:
     """Package pyarrow.parquet; None if it is not installed: then rows are flown, and not kept."""
     try:
-        import pyarrow.parquet
+        return import_module("pyarrow.parquet")
     except ImportError:
         return None
-    return pyarrow.parquet
 
 
 def require_parquet() -> None:
@@ -62,26 +68,27 @@ def require_parquet() -> None:
 
 def pack_rows(rows: Rows, metadata: Mapping[bytes, bytes]) -> bytes:
     """Content of a Parquet file of rows; a pickle, which never leaves these processes, without pyarrow."""
-    if _parquet() is None:
+    parquet = _parquet()
+    if parquet is None:
         return pickle.dumps(rows)
     import pyarrow as pa
 
     words = [name for name, column in rows.items() if column.dtype.kind == "U"]
     columns = {name: _words(pa, each) if name in words else _numbers(pa, each) for name, each in rows.items()}
     table, sink = pa.table(columns).replace_schema_metadata(metadata), io.BytesIO()
-    _parquet().write_table(table, sink, compression="zstd", use_dictionary=words)
+    parquet.write_table(table, sink, compression="zstd", use_dictionary=words)
     return sink.getvalue()
 
 
-def _words(pa: Any, column: Any) -> Any:
+def _words(pa: ModuleType, column: Array) -> DictionaryArray:
     words, places = np.unique(column, return_inverse=True)
     texts = [word.encode() for word in words.tolist()]
     ends = np.cumsum([0, *map(len, texts)]).astype(np.int32)
-    told = pa.StringArray.from_buffers(len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts)))
-    return pa.DictionaryArray.from_arrays(_numbers(pa, places.astype(np.int32)), told)
+    strings = pa.StringArray.from_buffers(len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts)))
+    return pa.DictionaryArray.from_arrays(_numbers(pa, places.astype(np.int32)), strings)
 
 
-def _numbers(pa: Any, column: Any) -> Any:
+def _numbers(pa: ModuleType, column: Array) -> ArrowArray:
     if column.dtype.kind not in "fiu":
         return pa.array(column)
     kind, content = pa.from_numpy_dtype(column.dtype), pa.py_buffer(np.ascontiguousarray(column))
@@ -105,7 +112,7 @@ def unpack_rows(content: bytes) -> Rows:
         raise ValueError(f"must be a Parquet file: {error}") from None
 
 
-def _column(column: Any) -> Array:
+def _column(column: ChunkedArray) -> Array:
     """Column of a table as an array: words share their letters, however many rows have them."""
     import pyarrow as pa
 
@@ -119,18 +126,19 @@ def _column(column: Any) -> Array:
     return np.asarray(words[whole.indices.to_numpy()])
 
 
-def open_rows(content: bytes) -> Any:
+def open_rows(content: bytes) -> ParquetFile:
     """Parquet file of rows, after a check of its columns and of the size that it unpacks to.
 
     Raises:
         ValueError: it is no such file, would unpack to too much, or has columns that rows do not have.
     """
     import pyarrow as pa
+    from pyarrow.parquet import ParquetFile
 
     if not content.startswith(MAGIC):
         raise ValueError("must be a Parquet file")
     try:
-        file = _parquet().ParquetFile(io.BytesIO(content), page_checksum_verification=True)
+        file = ParquetFile(io.BytesIO(content), page_checksum_verification=True)
         facts, schema = file.metadata, file.schema_arrow
         groups = [facts.row_group(k) for k in range(facts.num_row_groups)]
         columns = [group.column(i) for group in groups for i in range(group.num_columns)]
@@ -149,7 +157,7 @@ def open_rows(content: bytes) -> Any:
     return file
 
 
-def _is_of_rows(kind: Any) -> bool:
+def _is_of_rows(kind: DataType) -> bool:
     """True for types of columns that rows have; plain text could be unpacked again for every row."""
     import pyarrow as pa
 
@@ -164,11 +172,12 @@ def concatenate(files: Iterable[tuple[bytes, Sequence[str]]]) -> bytes:
     The status is plain text there, as whoever reads that file has always had it.
     """
     import pyarrow as pa
+    from pyarrow.parquet import write_table
 
     tables = [open_rows(content).read().select(list(names)) for content, names in files]
     table, sink = pa.concat_tables(tables, promote_options="default").replace_schema_metadata(), io.BytesIO()
     place = table.column_names.index("status")
-    _parquet().write_table(table.set_column(place, "status", table["status"].cast("string")), sink)
+    write_table(table.set_column(place, "status", table["status"].cast("string")), sink)
     return sink.getvalue()
 
 
@@ -213,15 +222,15 @@ def files_by_label(folder: PathLike) -> dict[str, list[Path]]:
     Raises:
         OSError: the folder cannot be listed.
     """
-    found: dict[str, list[Path]] = {}
+    files: dict[str, list[Path]] = {}
     if not Path(folder).is_dir():
-        return found
+        return files
     with os.scandir(folder) as entries:
         names = sorted(entry.name for entry in entries if entry.is_file(follow_symlinks=False))
     for name in names:
         if match := FILE.fullmatch(name):
-            found.setdefault(match["label"], []).append(Path(folder) / name)
-    return found
+            files.setdefault(match["label"], []).append(Path(folder) / name)
+    return files
 
 
 WORDS = ("controller", "status")
@@ -254,7 +263,7 @@ class Store:
     """Rows of a folder of results, opened for writing.
 
     Args:
-        folder: of the results, made if missing; the rows are in ``rows`` below it.
+        folder: folder of the results, made if missing; the rows are in ``rows`` below it.
         study: digest of the study whose rows it takes.
 
     Attributes:
@@ -284,8 +293,8 @@ class Store:
         if _parquet() is None:
             return None
         every = (path for paths in files_by_label(Path(folder) / ROWS).values() for path in paths)
-        held = (facts_of(sound_content(path) or b"").metadata for path in every)
-        if next(filter(None, held), {}).get(STUDY):  # of the first that is whole
+        metadata = (facts_of(sound_content(path) or b"").metadata for path in every)
+        if next(filter(None, metadata), {}).get(STUDY):  # of the first that is whole
             raise ValueError(f"{folder}: holds rows of a sweep; choose another --out")
         return cls(folder)
 
@@ -302,11 +311,11 @@ class Store:
         label, key = name_of(work.label), work.key.encode()
         for path in self._files.get(label, ()):
             content = sound_content(path)
-            held = facts_of(content or b"").metadata.get(KEY)
-            if content is not None and held == key and _fits(content, work):
+            stored_key = facts_of(content or b"").metadata.get(KEY)
+            if content is not None and stored_key == key and _fits(content, work):
                 self._keep_only(label, path)
                 return content
-            if held in (None, key) and path.exists():
+            if stored_key in (None, key) and path.exists():
                 self.damaged.append(path.name)
         return None
 
@@ -357,13 +366,13 @@ def _fits(content: bytes, work: Work) -> bool:
     if work.alone:
         given = [name for name in given if not name.startswith("tau")]
     words = {name for name, column in rows.items() if column.dtype == object} - {"log"}
-    wanted = {"status", *(name for name, value in work.fixed.items() if np.asarray(value).dtype.kind == "U")}
-    known = {"episode": np.dtype(np.uint32)} | {name: np.asarray(value).dtype for name, value in work.fixed.items()}
+    text_columns = {"status", *(name for name, value in work.fixed.items() if np.asarray(value).dtype.kind == "U")}
+    dtypes = {"episode": np.dtype(np.uint32)} | {name: np.asarray(value).dtype for name, value in work.fixed.items()}
     numbers = {name: column.dtype for name, column in rows.items() if name not in (*words, "log")}
     return (
         {*given} <= {*rows}
-        and words == wanted
-        and all(kind == known.get(name, np.dtype(float)) for name, kind in numbers.items())
+        and words == text_columns
+        and all(kind == dtypes.get(name, np.dtype(float)) for name, kind in numbers.items())
         and all(len(column) == work.count for column in rows.values())
     )
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import field
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TypeVarTuple
 
 import numpy as np
 
@@ -32,6 +32,9 @@ AUTOPILOT = "autopilot"
 """Status of a flight that ended because an autopilot's program failed; in rows its cause follows."""
 
 
+Arguments = TypeVarTuple("Arguments")
+"""Types of the arguments of a call that flies a work."""
+
 Measure = Callable[[Log], Mapping[str, float | None]]
 """Metrics of a log that the catalogue has no names for. A function of a module, or a partial of one."""
 
@@ -41,15 +44,15 @@ class Work:
     """Flights of one scenario that fly together; any process flies the same rows from it.
 
     Attributes:
-        label: its name in a folder, unique there.
-        scenario: what all flights have in common.
+        label: name in a folder, unique there.
+        scenario: scenario that all flights have in common.
         columns: path -> value of each flight (:mod:`skyarm.scenario.numbers`).
         episodes: key of the noise of each flight.
         fixed: further columns of the rows, on which no flight depends: a word, or a value of each flight.
-        metrics: names and groups of the catalogue. windows: of them, in place of the scenario's.
-        seed: of the noise. precision: "double", "single" or "bit_exact".
+        metrics: names and groups of the catalogue. windows: windows of the metrics, in place of the scenario's.
+        seed: seed of the noise. precision: "double", "single" or "bit_exact".
         stiffest: scenario that fixes the integration steps; the scenario itself if left out.
-        effort: of the compiler (:class:`skyarm.simulate.Batch`).
+        effort: effort of the compiler (:class:`skyarm.simulate.Batch`).
         alone: whether each flight flies by itself: laws that cannot be traced, other plants, kept logs.
         measure: computes the metrics of such a flight from its log, in place of names.
         keeps_log: whether the rows hold its log.
@@ -59,7 +62,7 @@ class Work:
     scenario: Scenario
     columns: Mapping[str, Array] = field(default_factory=dict)
     episodes: Array = field(default_factory=partial(np.zeros, 1, int))
-    fixed: Mapping[str, Any] = field(default_factory=dict)
+    fixed: Mapping[str, str | Array] = field(default_factory=dict)
     metrics: tuple[str, ...] = ()
     windows: Windows | None = None
     seed: int = 0
@@ -123,26 +126,26 @@ A component of the user may be changed, so that it holds for one crew only."""
 
 
 def _identity(scenario: Scenario) -> str:
-    held = identified.get(id(scenario))
-    if held is None:
-        held = identified[id(scenario)] = (scenario, identity(scenario))
+    entry = identified.get(id(scenario))
+    if entry is None:
+        entry = identified[id(scenario)] = (scenario, identity(scenario))
         if len(identified) > 256:
             identified.popitem(last=False)
-    return held[1]
+    return entry[1]
 
 
 @lru_cache(maxsize=1)
 def kinship() -> Mapping[str, str]:
     """Versions on which the bits of rows may depend, and the digest of the library's own code."""
-    found = versions("numpy", "llvmlite")
-    return {**{name: found[name] for name in ("skyarm", "numpy", "llvmlite")}, "code": _source()}
+    installed = versions("numpy", "llvmlite")
+    return {**{name: installed[name] for name in ("skyarm", "numpy", "llvmlite")}, "code": _source()}
 
 
 @lru_cache(maxsize=1)
 def _source() -> str:
     """Digest of the library's source, so that changed code flies anew."""
     package = Path(skyarm_files.__file__).parents[2]
-    found = hashlib.sha256()
+    source_digest = hashlib.sha256()
     for path in sorted([*package.rglob("*.py"), *package.rglob("*.toml"), *package.rglob("*.json")]):
-        found.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
-    return found.hexdigest()
+        source_digest.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+    return source_digest.hexdigest()

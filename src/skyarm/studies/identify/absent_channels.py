@@ -29,8 +29,8 @@ def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[s
     """Ratios (K,) of intervals without a channel to those with it, by the name of each channel that is absent.
 
     Args:
-        errors: of all windows.
-        fit: to them.
+        errors: errors of all windows.
+        fit: fit to them.
         rows: (K, P) slopes of the reported numbers in the searched ones.
     """
     prior = np.array([each.spread for each in errors.unknowns])
@@ -46,7 +46,7 @@ def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[s
         absent = []  # a position tells nothing beyond the velocity but where the flight was
     if not absent and not errors.unlogged:
         return {}
-    found, measured = dict[str, Array](), widths(errors, fit.noise, loose)
+    costs, measured = dict[str, Array](), widths(errors, fit.noise, loose)
     if absent:
         windows = copy.copy(errors.windows)
         windows.flights = [_with_pose(each, absent) for each in windows.flights]
@@ -55,11 +55,11 @@ def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[s
         usual = np.array([[NOISE.get(name, 1.0) for name, _ in more.rows]])
         noise = np.repeat(usual, len(fit.noise), axis=0)
         noise[:, [more.rows.index(row) for row in errors.rows]] = fit.noise
-        found["pose" if "quaternion" in absent else "position"] = measured / widths(more, noise, loose)
+        costs["pose" if "quaternion" in absent else "position"] = measured / widths(more, noise, loose)
     if errors.unlogged:
-        told = np.array([name == "hats" for name, _ in errors.free])
-        found["joint_efforts"] = measured / widths(errors, fit.noise, np.where(told, KNOWN * loose, loose))
-    return found
+        effort_knots = np.array([name == "hats" for name, _ in errors.free])
+        costs["joint_efforts"] = measured / widths(errors, fit.noise, np.where(effort_knots, KNOWN * loose, loose))
+    return costs
 
 
 def _with_pose(flight: Clocked, absent: list[str]) -> Clocked:

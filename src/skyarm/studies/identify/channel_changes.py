@@ -45,15 +45,15 @@ Channels: TypeAlias = Mapping[str, Channel]
 
 
 @immutable(kw_only=False, eq=False)
-class Change:
+class ChannelChange:
     """Change of a flight's channels that undoes one kind of fault in logging.
 
     Attributes:
-        channel: at fault. words: what is wrong with it, by the amount. remedy: in words.
+        channel: channel at fault. words: text of what is wrong with it, by the amount. remedy: remedy in words.
         names: channels that are changed, those of them that the flight has.
         make: channels and amount of the fault -> those in their place.
-        amounts: that are tried. between: whether the best one may lie beside them.
-        price: in the cost. severity: of the fault.
+        amounts: amounts that are tried. between: whether the best one may lie beside them.
+        price: price in the cost. severity: severity of the fault.
     """
 
     channel: str
@@ -93,37 +93,37 @@ def leave_out(own: Channels, amount: float) -> Channels:
     return {}
 
 
-def channel_changes(flight: FlightData, start: Vehicle) -> Iterator[Change]:
+def channel_changes(flight: FlightData, start: Vehicle) -> Iterator[ChannelChange]:
     """Yield the changes of channels among which the cause of a flight's residuals is looked for."""
     yield from _of_axes(flight)
     for words, meant in READINGS.items():
-        yield Change("quaternion", words, MAP, ("quaternion",), partial(by_rows, meant))
+        yield ChannelChange("quaternion", words, MAP, ("quaternion",), partial(by_rows, meant))
     for name, unit, times in OTHER_UNITS:
-        yield Change(name, f"it looks like {unit}", UNIT, (name,), RESCALED, (times,))
+        yield ChannelChange(name, f"it looks like {unit}", UNIT, (name,), RESCALED, (times,))
     for name in (*IMU, "velocity", "position"):
-        yield Change(name, "is {:.4g} times what fits", UNIT, (name,), RESCALED, OFF, True, PRICE_AMOUNT)
+        yield ChannelChange(name, "is {:.4g} times what fits", UNIT, (name,), RESCALED, OFF, True, PRICE_AMOUNT)
     if "velocity" in flight and "quaternion" in flight:
-        yield Change("velocity", "is in axes of the base", MAP, ("velocity", "quaternion"), _in_world)
+        yield ChannelChange("velocity", "is in axes of the base", MAP, ("velocity", "quaternion"), _in_world)
     speeds = (0.5, *OFF, 2.0)
-    yield Change("time", "runs {:.3g} times as fast", CLOCK, tuple(flight), STRETCHED, speeds, True, PRICE_WHOLE)
+    yield ChannelChange("time", "runs {:.3g} times as fast", CLOCK, tuple(flight), STRETCHED, speeds, True, PRICE_WHOLE)
     uneven = "stamps are late by more or less than even ones"
-    yield Change("pose", uneven, CLOCK, POSE, partial(by_time, _straight), severity=WARNED)
+    yield ChannelChange("pose", uneven, CLOCK, POSE, partial(by_time, _straight), severity=WARNED)
     late: Mapping[str, tuple[str, ...]] = {"pose": POSE, "velocity": ("velocity",), "joint_positions": JOINTS}
     for name, names in {**late, ROTOR_COMMANDS: COMMANDS}.items():
-        yield Change(name, SHIFTED, CLOCK, names, MOVED, SHIFTS, True, PRICE_AMOUNT)
+        yield ChannelChange(name, SHIFTED, CLOCK, names, MOVED, SHIFTS, True, PRICE_AMOUNT)
     for name, part in {"pose": 1.0, "velocity": 0.5, "joint_rates": 0.5, "joint_efforts": 1.0}.items():
         names = POSE if name == "pose" else (name,)
-        yield Change(name, "does not belong to this flight", LEAVE, names, leave_out, price=part * PRICE_OUT)
+        yield ChannelChange(name, "does not belong to this flight", LEAVE, names, leave_out, price=part * PRICE_OUT)
     yield from _of_rotors(flight, start.rotors)
     # words are formats of an amount
     yield from _of_joints([link.joint.name.replace("{", "{{").replace("}", "}}") for link in start.links])
 
 
-def _map_columns(channel: str, words: str, remedy: str, names: tuple[str, ...], mapping: Array) -> Change:
+def _map_columns(channel: str, words: str, remedy: str, names: tuple[str, ...], mapping: Array) -> ChannelChange:
     """Change of the values by a map (k, k) of their columns, at a price for each that it moves."""
     moved = int((mapping != np.eye(len(mapping))).any(axis=1).sum())
     make = partial(by_rows, lambda rows, _: rows @ mapping.T)
-    return Change(channel, words, remedy, names, make, price=moved * PRICE_COLUMN)
+    return ChannelChange(channel, words, remedy, names, make, price=moved * PRICE_COLUMN)
 
 
 def _straight(time: Array, _: float) -> Array:
@@ -171,7 +171,7 @@ OTHER_UNITS = (
 """Channel, unit that it may have, and the number of an SI unit in it."""
 
 
-def _of_axes(flight: FlightData) -> Iterator[Change]:
+def _of_axes(flight: FlightData) -> Iterator[ChannelChange]:
     """Yield changes of the axes of sensors."""
     plain, mean = np.eye(3), flight["accelerometer"].values.mean(axis=0)
     k = int(np.argmax(np.abs(mean)))
@@ -194,7 +194,7 @@ def _of_axes(flight: FlightData) -> Iterator[Change]:
     yield from _of_base(thrust, along, "quaternion" in flight)
 
 
-def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[Change]:
+def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[ChannelChange]:
     """Yield turns of the base axes of several sensors, which put a measured thrust along z."""
     upright, remedy = bool(thrust[2] > 0.0), "turn the rotors of the vehicle file, or the IMU's axes"
     lift = 0.5 * math.pi * np.cross(thrust, [0.0, 0.0, 1.0]) if thrust[2] >= 0.0 else [math.pi, 0.0, 0.0]
@@ -209,22 +209,22 @@ def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[Change]:
         turns, price = [0.0, 90.0, -90.0, 180.0], PRICE_COLUMN
     # without an attitude the board and the vehicle turn alike
     for (name, words), names in [(board, IMU)] * attitude + [(whole, (*IMU, "quaternion"))]:
-        yield Change(name, words, remedy, names, make, (*turns,), upright, price)
+        yield ChannelChange(name, words, remedy, names, make, (*turns,), upright, price)
     if upright:
-        yield Change("quaternion", turned, MAP, ("quaternion",), make, (*turns,), True, PRICE_AMOUNT)
+        yield ChannelChange("quaternion", turned, MAP, ("quaternion",), make, (*turns,), True, PRICE_AMOUNT)
 
 
 def _base_turned(up: Quaternion, own: Channels, degrees: float) -> Channels:
     """Channels in base axes that are turned: by a quaternion that puts z up, then about z."""
     turn = Quaternion.of_rotation_vector(Vec3(0.0, 0.0, math.radians(degrees))) * up
-    back, found = turn.conjugate(), dict[str, Channel]()
+    back, channels = turn.conjugate(), dict[str, Channel]()
     for name, each in own.items():
         if name == "quaternion":
             values = np.stack([*Quaternion(*each.values.T) * back], axis=1)
         else:
             values = turn_vectors(np.array([[*turn]]), each.values)
-        found[name] = dataclasses.replace(each, values=values)
-    return found
+        channels[name] = dataclasses.replace(each, values=values)
+    return channels
 
 
 def _axis(row: Array) -> str:
@@ -244,7 +244,7 @@ def _axes_words(mapping: Array) -> str:
     return f"the axes look swapped or turned: {', '.join(map(_axis, mapping))} stand for x, y, z"
 
 
-def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
+def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[ChannelChange]:
     """Yield other orders and another range of the rotors' commands."""
     plain = tuple(range(len(rotors)))
     places = np.array([[float(c) for c in each.position] for each in rotors])
@@ -252,7 +252,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
     mirrored = tuple(int(np.argmin(np.linalg.norm(places - each * [1.0, -1.0, 1.0], axis=1))) for each in places)
     mirrored = mirrored if sorted(mirrored) == [*plain] else plain
     turned = [(plain[i:] + plain[:i])[::way] for i in plain for way in (1, -1)]
-    known = {
+    wordings = {
         mirrored: "the rotors look mirrored, left for right",
         plain[::-1]: "the order of the rotors looks reversed",
     }
@@ -264,13 +264,13 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[Change]:
             words = f"rotors {' and '.join(moved)} look exchanged"
         if moved:
             yield _map_columns(
-                ROTOR_COMMANDS, known.get(order, words), ORDER_ROTORS, COMMANDS, np.eye(len(plain))[list(order)]
+                ROTOR_COMMANDS, wordings.get(order, words), ORDER_ROTORS, COMMANDS, np.eye(len(plain))[list(order)]
             )
     full = highest_speeds(rotors) if "rotor_speed_commands" in flight else np.ones(len(plain))
     if np.isfinite(full).all():
         words = "begin at {:.0f} % of the full signal: their range is another"
         lowered, percent = partial(by_rows, partial(_less, 0.01 * full)), (-15.0, -6.0, 6.0, 15.0)
-        yield Change(ROTOR_COMMANDS, words, RANGE, COMMANDS, lowered, percent, True, PRICE_AMOUNT)
+        yield ChannelChange(ROTOR_COMMANDS, words, RANGE, COMMANDS, lowered, percent, True, PRICE_AMOUNT)
 
 
 def _exchanges(plain: Sequence[int]) -> Iterator[tuple[int, ...]]:
@@ -279,7 +279,7 @@ def _exchanges(plain: Sequence[int]) -> Iterator[tuple[int, ...]]:
         yield tuple(k if each == i else i if each == k else each for each in plain)
 
 
-def _of_joints(names: Sequence[str]) -> Iterator[Change]:
+def _of_joints(names: Sequence[str]) -> Iterator[ChannelChange]:
     """Yield other orders, signs and zeros of the joints' channels."""
     plain, every = np.eye(len(names)), range(len(names))
     maps = dict[str, Array]()
@@ -294,7 +294,9 @@ def _of_joints(names: Sequence[str]) -> Iterator[Change]:
     for name, column in zip(names, plain, strict=True):
         moved, zeros = partial(by_rows, partial(_less, column)), (-0.5, -0.15, 0.15, 0.5)
         words = f"zero of {name} is off by {{:.3g}}"
-        yield Change("joint_positions", words, ORDER_JOINTS, ("joint_positions",), moved, zeros, True, PRICE_AMOUNT)
+        yield ChannelChange(
+            "joint_positions", words, ORDER_JOINTS, ("joint_positions",), moved, zeros, True, PRICE_AMOUNT
+        )
 
 
 def _less(unit: Array, rows: Array, amount: float) -> Array:

@@ -56,7 +56,7 @@ class DesignLimits:
         box: m, edge of the cube in which the base origin stays.
         tilt: rad, of the base's upright axis against the vertical.
         clear: m, of the arm from rotors, base origin and ground.
-        seconds: of flight.
+        seconds: duration of the flight, s.
     """
 
     box: Annotated[float, Unit("m", "edge of the cube in which the base stays")] = 1.5
@@ -66,17 +66,17 @@ class DesignLimits:
 
     def broken_by(self, vehicle: Vehicle, flight: RequiredFlight) -> Array:
         """Shares (4 + n,), 0 to 1, of x, y, z, yaw and each joint in the breach of a limit by a designed flight."""
-        found = np.zeros(BASE_AXES + vehicle.n)
+        shares = np.zeros(BASE_AXES + vehicle.n)
         if flight.tilt.max() > TRACKING * self.tilt:
-            found[:2] = 1.0
+            shares[:2] = 1.0
         for k in _overloading(vehicle, flight):
             *base, joints = _FAULT[k]
-            found = np.maximum(found, [*base, *([joints] * vehicle.n)])
+            shares = np.maximum(shares, [*base, *([joints] * vehicle.n)])
         limits = np.array([float(link.joint.effort_limit) for link in vehicle.links])
-        found[BASE_AXES:][(np.abs(flight.efforts) > EFFORT * limits).any(axis=0)] = 1.0
+        shares[BASE_AXES:][(np.abs(flight.efforts) > EFFORT * limits).any(axis=0)] = 1.0
         if arm_clearance(vehicle, flight.joints)[0].min() < self.clear:
-            found[BASE_AXES:] = 1.0
-        return found
+            shares[BASE_AXES:] = 1.0
+        return shares
 
 
 _FAULT = ((1.0, 1.0, 1.0, 0.0, 0.0), (0.3, 0.3, 0.0, 0.3, 1.0), (0.3, 0.3, 0.0, 0.3, 1.0), (0.0, 0.0, 0.0, 1.0, 0.3))
@@ -107,12 +107,12 @@ class Candidate:
 
 
 @immutable(eq=False)
-class Measured:
+class MeasuredNoise:
     """Sensors of a measured flight with their noise, by which segments are judged.
 
     Attributes:
-        flight: whose sensors and commands they are.
-        search: of the vehicle's parameters in it. plant: errors of its windows, with the plant in machine code.
+        flight: flight whose sensors and commands they are.
+        search: search of the vehicle's parameters in it. plant: errors of its windows, with the plant in machine code.
         noise: (1, rows) standard deviations of the readings. loose: (x,) those of a window's free numbers.
     """
 
@@ -133,7 +133,7 @@ class Measured:
         return np.array([each.in_vehicle for each in self.search.unknowns])
 
 
-def measured_noise(flight: FlightData, vehicle: Vehicle) -> Measured:
+def measured_noise(flight: FlightData, vehicle: Vehicle) -> MeasuredNoise:
     """Noise of a flight of a vehicle whose numbers are known nearly.
 
     Raises:
@@ -141,10 +141,12 @@ def measured_noise(flight: FlightData, vehicle: Vehicle) -> Measured:
     """
     search = search_of([flight], vehicle)
     errors, fit = first_fits(search)
-    return Measured(flight=flight, search=search, plant=errors, noise=fit.noise, loose=loose_with(errors, fit.spread))
+    return MeasuredNoise(
+        flight=flight, search=search, plant=errors, noise=fit.noise, loose=loose_with(errors, fit.spread)
+    )
 
 
-def information_of(flight: FlightData, measured: Measured) -> Array:
+def information_of(flight: FlightData, measured: MeasuredNoise) -> Array:
     """Information matrix (P, P) of a flight on the numbers of the vehicle whose search it was measured for."""
     search = measured.search
     clocked = on_clock(flight, search.start, search.flights[0].step)
@@ -161,10 +163,10 @@ def fitted_segment(
     """Segment shrunk into the limits, and its flight; None if it stays outside them.
 
     Args:
-        vehicle: that flies it.
+        vehicle: vehicle that flies it.
         segment: multisines.
         axes: rests and ranges.
-        limits: of the flight.
+        limits: limits of the flight.
         period: s, of the instants at which the limits are looked at.
     """
     times = period * np.arange(round(segment.duration / period) + 1, dtype=float)
@@ -197,7 +199,7 @@ def volume_gain(information: Array, prior: Array, inside: Mask) -> float:
 
 def design_segments(
     vehicle: Vehicle,
-    measured: Measured,
+    measured: MeasuredNoise,
     axes: Axes,
     limits: DesignLimits,
     *,
@@ -208,12 +210,12 @@ def design_segments(
     """Segments, one after the other, that show most of a vehicle's numbers.
 
     Args:
-        vehicle: as it is believed to be.
+        vehicle: nominal vehicle.
         measured: clock and noise.
         axes: rests and ranges.
-        limits: of the flight.
+        limits: limits of the flight.
         candidates: segments that are tried; a third of them is drawn freely, the others near those taken.
-        seed: of the draws.
+        seed: seed of the draws.
         progress: called with (done, total, words).
 
     Raises:
@@ -224,11 +226,11 @@ def design_segments(
     duration = limits.seconds / count
 
     def candidate(segment: Segment) -> Candidate | None:
-        found = fitted_segment(vehicle, segment, axes, limits, PERIOD)
-        if found is None:
+        fitted = fitted_segment(vehicle, segment, axes, limits, PERIOD)
+        if fitted is None:
             return None
-        kept, flight = found
-        return Candidate(kept, information_of(flight.flight_data(vehicle, measured.flight), measured))
+        scaled, flight = fitted
+        return Candidate(scaled, information_of(flight.flight_data(vehicle, measured.flight), measured))
 
     def gain(each: Sequence[Candidate]) -> float:
         whole = np.sum([one.information for one in each], axis=0)
@@ -239,8 +241,8 @@ def design_segments(
     for i in range(free):
         if progress is not None:
             progress(i, candidates, "segments drawn")
-        found = candidate(draw_segment(axes, duration, draw))
-        pool += [found] if found is not None else []
+        trial = candidate(draw_segment(axes, duration, draw))
+        pool += [trial] if trial is not None else []
     if not pool:
         raise ValueError(
             f"box = {limits.box:g} m, tilt = {math.degrees(limits.tilt):g} deg, clear = {limits.clear:g} m: "
@@ -251,13 +253,13 @@ def design_segments(
     for i in range(free, candidates):
         if progress is not None:
             progress(i, candidates, f"segments, {best:.1f} nats")
-        found = candidate(mutate_segment(taken[int(draw.integers(count))].segment, axes, draw))
-        if found is None:
+        trial = candidate(mutate_segment(taken[int(draw.integers(count))].segment, axes, draw))
+        if trial is None:
             continue
-        gains = [gain([*taken[:k], found, *taken[k + 1 :]]) for k in range(count)]
+        gains = [gain([*taken[:k], trial, *taken[k + 1 :]]) for k in range(count)]
         if max(gains) > best:
             best, k = max(gains), int(np.argmax(gains))
-            taken[k] = found
+            taken[k] = trial
     return [each.segment for each in taken]
 
 

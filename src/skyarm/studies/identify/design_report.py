@@ -29,7 +29,7 @@ def design_lines(found: DesignedFlight, vehicle: str, seconds: float) -> list[st
 
     Args:
         found: designed flight.
-        vehicle: its name.
+        vehicle: name of the vehicle.
         seconds: s, of flight.
     """
     rows = [

@@ -11,7 +11,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from skyarm.flight_data.own_log import measured_flight
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import PathLike
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.scenario.save import scenario_text
 from skyarm.scenario.scenario_file import scenario_from
@@ -52,7 +53,8 @@ class Sharpened:
     """Number of a vehicle with the half widths of the 95 % intervals to expect.
 
     Attributes:
-        designed: of the designed flight. undesigned: of a flight of the same length along an undesigned path.
+        designed: accuracy by the designed flight.
+        undesigned: accuracy by a flight of the same length along an undesigned path.
     """
 
     designed: ExpectedNumber
@@ -70,13 +72,13 @@ class DesignedFlight:
 
     Attributes:
         document: scenario, as tables of a scenario file.
-        numbers: what it shows of the vehicle.
+        numbers: accuracy of each number of the vehicle.
         tilt: rad, largest of the flight in the closed loop.
         box: (3,) m, extent of the base's path. clearance: m, least of the arm; infinite without one.
         saturated: share of commands at a rotor's limit.
     """
 
-    document: Mapping[str, Any]
+    document: Mapping[str, Entry]
     numbers: Sequence[Sharpened]
     tilt: float
     box: tuple[float, float, float]
@@ -101,12 +103,12 @@ def design_flight(
     """Design the flight that shows most of a vehicle's numbers within limits, and fly it once.
 
     Args:
-        vehicle: as it is believed to be.
-        name: of the library or path, as the scenario file names it.
-        limits: of the flight.
-        folder: where a path in the scenario file starts.
+        vehicle: nominal vehicle.
+        name: name in the library or path, as in the scenario file.
+        limits: limits of the flight.
+        folder: folder where a path in the scenario file starts.
         candidates: segments that are tried.
-        seed: of the draws and of the noise.
+        seed: seed of the draws and of the noise.
         progress: called with (done, total, words).
 
     Raises:
@@ -163,9 +165,9 @@ def _flight_data(log: Log) -> FlightData:
 
 def scenario_document(
     vehicle: Vehicle, name: str, segments: Sequence[Segment], axes: Axes, seconds: float, seed: int
-) -> dict[str, Any]:
+) -> dict[str, Entry]:
     """Scenario in which a vehicle flies segments of multisines, as tables of a scenario file."""
-    sensors: dict[str, Any] = {k: v for k, v in dataclasses.asdict(NOISE).items() if v}
+    sensors: dict[str, Entry] = {k: v for k, v in dataclasses.asdict(NOISE).items() if v}
     sensors["imu"] = {"kind": "imu"}
     if vehicle.n:
         sensors["encoders"] = {"kind": "encoders"}
@@ -185,15 +187,15 @@ def scenario_document(
 
 def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) -> Mask:
     """Axes (4 + n,) whose motions break a limit in a flight."""
-    found = np.zeros(len(axes.rest), dtype=bool)
+    broken = np.zeros(len(axes.rest), dtype=bool)
     if log.info["status"] != "completed" or _saturated_share(log, vehicle) > SATURATED:
-        found[:] = True
-    found[:3] |= np.abs(log.position - axes.rest[:3]).max(axis=0) > 0.5 * limits.box
-    found[:2] |= _tilt(log).max() > limits.tilt
+        broken[:] = True
+    broken[:3] |= np.abs(log.position - axes.rest[:3]).max(axis=0) > 0.5 * limits.box
+    broken[:2] |= _tilt(log).max() > limits.tilt
     low, high = (np.array([float(getattr(each.joint, end)) for each in vehicle.links]) for end in ("lower", "upper"))
-    found[BASE_AXES:] |= ((log.joints < low) | (log.joints > high)).any(axis=0)
-    found[BASE_AXES:] |= arm_clearance(vehicle, log.joints)[0].min() < limits.clear
-    return found
+    broken[BASE_AXES:] |= ((log.joints < low) | (log.joints > high)).any(axis=0)
+    broken[BASE_AXES:] |= arm_clearance(vehicle, log.joints)[0].min() < limits.clear
+    return broken
 
 
 def _tilt(log: Log) -> Array:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.files import printable
 from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
-from skyarm.studies.identify.log_checks import REFUSED, Fault
+from skyarm.studies.identify.log_checks import REFUSED, LogFault
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.pages import Facts
 
 
-def excited_numbers(flight: FlightData, start: Vehicle, faults: Sequence[Fault]) -> Sequence[ExpectedNumber]:
+def excited_numbers(flight: FlightData, start: Vehicle, faults: Sequence[LogFault]) -> Sequence[ExpectedNumber]:
     """Accuracy that a flight allows for each number of a vehicle; empty for a flight with refused faults.
 
     Raises:
@@ -24,7 +24,7 @@ def excited_numbers(flight: FlightData, start: Vehicle, faults: Sequence[Fault])
     return expected_numbers([flight], start)
 
 
-def excitation_facts(start: Vehicle, faults: Sequence[Fault], numbers: Sequence[ExpectedNumber]) -> dict[str, Any]:
+def excitation_facts(start: Vehicle, faults: Sequence[LogFault], numbers: Sequence[ExpectedNumber]) -> Facts:
     """Faults and excited numbers of a flight as plain data."""
     return {
         "start": start.name,
@@ -36,7 +36,7 @@ def excitation_facts(start: Vehicle, faults: Sequence[Fault], numbers: Sequence[
     }
 
 
-def fault_line(fault: Fault) -> str:
+def fault_line(fault: LogFault) -> str:
     """Fault as one line, without its file."""
     return printable(f"{fault.severity}: {fault.channel}: {fault.finding}; {fault.remedy}")
 

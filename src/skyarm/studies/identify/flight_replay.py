@@ -12,7 +12,7 @@ from skyarm.flight_data.flight_data import load_flight
 from skyarm.flight_data.motion import joints_in_order
 from skyarm.records.files import one_line, shown
 from skyarm.studies.identify.identified_file import read_surroundings
-from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.identified_report import NUMBERS
 from skyarm.studies.identify.isolate_fault import find_faults
 from skyarm.studies.identify.open_loop import OpenLoopFlight
@@ -25,7 +25,7 @@ def replay_of(flight: str, vehicle: str, horizon: float, delay: float | None, co
     require_within("--horizon", horizon, *HORIZONS)
     model = load_vehicle(vehicle)
     flown = joints_in_order(load_flight(flight, columns), model)
-    about, full = Surroundings(delay=float(flown.facts.get("command_delay", 0.0))), 0.0
+    about, full = IdentifiedSurroundings(delay=float(flown.facts.get("command_delay", 0.0))), 0.0
     beside = Path(vehicle).parent / NUMBERS
     if Path(vehicle).is_file() and beside.is_file():
         of, about_it, volts = read_surroundings(beside, flown.name)

@@ -35,13 +35,13 @@ from skyarm.studies.identify.open_loop import (
     NONE,
     SLOPE,
     BaseStates,
-    OpenLoop,
+    OpenLoopPredictor,
     no_poses,
     places_of,
     window_states,
 )
 from skyarm.studies.identify.unknowns import THRUST
-from skyarm.studies.identify.window_errors import Normal, WindowErrors, WindowStates
+from skyarm.studies.identify.window_errors import NormalEquations, WindowErrors, WindowStates
 from skyarm.studies.identify.window_fit import (
     Reduced,
     first_noise,
@@ -51,7 +51,7 @@ from skyarm.studies.identify.window_fit import (
     reduce,
     student_quantile,
 )
-from skyarm.studies.identify.windows import Windows, clock_step, on_clock
+from skyarm.studies.identify.windows import ClockedWindows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
 APART = 0.1
@@ -101,8 +101,8 @@ def predict_held_out(
     Args:
         found: identified vehicle and surroundings.
         start: vehicle before.
-        flights: that are predicted.
-        options: of the search; its sections are those of the flights of the fit.
+        flights: flights to predict.
+        options: options of the search; its sections are those of the flights of the fit.
         seen: flights of the fit.
         horizons: s.
 
@@ -128,8 +128,8 @@ def predict_held_out(
     thrusts = [found.surroundings.thrust] * count
     thrusts += [found.searched.get(f"{THRUST}{each.name}", found.surroundings.thrust) for each in learnt]
     before = surroundings_with({**{each.name: each.start for each in found.numbers}, **options.known})
-    identified = OpenLoop(found.vehicle, found.surroundings, every, clocks, options.gravity, thrusts)
-    at_start = OpenLoop(start, before, flights, clocks[:count], options.gravity)
+    identified = OpenLoopPredictor(found.vehicle, found.surroundings, every, clocks, options.gravity, thrusts)
+    at_start = OpenLoopPredictor(start, before, flights, clocks[:count], options.gravity)
     slower = max((found.vehicle, start), key=lambda each: float(time_constants(each.rotors).max(initial=0.0)))
 
     def begins(which: Collection[int], behind: float, apart: float) -> list[IntArray]:
@@ -184,18 +184,18 @@ def thin_places(places: Sequence[IntArray], most: int) -> list[IntArray]:
 
 def _notes(flights: Sequence[FlightData], start: Vehicle) -> tuple[str, ...]:
     """Notes on poses that are not measured whole, and on joints."""
-    found = []
+    notes = []
     for flight in flights:
         if note := no_poses(flight):
-            found.append(f"{flight.name}: {note}")
+            notes.append(f"{flight.name}: {note}")
         elif "velocity" not in flight:
             words = f"the velocity is the slope of the position over {SLOPE:g} s, of begins over the {SLOPE:g} s before"
-            found.append(f"{flight.name}: {words}")
+            notes.append(f"{flight.name}: {words}")
         elif "position" not in flight:
-            found.append(f"{flight.name}: the position is the sum of the velocity")
+            notes.append(f"{flight.name}: the position is the sum of the velocity")
     if start.n:
-        found.append("The motion of the joints is given as measured; over a few periods its noise is most of an error.")
-    return tuple(found)
+        notes.append("The motion of the joints is given as measured; over a few periods its noise is most of an error.")
+    return tuple(notes)
 
 
 PARTS = ("position", "velocity", "attitude", "rate")
@@ -222,14 +222,15 @@ class Ends:
 
 
 def ends_of(
-    loop: OpenLoop,
+    loop: OpenLoopPredictor,
     errors: WindowErrors,
     horizons: Sequence[float],
     begins: BaseStates,
     pushes: Callable[[float], Array] | None = None,
 ) -> list[Ends]:
-    """Predictions over horizons (s) from the begins of windows on; the arguments are those of :meth:`OpenLoop.ahead`.
+    """Predictions over horizons (s) from the begins of windows on.
 
+    The arguments are those of :meth:`OpenLoopPredictor.ahead`.
     Predictions that leave what is usable before their end are none.
     """
     windows, step, left = errors.windows, errors.windows.step, loop.left(errors.windows)
@@ -237,15 +238,15 @@ def ends_of(
     last = max((k for k in ends if (left >= k).any()), default=0)
     flown = {k: states for k, states in enumerate(islice(loop.ahead(errors, begins, pushes), last + 1)) if k in ends}
     still = dataclasses.replace(begins, velocity=0.0 * begins.velocity, rate=0.0 * begins.rate)
-    found = []
+    predictions = []
     for horizon, k in zip(horizons, ends, strict=True):
         rows = np.flatnonzero(left >= k)
-        held = begins.at(rows).at_even_rates(k * step)
+        steady = begins.at(rows).at_even_rates(k * step)
         measured = loop.measured_at(windows, np.minimum(k, left))
         every = (flown.get(k, still), still, measured)
-        *off, there = (_difference(held, each.at(rows)) for each in every)
-        found.append(Ends(horizon, np.stack(off, axis=1), there))
-    return found
+        *off, there = (_difference(steady, each.at(rows)) for each in every)
+        predictions.append(Ends(horizon, np.stack(off, axis=1), there))
+    return predictions
 
 
 def _difference(first: BaseStates, second: BaseStates) -> Array:
@@ -257,9 +258,9 @@ def _difference(first: BaseStates, second: BaseStates) -> Array:
 
 def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
     """Root mean square errors by shares (2, 3), or (4, 2, 3) of each part, of the model and of rest beside holding."""
-    found = (ends.off * shares[..., None, :]).sum(axis=1)
-    left, turn = ends.measured - found, PARTS.index("attitude")
-    left[turn] = rotations_between(*(_attitudes(each[turn]) for each in (found, ends.measured)))
+    predicted = (ends.off * shares[..., None, :]).sum(axis=1)
+    left, turn = ends.measured - predicted, PARTS.index("attitude")
+    left[turn] = rotations_between(*(_attitudes(each[turn]) for each in (predicted, ends.measured)))
     count = left.shape[1]
     sizes = [math.sqrt((rows**2).sum() / count) if count else math.nan for rows in left]
     return HorizonErrors(horizon=ends.horizon, begins=count, **dict(zip(PARTS, sizes, strict=True)))
@@ -284,15 +285,17 @@ def shares_of(ends: Ends) -> Array:
 
     # over a few samples all parts are within the noise: beyond 0 to 1 they would only fit that
     sizes = np.linalg.norm(ends.off, axis=2) + 1e-300
-    found = np.empty_like(sizes)
+    shares = np.empty_like(sizes)
     for i, j in np.ndindex(len(sizes), 3):
         size = sizes[i, :, j]
-        found[i, :, j] = lsq_linear(ends.off[i, :, :, j].T / size, ends.measured[i, :, j], (0.0, size), "bvls").x / size
-    return np.asarray(found)
+        shares[i, :, j] = (
+            lsq_linear(ends.off[i, :, :, j].T / size, ends.measured[i, :, j], (0.0, size), "bvls").x / size
+        )
+    return np.asarray(shares)
 
 
 @immutable(kw_only=False, eq=False)
-class Past:
+class PastWeight:
     """Weight of a flight's past in its prediction.
 
     Attributes:
@@ -310,7 +313,7 @@ class Past:
     memory: float
     shares: Sequence[Array]
 
-    def begins(self, loop: OpenLoop, errors: WindowErrors) -> tuple[BaseStates, Callable[[float], Array]]:
+    def begins(self, loop: OpenLoopPredictor, errors: WindowErrors) -> tuple[BaseStates, Callable[[float], Array]]:
         """States at the begins of windows, and the wrench some time (s) after."""
         state, wrench = end_of_past(loop, errors, self.seconds, self.noise, self.spread)
         begins = _replace_fields(loop.begins(errors.windows), state, self.smoothed)
@@ -322,17 +325,17 @@ def _replace_fields(states: BaseStates, others: BaseStates, names: Sequence[str]
     return dataclasses.replace(states, **{name: getattr(others, name) for name in names})
 
 
-def learn_from_past(loop: OpenLoop, errors: WindowErrors, horizons: Sequence[float]) -> Past:
+def learn_from_past(loop: OpenLoopPredictor, errors: WindowErrors, horizons: Sequence[float]) -> PastWeight:
     """Choose how the past counts, by the least mean logarithm of position and attitude errors in flights of the fit.
 
     What makes neither of them larger than without a past goes before what does.
 
     Args:
-        loop: of all flights.
-        errors: of windows in the flights of the fit.
+        loop: open loop of all flights.
+        errors: errors of windows in the flights of the fit.
         horizons: s.
     """
-    chosen, least = list[Past](), (True, math.inf)
+    chosen, least = list[PastWeight](), (True, math.inf)
     without = [errors_of(each, WHOLE) for each in ends_of(loop, errors, horizons, loop.begins(errors.windows))]
     for seconds in PASTS:
         before = past_windows(loop, errors.windows, seconds)
@@ -348,11 +351,11 @@ def learn_from_past(loop: OpenLoop, errors: WindowErrors, horizons: Sequence[flo
             good = [a.position <= WORSE * b.position and a.attitude <= WORSE * b.attitude for a, b in far]
             score = not all(good), sum(math.log(max(each.position * each.attitude, 1e-300)) for each, _ in far)
             if score < least:
-                chosen, least = [Past(seconds, noise, spread, smoothed, memory, shares)], score
+                chosen, least = [PastWeight(seconds, noise, spread, smoothed, memory, shares)], score
     return chosen[0]
 
 
-def past_windows(loop: OpenLoop, windows: Windows, seconds: float) -> WindowErrors:
+def past_windows(loop: OpenLoopPredictor, windows: ClockedWindows, seconds: float) -> WindowErrors:
     """Windows of some seconds that end where others begin."""
     places = windows.begins - windows.firsts[windows.owners] - round(seconds / windows.step)
     return loop.windows([places[windows.owners == i] for i in range(len(windows.flights))], seconds)
@@ -366,27 +369,27 @@ def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
     """
     states, spread, noise = window_states(begins), before.push, first_noise(before)
     for turn in range(ROUNDS):
-        found, there, normal, reduced, states = _turn(before, states, noise, spread)
-        noise = new_noise(before, found, there, noise, normal, reduced.inverse)
+        errors, there, normal, reduced, states = _turn(before, states, noise, spread)
+        noise = new_noise(before, errors, there, noise, normal, reduced.inverse)
         if turn:
             spread = new_spread(before, states, spread, reduced.inverse)
     own = np.isin(np.arange(len(noise)), before.windows.owners)
-    known = there.any(axis=(0, 1))
-    noise[np.ix_(~own, known)] = noise[np.ix_(own, known)].min(axis=0)
+    measured = there.any(axis=(0, 1))
+    noise[np.ix_(~own, measured)] = noise[np.ix_(own, measured)].min(axis=0)
     return noise, spread
 
 
 def _turn(
     before: WindowErrors, states: WindowStates, noise: Array, spread: Array
-) -> tuple[Array, Mask, Normal, Reduced, WindowStates]:
+) -> tuple[Array, Mask, NormalEquations, Reduced, WindowStates]:
     """One Gauss-Newton step of the states and wrenches of windows whose vehicle is known."""
-    found, there, normal = before.normal(NONE, states, noise)
+    errors, there, normal = before.normal(NONE, states, noise)
     reduced = reduce(normal, states.beside, loose_with(before, spread), NONE)
-    return found, there, normal, reduced, states.moved_by(-reduced.shift)
+    return errors, there, normal, reduced, states.moved_by(-reduced.shift)
 
 
 def end_of_past(
-    loop: OpenLoop, errors: WindowErrors, seconds: float, noise: Array, spread: Array
+    loop: OpenLoopPredictor, errors: WindowErrors, seconds: float, noise: Array, spread: Array
 ) -> tuple[BaseStates, Array]:
     """States at the begins of windows, and the wrench (W, 6) that nothing explains, from the seconds before."""
     before = past_windows(loop, errors.windows, seconds)
@@ -398,12 +401,12 @@ def end_of_past(
     return last, states.beside
 
 
-def fading(wrench: Array, windows: Windows, memory: float) -> Callable[[float], Array]:
+def fading(wrench: Array, windows: ClockedWindows, memory: float) -> Callable[[float], Array]:
     """Function from s after the begins of windows to the wrench (W, 6) expected there: its mean stays, the rest fades.
 
     Args:
         wrench: (W, 6), estimated at the begins.
-        windows: that begin there; the mean is of those before, of the same flight.
+        windows: windows that begin there; the mean is of those before, of the same flight.
         memory: s.
     """
     lasting, counts = wrench.copy(), np.ones((len(wrench), 1))
@@ -416,7 +419,7 @@ def fading(wrench: Array, windows: Windows, memory: float) -> Callable[[float], 
     return lambda t: lasting + (math.exp(-t / memory) if memory else 0.0) * (wrench - lasting)
 
 
-def one_step_errors(loop: OpenLoop, places: Sequence[IntArray]) -> tuple[float, OneStep, OneStep]:
+def one_step_errors(loop: OpenLoopPredictor, places: Sequence[IntArray]) -> tuple[float, OneStep, OneStep]:
     """Period of the accelerometer (s), errors of the mean accelerations over it, and spread of what is measured."""
     count = loop.averaged
     whole = loop.left(loop.windows(places).windows) >= 2 * count
@@ -424,9 +427,9 @@ def one_step_errors(loop: OpenLoop, places: Sequence[IntArray]) -> tuple[float, 
     places = [each[long] for each, long in zip(places, each_of, strict=True)]
     errors = loop.windows(places, 2 * count * loop.flights[0].step)
     windows, begins = errors.windows, loop.begins(errors.windows)
-    found, there = errors.errors_at(NONE, window_states(begins))
+    residuals, there = errors.errors_at(NONE, window_states(begins))
     column = errors.rows.index(("accelerometer", 0))
-    counted, left = there[:, :, column], found[:, :, column : column + 3]
+    counted, left = there[:, :, column], residuals[:, :, column : column + 3]
     at = windows.begins + np.arange(windows.length)[:, None]
     force = errors.samples["accelerometer"].values[at]
     *_, last = islice(loop.ahead(errors, begins), count + 1)

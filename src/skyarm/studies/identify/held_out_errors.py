@@ -62,7 +62,7 @@ class HeldOut:
         errors: predictor -> errors over each horizon; position, velocity and attitude are NaN if ``has_poses`` is not.
         one_step: predictor -> errors of accelerations; of holding, the spread of what is measured about its mean.
         has_poses: some flight measures position or velocity, and attitude.
-        notes: how poses were made, a line each.
+        notes: notes on how poses were made, a line each.
     """
 
     flights: tuple[str, ...]

@@ -6,11 +6,10 @@ import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from skyarm.records.files import number, one_line, shown
 from skyarm.studies.identify.identified_numbers import GIVEN, Identified, IdentifiedNumber
-from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings, surroundings_with
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT, THRUST
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_text import vehicle_text
@@ -64,19 +63,19 @@ def identified_name(start: str) -> str:
     return start if start.endswith(SUFFIX) else f"{start}{SUFFIX}"
 
 
-def _head(found: Identified, start: Vehicle, flights: Sequence[str]) -> list[str]:
+def _head(identified: Identified, start: Vehicle, flights: Sequence[str]) -> list[str]:
     """Lines at the beginning of the file."""
-    about = found.surroundings
+    about = identified.surroundings
     lines = [
-        f"{IDENTIFIED_BY} from {len(flights)} flight{'s' if len(flights) > 1 else ''}, {found.seconds:.3g} s:",
+        f"{IDENTIFIED_BY} from {len(flights)} flight{'s' if len(flights) > 1 else ''}, {identified.seconds:.3g} s:",
         *(f"  {each}" for each in flights),
         f"Start vehicle: {start.name}. Behind each number its 95 % interval; what the flights do not show is the",
         "start's, and what they show is fitted to it.",
         GIVEN,
     ]
-    if not found.settled:
+    if not identified.settled:
         lines.append("THE SEARCH DID NOT SETTLE: do not rely on these numbers; intervals hold its last moves alone.")
-    around = {each.name: each for each in found.numbers if is_around(each.name) and each.is_known}
+    around = {each.name: each for each in identified.numbers if is_around(each.name) and each.is_known}
     if around:
         lines.append("Not part of a vehicle, but of its computer, sensors and battery:")
         lines += [f"  {name} = {_value(each)}" for name, each in around.items()]
@@ -85,11 +84,11 @@ def _head(found: Identified, start: Vehicle, flights: Sequence[str]) -> list[str
     return lines
 
 
-def read_surroundings(file: Path, flight: str = "") -> tuple[str, Surroundings, float]:
+def read_surroundings(file: Path, flight: str = "") -> tuple[str, IdentifiedSurroundings, float]:
     """Surroundings of an identification from the file of all its numbers, of which vehicle, and its rotors' voltage.
 
     Args:
-        file: of all numbers.
+        file: file of all numbers.
         flight: name of one that was identified, whose thrust over that of the first one is in the surroundings, too.
 
     Returns:
@@ -103,34 +102,34 @@ def read_surroundings(file: Path, flight: str = "") -> tuple[str, Surroundings, 
     except (OSError, ValueError, RecursionError) as error:
         raise ValueError(one_line(f"{file}: must be a JSON file ({error})")) from None
     table = document.get("surroundings") if isinstance(document, dict) else None
-    known = document.get("known") if isinstance(document, dict) else None
-    if not (isinstance(table, dict) and isinstance(known, dict)):
+    given = document.get("known") if isinstance(document, dict) else None
+    if not (isinstance(table, dict) and isinstance(given, dict)):
         raise ValueError(f"{file}: must hold 'surroundings' and 'known', as 'skyarm identify' writes them")
-    found = dict[str, Any]()
-    for each in dataclasses.fields(Surroundings):
+    values = dict[str, float]()
+    for each in dataclasses.fields(IdentifiedSurroundings):
         value, name = table.get(each.name, each.default), f"{file}: surroundings.{each.name}"
         if not isinstance(each.default, tuple):
-            found[each.name] = number(value, name)
+            values[each.name] = number(value, name)
         elif isinstance(value, (list, tuple)) and len(value) == len(each.default):
-            found[each.name] = tuple(number(entry, name) for entry in value)
+            values |= {f"{each.name}.{axis}": number(entry, name) for axis, entry in zip("xyz", value, strict=True)}
         else:
             raise ValueError(f"{name} = {shown(value)}: must be {len(each.default)} numbers")
     own = [each for each in document.get("numbers", []) if each.get("name") == f"{THRUST}{flight}"]
     if own and own[0].get("value") is not None:
-        found["thrust"] = number(own[0]["value"], f"{file}: {THRUST}{flight}", low=0.0, strict=True)
+        values["thrust"] = number(own[0]["value"], f"{file}: {THRUST}{flight}", low=0.0, strict=True)
     named = identified_name(str(document.get("start", "")))
-    return named, Surroundings(**found), number(known.get(VOLTAGE, 0.0), f"{file}: known.{VOLTAGE}", low=0.0)
+    return named, surroundings_with(values), number(given.get(VOLTAGE, 0.0), f"{file}: known.{VOLTAGE}", low=0.0)
 
 
 def is_around(name: str) -> bool:
     """True for a number of computer, sensors, battery or air, which is not part of a vehicle."""
-    return name.partition(".")[0] in {each.name for each in dataclasses.fields(Surroundings)}
+    return name.partition(".")[0] in {each.name for each in dataclasses.fields(IdentifiedSurroundings)}
 
 
-def _by_field(found: Identified) -> dict[str, list[IdentifiedNumber]]:
+def _by_field(identified: Identified) -> dict[str, list[IdentifiedNumber]]:
     """Numbers of the vehicle by the field of its file that holds them."""
     fields: dict[str, list[IdentifiedNumber]] = {}
-    for each in found.numbers:
+    for each in identified.numbers:
         if not is_around(each.name):
             fields.setdefault(_field(each.name), []).append(each)
     return fields

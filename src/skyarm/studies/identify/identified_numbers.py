@@ -15,7 +15,7 @@ import numpy as np
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.held_out_errors import HeldOut
-from skyarm.studies.identify.identified_parts import Surroundings
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings
 from skyarm.studies.identify.unknowns import ACCELEROMETER, Reported, Unknown
 from skyarm.studies.identify.window_fit import NORMAL, WindowFit, variances_of
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -41,7 +41,7 @@ class IdentifiedNumber:
     """Identified number with its 95 % interval.
 
     Attributes:
-        name: as a vehicle file has it, or of what surrounds the vehicle.
+        name: name in a vehicle file, or in the vehicle's surroundings.
         unit: SI.
         value, low, high: estimate and interval, of data and what was known before.
         start: value before.
@@ -79,17 +79,17 @@ class Identified:
             white noise.
         deviation: row -> standard deviation of its errors.
         settled: whether the search came to rest.
-        seconds: of flight that counted.
+        seconds: duration of the flight that counted, s.
         period: s, between samples of the gyroscope.
         held_out: errors of predictions of other flights, if any were asked for.
         absent: channel that no flight has -> number -> times by which its interval is wider than with that channel.
-        counted: of each flight of :func:`skyarm.identify_flights`, whether any part of it was long enough to count.
+        counted: whether any part of each flight of :func:`skyarm.identify_flights` was long enough to count.
     """
 
     numbers: tuple[IdentifiedNumber, ...]
     correlation: Array
     vehicle: Vehicle
-    surroundings: Surroundings
+    surroundings: IdentifiedSurroundings
     explained: Mapping[str, float]
     deviation: Mapping[str, float]
     settled: bool
@@ -117,8 +117,8 @@ class Scale:
     """Linearisation of the reported numbers at the estimate; of positive ones their logarithms.
 
     Attributes:
-        reported: which numbers.
-        values, starts: found, and before. positive: of each, whether its logarithm is meant.
+        reported: reported numbers.
+        values, starts: estimates, and values before. positive: mask of the numbers whose logarithm is meant.
         rows: (reported, searched) slopes.
         before: (reported,) variances of what was known before.
     """
@@ -145,10 +145,10 @@ def scale_of(
 ) -> Scale:
     """Linearise the reported numbers in the searched ones, beside those that are known."""
     place = {each.name: i for i, each in enumerate(unknowns)}
-    kept = [each for each in reported if any(part in place for part in each.parts)]
-    values, starts, positive = np.zeros(len(kept)), np.zeros(len(kept)), np.zeros(len(kept), dtype=bool)
-    rows = np.zeros((len(kept), len(unknowns)))
-    for k, each in enumerate(kept):
+    shown = [each for each in reported if any(part in place for part in each.parts)]
+    values, starts, positive = np.zeros(len(shown)), np.zeros(len(shown)), np.zeros(len(shown), dtype=bool)
+    rows = np.zeros((len(shown), len(unknowns)))
+    for k, each in enumerate(shown):
         for name in each.parts:
             if name not in place:
                 values[k], starts[k] = values[k] + known[name], starts[k] + known[name]
@@ -160,7 +160,7 @@ def scale_of(
         if positive[k]:
             rows[k] /= values[k]
     spreads = np.array([each.spread for each in unknowns])
-    return Scale(kept, values, starts, positive, rows, rows**2 @ spreads**2)
+    return Scale(shown, values, starts, positive, rows, rows**2 @ spreads**2)
 
 
 def identified_numbers(
@@ -221,12 +221,12 @@ def disagreement(found: WindowFit, scale: Scale, after: Array, flights: Sequence
     names = sorted(set(flights))
     if len(names) < 2:
         return ratio
-    known = found.prior_information
+    prior = found.prior_information
     pulled = -found.stretch_scores.sum(axis=0)  # by what was known before, at the estimate of all
     off, variances = [], []
     for name in names:
         own = [k for k, each in enumerate(flights) if each == name]
-        spread = np.linalg.inv(found.stretch_information[own].sum(axis=0) + known)
+        spread = np.linalg.inv(found.stretch_information[own].sum(axis=0) + prior)
         off.append(-scale.rows @ spread @ (found.stretch_scores[own].sum(axis=0) + pulled))
         variances.append(variances_of(scale.rows, spread))
     noise = after / variances_of(scale.rows, found.curvature)
@@ -287,12 +287,12 @@ def condition_on_start(
     """
     values, spread, off = values.copy(), spread.copy(), off.copy()
     first = spread.copy()
-    told = (1.0 - shares) * before / np.maximum(variances_of(rows, spread), 1e-300)
+    correction = (1.0 - shares) * before / np.maximum(variances_of(rows, spread), 1e-300)
     replaced, beside = list[int](), dict[int, int]()
     for group in groups:
         left = [i for i in group if shares[i] < SHOWN]
         while left:
-            now = [1.0 - told[i] * float(rows[i] @ spread @ rows[i]) / before[i] for i in left]
+            now = [1.0 - correction[i] * float(rows[i] @ spread @ rows[i]) / before[i] for i in left]
             least = int(np.argmin(np.round(now, 6)))  # of those known alike the first, however they are rounded
             if now[least] >= SHOWN:
                 break
@@ -330,13 +330,13 @@ def at_starts(
         searched: names of the searched ones.
     """
     place = {name: i for i, name in enumerate(searched)}
-    sums, wanted = np.zeros((len(scale.reported), len(searched))), np.zeros(len(scale.reported))
+    sums, totals = np.zeros((len(scale.reported), len(searched))), np.zeros(len(scale.reported))
     for k, each in enumerate(scale.reported):
         given = sum(plain[part] for part in each.parts if part not in place)
-        wanted[k] = (scale.starts[k] if k in replaced else sum(plain[part] for part in each.parts)) - given
+        totals[k] = (scale.starts[k] if k in replaced else sum(plain[part] for part in each.parts)) - given
         sums[k, [place[part] for part in each.parts if part in place]] = 1.0
     if sums.shape[0] != sums.shape[1]:
         return dict(plain)
-    found = dict(zip(searched, np.linalg.solve(sums, wanted).tolist(), strict=True))
+    solved = dict(zip(searched, np.linalg.solve(sums, totals).tolist(), strict=True))
     rising = {part for k, each in enumerate(scale.reported) if scale.positive[k] for part in each.parts}
-    return dict(plain) if any(found[name] <= 0.0 for name in rising & set(found)) else {**plain, **found}
+    return dict(plain) if any(solved[name] <= 0.0 for name in rising & set(solved)) else {**plain, **solved}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import fields
@@ -14,6 +15,7 @@ from skyarm.algebra import Sym3, Vec3
 from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import rebuild
 from skyarm.studies.identify.unknowns import DRAG_HEIGHT, KNOTS, rises_of_thrust, second_moments
 from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -32,7 +34,7 @@ OF_SERVOS = ("stiffness", "damping", "integral", "latency", "speed_limit")
 
 
 @immutable
-class Surroundings:
+class IdentifiedSurroundings:
     """Delays, places and offsets of a flight and of its sensors, identified beside the vehicle.
 
     Attributes:
@@ -70,7 +72,7 @@ def vehicle_with(start: Vehicle, numbers: Mapping[str, Scalar], *, checked: bool
 
     Args:
         start: the rest.
-        numbers: by name of the unknown; any scalars where they are not checked.
+        numbers: values by name of the unknown; any scalars where they are not checked.
         checked: whether its records are checked: a search passes through what no vehicle is.
 
     Raises:
@@ -113,23 +115,23 @@ def of_a_body(inertia: Sym3) -> Sym3:
     if sizes[0] >= least:
         return inertia
     second = axes @ np.diag(np.maximum(sizes, least)) @ axes.T
-    found = np.trace(second) * np.eye(3) - second
-    return Sym3(*(float(found[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
+    moments = np.trace(second) * np.eye(3) - second
+    return Sym3(*(float(moments[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
 
 
 def with_changes(record: R, checked: bool, **changes: Any) -> R:
     """Copy of a record with other fields, checked or not."""
     if checked:
         return dataclasses.replace(record, **changes)
-    made = object.__new__(type(record))
-    for each in fields(record):
-        object.__setattr__(made, each.name, changes.get(each.name, getattr(record, each.name)))
-    return made
+    changed = copy.copy(record)  # which runs no checks
+    for name, value in changes.items():
+        object.__setattr__(changed, name, value)
+    return changed
 
 
 def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, Scalar], checked: bool) -> Rotor:
     """Rotor with identified numbers, which are those of the first one."""
-    changes: dict[str, Any] = {}
+    changes: dict[str, Scalar | Vec3 | ThrustTable] = {}
     for name in SCALED:
         if f"rotors.{name}" in numbers:
             # the ratio first: of alike rotors it is exactly 1, and the number is the one that is reported
@@ -157,7 +159,7 @@ def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
         com=Vec3(*(numbers.get(f"{name}.com.{axis}", getattr(body.com, axis)) for axis in "xyz")),
         inertia=Sym3(*(getattr(body.inertia, each.name) * scale for each in fields(Sym3))),
     )
-    frictions: dict[str, Any] = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
+    frictions: dict[str, Scalar] = {k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers}
     if checked:
         frictions |= {name: max(frictions[name], 0.0) for name in ("damping", "coulomb") if name in frictions}
     return with_changes(link, checked, body=moved, joint=with_changes(link.joint, checked, **frictions))
@@ -192,23 +194,24 @@ def _inertia(base: Body, numbers: Mapping[str, Scalar]) -> Sym3:
     return Sym3(xx=at["y"] + at["z"], yy=at["x"] + at["z"], zz=at["x"] + at["y"], **products)
 
 
-def surroundings_with(numbers: Mapping[str, float]) -> Surroundings:
+def surroundings_with(numbers: Mapping[str, float]) -> IdentifiedSurroundings:
     """Surroundings of the vehicle from identified numbers; the usual ones where a number is missing."""
-    found: dict[str, Any] = {}
-    for each in fields(Surroundings):
-        if isinstance(each.default, tuple):
-            found[each.name] = tuple(numbers.get(f"{each.name}.{axis}", 0.0) for axis in "xyz")
-        else:
-            found[each.name] = numbers.get(each.name, each.default)
-    return Surroundings(**found)
+    usual = IdentifiedSurroundings()
+    return rebuild(usual, (numbers.get(name, value) for name, value in _by_name(usual).items()))
 
 
-def numbers_around(about: Surroundings) -> dict[str, float]:
+def numbers_around(about: IdentifiedSurroundings) -> dict[str, float]:
     """Numbers of surroundings by name, but for the thrust, which is that of one flight."""
-    found = dict[str, float]()
+    numbers = _by_name(about)
+    del numbers["thrust"]
+    return numbers
+
+
+def _by_name(about: IdentifiedSurroundings) -> dict[str, float]:
+    """All numbers of surroundings by name, in the order of its fields."""
+    numbers = dict[str, float]()
     for each in fields(about):
         value = getattr(about, each.name)
         parts = zip("xyz", value, strict=True) if isinstance(value, tuple) else ()
-        found |= {f"{each.name}.{axis}": part for axis, part in parts} or {each.name: value}
-    del found["thrust"]
-    return found
+        numbers |= {f"{each.name}.{axis}": part for axis, part in parts} or {each.name: value}
+    return numbers

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,9 +18,10 @@ from skyarm.records.text_tables import Row, aligned_lines, shown_number
 from skyarm.studies.identify.held_out_errors import HOLD, IDENTIFIED, PAST, START, HeldOut, table_horizons
 from skyarm.studies.identify.identified_file import VOLTAGE, identified_file
 from skyarm.studies.identify.identified_numbers import APART, GIVEN, NOT_SHOWN, Identified, IdentifiedNumber
-from skyarm.studies.identify.log_checks import Fault
+from skyarm.studies.identify.log_checks import LogFault
 from skyarm.studies.identify.logged_commands import period_note
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.pages import Facts
 
 VEHICLE, NUMBERS, TABLE, FIGURE = "vehicle.toml", "identified.json", "prediction.csv", "prediction.png"
 """Names of the file of the vehicle, of all numbers, and of the errors of predictions."""
@@ -45,38 +45,38 @@ class IdentifiedReport:
     Attributes:
         found: identified vehicle.
         start: vehicle before.
-        flights: of the fit, without those of which no part counts.
+        flights: flights of the fit, without those of which no part counts.
         known: numbers that were not searched, and the voltage of the rotors' data, by name.
-        faults: of which was warned.
-        clocks: of each flight whose pose was moved to the gyro's clock.
+        faults: faults of which was warned.
+        clocks: offset of each flight whose pose was moved to the gyro's clock.
     """
 
     found: Identified
     start: Vehicle
     flights: Sequence[FlightData]
     known: Mapping[str, float]
-    faults: Sequence[Fault]
+    faults: Sequence[LogFault]
     clocks: Mapping[str, ClockOffset]
 
     def lines(self) -> list[str]:
         """Lines of text: title, table of the numbers and remarks."""
-        found, flights = self.found, self.flights
+        identified, flights = self.found, self.flights
         names = _few_names([each.name for each in flights])
-        rows = [HEADS, *map(_row, found.numbers)]
+        rows = [HEADS, *map(_row, identified.numbers)]
         wide = max(len(each[-1]) for each in rows)
-        lines = [f"{self.start.name} from {names}: {found.seconds:.3g} s"]
+        lines = [f"{self.start.name} from {names}: {identified.seconds:.3g} s"]
         lines += [line.rstrip() for line in aligned_lines([(*each[:-1], each[-1].ljust(wide)) for each in rows])]
-        lines += _apart_lines(found.numbers)
+        lines += _apart_lines(identified.numbers)
         lines.append(GIVEN)
-        if not found.settled:
+        if not identified.settled:
             lines.append("the search did not settle: do not rely on these numbers; intervals hold its last moves alone")
-        apart = ", ".join(f"{each.name} {each.widened:.2g}" for each in found.numbers if each.widened > WIDENED)
+        apart = ", ".join(f"{each.name} {each.widened:.2g}" for each in identified.numbers if each.widened > WIDENED)
         if apart:
             lines.append(f"flights disagree; intervals are wider than their noise explains, times: {apart}")
-        lines += [_absent_line(channel, costs) for channel, costs in found.absent.items()]
-        shares = ", ".join(f"{row} {share:.0%}" for row, share in found.explained.items())
+        lines += [_absent_line(channel, costs) for channel, costs in identified.absent.items()]
+        shares = ", ".join(f"{row} {share:.0%}" for row, share in identified.explained.items())
         lines.append(f"explained beyond noise: {shares}")
-        pairs = correlated_pairs(found)
+        pairs = correlated_pairs(identified)
         lines += [f"hard to separate: {a} and {b}, correlation {r:+.3f}" for a, b, r in pairs[:MOST]]
         if len(pairs) > MOST:
             lines.append(f"and {len(pairs) - MOST} more pairs with a correlation beyond {CLOSE:g}")
@@ -88,31 +88,31 @@ class IdentifiedReport:
             lines.append(f"voltage: is measured and not used: state that of the rotors' data, --known {VOLTAGE}=VALUE")
         return [printable(line) for line in lines]
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Facts:
         """All numbers as plain data; a value that the flights do not show is null."""
-        found, unknown = self.found, dict.fromkeys(("value", "low", "high"))
+        identified, unknown = self.found, dict.fromkeys(("value", "low", "high"))
         return {
             "start": self.start.name,
             "flights": [{"name": each.name, "file": each.file, "notes": each.notes} for each in self.flights],
             "clocks": self.clocks,
             "faults": [{"severity": each.severity, "text": each.words} for each in self.faults],
-            "seconds": found.seconds,
-            "period": found.period,
-            "settled": found.settled,
-            "numbers": [asdict(each) | ({} if each.is_known else unknown) for each in found.numbers],
+            "seconds": identified.seconds,
+            "period": identified.period,
+            "settled": identified.settled,
+            "numbers": [asdict(each) | ({} if each.is_known else unknown) for each in identified.numbers],
             "given": GIVEN,
             "known": self.known,
-            "correlation": found.correlation,
-            "surroundings": found.surroundings,
-            "explained": found.explained,
-            "deviation": found.deviation,
-            "absent": found.absent,
-        } | ({} if found.held_out is None else {"held_out": found.held_out})
+            "correlation": identified.correlation,
+            "surroundings": identified.surroundings,
+            "explained": identified.explained,
+            "deviation": identified.deviation,
+            "absent": identified.absent,
+        } | ({} if identified.held_out is None else {"held_out": identified.held_out})
 
     def vehicle_file(self) -> str:
         """Text of the vehicle file."""
-        known = {name: value for name, value in self.known.items() if name != VOLTAGE}
-        return identified_file(self.found, self.start, [Path(each.file).name for each in self.flights], known)
+        numbers = {name: value for name, value in self.known.items() if name != VOLTAGE}
+        return identified_file(self.found, self.start, [Path(each.file).name for each in self.flights], numbers)
 
 
 ERRORS = {"position": "m", "velocity": "m/s", "attitude": "rad", "rate": "rad/s"}
@@ -156,11 +156,11 @@ def prediction_lines(held_out: HeldOut) -> list[str]:
 
 def _worse_than_holding(held_out: HeldOut) -> list[str]:
     """Quantities, each with its horizon, that the identified vehicle predicts worse than holding does."""
-    own, held = (held_out.one_step[name] for name in (IDENTIFIED, HOLD))
+    own, hold = (held_out.one_step[name] for name in (IDENTIFIED, HOLD))
     worse = [
         f"{field.replace('_', ' ')} over {1e3 * held_out.period:.3g} ms"
         for field in STEPS
-        if getattr(own, field) > getattr(held, field)
+        if getattr(own, field) > getattr(hold, field)
     ]
     pairs = [(held_out.errors[IDENTIFIED][k], held_out.errors[HOLD][k]) for k in table_horizons(held_out)]
     for field in ERRORS:

@@ -49,7 +49,7 @@ from skyarm.studies.identify.identified_report import (
     prediction_lines,
     prediction_png,
 )
-from skyarm.studies.identify.identify_files import identify_files
+from skyarm.studies.identify.identify_files import FlightFiles, identify_files
 from skyarm.studies.identify.identify_flights import known_of_search
 from skyarm.studies.identify.identify_windows import SearchOptions
 from skyarm.studies.identify.lag_report import every_lag, lag_lines, lag_tables, nominal_model, stated_delays
@@ -116,12 +116,9 @@ def flights(
                 require_replaceable(*(folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)))
                 _require_own(folder / VEHICLE)
             report = identify_files(
-                files,
+                FlightFiles(fit=files, held_out=held_out or (), join=join, columns=columns),
                 start,
                 SearchOptions(curve=curve, drag_height=drag_height, sections=sections, known=given),
-                held_out=held_out or (),
-                join=join,
-                columns=columns,
                 gravity=felt,
                 despite_faults=despite_faults,
                 warn=lambda fault: say(f"warning: {fault.words}"),

@@ -11,36 +11,77 @@ from skyarm.flight_data.flight_data import FlightData, load_flight
 from skyarm.flight_data.motion import joints_in_order
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import shown
+from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_file import VOLTAGE
 from skyarm.studies.identify.identified_report import IdentifiedReport
 from skyarm.studies.identify.identify_flights import identify_aligned
 from skyarm.studies.identify.identify_windows import SearchOptions
-from skyarm.studies.identify.log_checks import Fault, require_no_refusal
+from skyarm.studies.identify.log_checks import LogFault, require_no_refusal
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
+@immutable
+class FlightFiles:
+    """Files of an identification.
+
+    Attributes:
+        fit: files of the flights that are fitted.
+        held_out: files of flights to predict.
+        join: file of the only flight by another computer.
+        columns: mapping of the columns of all files but that.
+    """
+
+    fit: Sequence[str]
+    held_out: Sequence[str] = ()
+    join: str | None = None
+    columns: str | None = None
+
+    def read(
+        self, start: Vehicle, progress: Callable[..., None]
+    ) -> tuple[list[FlightData], list[FlightData], dict[str, ClockOffset]]:
+        """Flights of the fit and those to predict, each on the gyro's clock, and clock offsets of poses by flight.
+
+        Args:
+            start: vehicle that gives the order of the joints.
+            progress: called with (done, total, last), and without arguments at the end.
+
+        Raises:
+            ValueError: one line: a file that cannot be read, one of both kinds, or a measurement that is given twice.
+        """
+        fit = {Path(each).resolve() for each in self.fit}
+        for each in self.held_out:
+            if Path(each).resolve() in fit:
+                raise ValueError(f"--held-out = {shown(each)}: must not be among the flights of the fit")
+        every, flights, clocks = [*self.fit, *self.held_out], list[FlightData](), dict[str, ClockOffset]()
+        for i, file in enumerate(every):
+            progress(i, len(every), f"read {Path(file).name}")
+            flight, clock = align_poses(joints_in_order(load_flight(file, self.columns), start))
+            if not i and self.join is not None:
+                flight, clock = join_flights(flight, joints_in_order(load_flight(self.join), start))
+            if clock is not None:
+                clocks[flight.name] = clock
+            flights.append(flight)
+        progress()
+        _require_measurements(flights)
+        return flights[: len(self.fit)], flights[len(self.fit) :], clocks
+
+
 def identify_files(
-    files: Sequence[str],
+    files: FlightFiles,
     start: Vehicle,
     options: SearchOptions,
     *,
-    held_out: Sequence[str],
-    join: str | None,
-    columns: str | None,
     gravity: float | None,
     despite_faults: bool,
-    warn: Callable[[Fault], object],
+    warn: Callable[[LogFault], object],
     progress: Callable[..., None],
 ) -> IdentifiedReport:
     """Identify a vehicle from files of flights.
 
     Args:
-        files: of the fit.
+        files: files of flights.
         start: vehicle before.
-        options: of the search; the known numbers may hold the voltage of the rotors' data, V.
-        held_out: files of flights to predict.
-        join: file of the only flight by another computer.
-        columns: mapping of the columns of all files but that.
+        options: options of the search; the known numbers may hold the voltage of the rotors' data, V.
         gravity: m/s^2; None for that of the flights.
         despite_faults: warn of faults for which a flight is refused.
         warn: called with each fault.
@@ -49,26 +90,12 @@ def identify_files(
     Raises:
         ValueError: one line: a file that cannot be read, a fault, or options that do not fit the flights.
     """
-    fit = {Path(each).resolve() for each in files}
-    for each in held_out:
-        if Path(each).resolve() in fit:
-            raise ValueError(f"--held-out = {shown(each)}: must not be among the flights of the fit")
-    every, read, clocks, faults = [*files, *held_out], list[FlightData](), dict[str, ClockOffset](), list[Fault]()
-    for i, file in enumerate(every):
-        progress(i, len(every), f"read {Path(file).name}")
-        flight, clock = align_poses(joints_in_order(load_flight(file, columns), start))
-        if not i and join is not None:
-            flight, clock = join_flights(flight, joints_in_order(load_flight(join), start))
-        if clock is not None:
-            clocks[flight.name] = clock
-        read.append(flight)
-    progress()
-    _require_measurements(read)
-    fitted, known = read[: len(files)], dict(options.known)
-    full = known.pop(VOLTAGE, 0.0)
+    fitted, held_out, clocks = files.read(start, progress)
+    given, faults = dict(options.known), list[LogFault]()
+    full = given.pop(VOLTAGE, 0.0)
     if full and not any("voltage" in flight for flight in fitted):
         raise ValueError(f"--known {VOLTAGE} = {full:g}: must be left out: no flight measures the voltage")
-    felt = _gravity(read) if gravity is None else gravity
+    felt = _gravity([*fitted, *held_out]) if gravity is None else gravity
     for flight in fitted:
         for begin, end in options.sections:
             if begin >= flight.end:
@@ -76,23 +103,23 @@ def identify_files(
             if end <= flight.start:
                 raise ValueError(f"--end = {end:g}: must be above {flight.start:g} s, the begin of {flight.name}")
 
-    def report(more: Sequence[Fault]) -> None:
+    def report(more: Sequence[LogFault]) -> None:
         faults.extend(more)
         require_no_refusal(() if despite_faults else more)
         for fault in more:
             warn(fault)
 
-    found = identify_aligned(
+    identified = identify_aligned(
         fitted,
         start,
-        dataclasses.replace(options, full_voltage=full, known=known, gravity=felt),
+        dataclasses.replace(options, full_voltage=full, known=given, gravity=felt),
         report,
-        held_out=read[len(files) :],
+        held_out=held_out,
         progress=lambda words: progress(last=words),
     )
-    counted = [each for each, counts in zip(fitted, found.counted, strict=True) if counts]
+    counted = [each for each, counts in zip(fitted, identified.counted, strict=True) if counts]
     return IdentifiedReport(
-        found=found, start=start, flights=counted, known=options.known, faults=faults, clocks=clocks
+        found=identified, start=start, flights=counted, known=options.known, faults=faults, clocks=clocks
     )
 
 

@@ -14,7 +14,7 @@ from skyarm.studies.identify.held_out import predict_held_out
 from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identify_windows import WHOLE, SearchOptions, identify_by_windows
 from skyarm.studies.identify.isolate_fault import find_faults
-from skyarm.studies.identify.log_checks import WARNED, Fault, require_no_refusal
+from skyarm.studies.identify.log_checks import WARNED, LogFault, require_no_refusal
 from skyarm.studies.identify.possible_numbers import doubtful_numbers, require_possible_numbers
 from skyarm.studies.identify.unknowns import second_moments_of
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -48,7 +48,7 @@ def identify_flights(
     Poses of another clock are moved to the gyro's (:func:`skyarm.flight_data.clocks.align_poses`).
 
     Args:
-        flights: with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
+        flights: flights with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
         start: vehicle with what is known before: data sheet, drawing, total mass.
         held_out: flights that are predicted and not fitted.
         curve: find a thrust curve in place of the start's times a factor.
@@ -88,7 +88,7 @@ def identify_aligned(
     flights: Sequence[FlightData],
     start: Vehicle,
     options: SearchOptions,
-    report: Callable[[Sequence[Fault]], None],
+    report: Callable[[Sequence[LogFault]], None],
     *,
     held_out: Sequence[FlightData],
     progress: Callable[[str], None] | None,
@@ -102,20 +102,22 @@ def identify_aligned(
     tell("look for faults")
     parts = [each.section(*part) for each in flights for part in options.sections] or flights
     report([fault for each in (*parts, *held_out) for fault in find_faults(each, start)])
-    found = identify_by_windows(flights, start, options, progress)
-    report([_without_part(each) for each, counts in zip(flights, found.counted, strict=False) if not counts])
-    report(doubtful_numbers(found, start, flights[0].file, flights))
+    identified = identify_by_windows(flights, start, options, progress)
+    report([_without_part(each) for each, counts in zip(flights, identified.counted, strict=False) if not counts])
+    report(doubtful_numbers(identified, start, flights[0].file, flights))
     if not held_out:
-        return found
+        return identified
     tell("predict the held-out flights")
-    return dataclasses.replace(found, held_out=predict_held_out(found, start, held_out, options, seen=flights))
+    return dataclasses.replace(
+        identified, held_out=predict_held_out(identified, start, held_out, options, seen=flights)
+    )
 
 
-def _without_part(flight: FlightData) -> Fault:
+def _without_part(flight: FlightData) -> LogFault:
     """Warning of a flight without a part that counts."""
     finding = f"no part counts: nowhere {WHOLE:g} s in the air without a gap"
     remedy = "leave it out, or fly longer"
-    return Fault(severity=WARNED, file=flight.file, channel="time", finding=finding, remedy=remedy)
+    return LogFault(severity=WARNED, file=flight.file, channel="time", finding=finding, remedy=remedy)
 
 
 def known_of_search(start: Vehicle, known: Mapping[str, float], prefix: str) -> tuple[Vehicle, dict[str, float]]:
@@ -126,7 +128,7 @@ def known_of_search(start: Vehicle, known: Mapping[str, float], prefix: str) -> 
     Args:
         start: vehicle.
         known: numbers by name.
-        prefix: of a number's name in an error.
+        prefix: beginning of a number's name in an error.
 
     Raises:
         ValueError: one line: a number that no such vehicle has.
@@ -157,7 +159,7 @@ def weigh_vehicle(vehicle: Vehicle, mass: float, name: str) -> Vehicle:
     return dataclasses.replace(vehicle, base=dataclasses.replace(vehicle.base, mass=mass - carried))
 
 
-def _report(faults: Sequence[Fault], despite_faults: bool) -> None:
+def _report(faults: Sequence[LogFault], despite_faults: bool) -> None:
     """Warn of faults; raise an error for one for which a flight is refused."""
     require_no_refusal(() if despite_faults else faults)
     for fault in faults:

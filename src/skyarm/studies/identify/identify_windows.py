@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -38,7 +38,7 @@ from skyarm.studies.identify.unknowns import (
 )
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import WindowFit, first_noise, fit_windows
-from skyarm.studies.identify.windows import Clocked, Windows, clock_step, on_clock
+from skyarm.studies.identify.windows import Clocked, ClockedWindows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FIRST, WHOLE, SLOW = 0.06, 0.25, 1.0
@@ -93,8 +93,8 @@ class WindowSearch:
 
     Attributes:
         flights: on one clock, with different names. start: vehicle before, with a servo on each servo joint.
-        unknowns: that are searched. every: with those that are known. known: numbers by name that are not searched.
-        driven: of each joint, whether its effort is logged. servoed: whether a position servo moves it.
+        unknowns: unknowns to search. every: unknowns with the known ones. known: other numbers by name.
+        driven: whether the effort of each joint is logged. servoed: whether a position servo moves it.
         slow: whether commands were logged below 40 Hz. sample: s, between readings of the gyroscope.
         gravity: m/s^2.
     """
@@ -129,7 +129,7 @@ class WindowSearch:
         """Errors of windows of a length, evenly taken where there are more than a number of them.
 
         Args:
-            seconds: of a window.
+            seconds: length of a window, s.
             most: windows; 0 for all.
             before: errors of other windows, whose plant in machine code serves these too.
             finer: least number of integration steps within a step of a new plant.
@@ -137,7 +137,7 @@ class WindowSearch:
         Raises:
             ValueError: one line: there are hardly any windows.
         """
-        windows = Windows(self.flights, self.start, seconds, most)
+        windows = ClockedWindows(self.flights, self.start, seconds, most)
         if windows.count < FEWEST:
             names = ", ".join(each.name for each in self.flights)
             raise ValueError(
@@ -180,12 +180,12 @@ def search_of(flights: Sequence[FlightData], start: Vehicle, options: SearchOpti
         # the drag of rotors shows in forces; that of the body, by the square of the speed, would be that of any speed
         every = [each for each in every if not each.name.startswith("drag.area.")]
     every += unknowns_of_sensors(flights)
-    known = options.known
-    require_searched(known, every)
-    unknowns = [each for each in every if each.name not in known]
+    given = options.known
+    require_searched(given, every)
+    unknowns = [each for each in every if each.name not in given]
     slow = any(sampling_period(commanded_speeds(each, start)) for each in flights)
     sample = max(1.0 / each["gyro"].rate for each in flights)
-    return WindowSearch(clocked, start, unknowns, every, known, driven, servoed, slow, sample, options.gravity)
+    return WindowSearch(clocked, start, unknowns, every, given, driven, servoed, slow, sample, options.gravity)
 
 
 def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = None) -> tuple[WindowErrors, WindowFit]:
@@ -197,8 +197,8 @@ def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = No
     short = search.errors(search.first, FEW)
     near = fit_windows(short, search.begin, lasting=search.slow, progress=progress)
     some = search.errors(search.whole, SOME, short)
-    options: dict[str, Any] = {"lasting": search.slow, "progress": progress}
-    fit = fit_windows(some, near.values, noise=near.noise, spread=near.spread, **options)
+    fit_again = partial(fit_windows, lasting=search.slow, progress=progress)
+    fit = fit_again(some, near.values, noise=near.noise, spread=near.spread)
     while any(each.name.endswith(".coulomb") for each in search.unknowns) and some.replay.substeps < FINEST:
         finer = search.errors(search.whole, SOME, finer=2 * some.replay.substeps)
         finer.samples, finer.taken = some.samples, some.taken
@@ -206,7 +206,7 @@ def first_fits(search: WindowSearch, progress: Callable[[str], None] | None = No
         if np.sqrt(np.mean(moved**2, axis=(0, 1))).max() < UNMOVED:
             break
         some = finer
-        fit = fit_windows(some, fit.values, noise=fit.noise, spread=fit.spread, **options)
+        fit = fit_again(some, fit.values, noise=fit.noise, spread=fit.spread)
     return some, fit
 
 
@@ -219,9 +219,9 @@ def identify_by_windows(
     """Identify the parameters of a vehicle from flights whose clocks agree.
 
     Args:
-        flights: with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
+        flights: flights with gyro, accelerometer and rotor commands; of an arm, positions of the joints.
         start: vehicle with what is known before.
-        options: what is searched.
+        options: options of the search.
         progress: called with one line a turn of the search.
 
     Raises:
@@ -244,11 +244,11 @@ def identify_by_windows(
     inside = {each.name for each in unknowns if each.in_vehicle}
     of_vehicle = [any(part in inside for part in each.parts) for each in scale.reported]
     groups = [[i for i, each in enumerate(of_vehicle) if each is first] for first in (True, False)]
-    told = condition_on_start(fit.values, fit.curvature, scale.rows, scale.off, scale.before, shares, groups)
-    plain = at_starts(errors.numbers(told.values), scale, told.replaced, [each.name for each in unknowns])
+    conditioned = condition_on_start(fit.values, fit.curvature, scale.rows, scale.off, scale.before, shares, groups)
+    plain = at_starts(errors.numbers(conditioned.values), scale, conditioned.replaced, [each.name for each in unknowns])
     explained, deviation = explained_shares(errors, fit)
     return Identified(
-        numbers=with_reasons(numbers, told.beside),
+        numbers=with_reasons(numbers, conditioned.beside),
         correlation=correlation,
         vehicle=vehicle_with(start, plain, checked=True),
         surroundings=surroundings_with(plain),
@@ -274,20 +274,20 @@ def distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
     """
     if not flights:
         raise ValueError("flights: must be one or more")
-    names, found = [each.name for each in flights], list[FlightData]()
+    names, distinct = [each.name for each in flights], list[FlightData]()
     for i, flight in enumerate(flights):
         name = flight.name if names.count(flight.name) == 1 else f"{flight.name} ({i + 1})"
         out = () if "quaternion" in flight else ("position", "velocity")
-        kept = {each: flight[each] for each in flight if each not in out and flight[each].time.size >= BRIEF}
-        found.append(dataclasses.replace(flight, name=name, channels=kept))
+        channels = {each: flight[each] for each in flight if each not in out and flight[each].time.size >= BRIEF}
+        distinct.append(dataclasses.replace(flight, name=name, channels=channels))
     for quantity in ALIKE:
-        there = [each.name for each in found if quantity in each]
-        lacking = [each.name for each in found if quantity not in each]
+        there = [each.name for each in distinct if quantity in each]
+        lacking = [each.name for each in distinct if quantity not in each]
         if there and lacking:
             raise ValueError(
                 f"{lacking[0]}: {quantity}: is not in this flight, and is in {there[0]}: identify them apart"
             )
-    return found
+    return distinct
 
 
 def moved_joints(flights: Sequence[FlightData], start: Vehicle) -> tuple[list[bool], list[bool]]:
@@ -303,10 +303,10 @@ def moved_joints(flights: Sequence[FlightData], start: Vehicle) -> tuple[list[bo
 def unknowns_of_sensors(flights: Sequence[FlightData]) -> list[Unknown]:
     """Unknowns of the sensors: bias of the gyroscope, and delay of a measured pose."""
     names = [f"gyro_bias.{axis}" for axis in "xyz"]
-    found = [Unknown(name=each, unit="rad/s", start=0.0, spread=TURNING, in_vehicle=False) for each in names]
+    unknowns = [Unknown(name=each, unit="rad/s", start=0.0, spread=TURNING, in_vehicle=False) for each in names]
     if any("quaternion" in each for each in flights):
-        found.append(Unknown(name="pose_delay", unit="s", start=0.0, spread=LATE, in_vehicle=False))
-    return found
+        unknowns.append(Unknown(name="pose_delay", unit="s", start=0.0, spread=LATE, in_vehicle=False))
+    return unknowns
 
 
 def explained_shares(errors: WindowErrors, fit: WindowFit) -> tuple[dict[str, float], dict[str, float]]:

@@ -14,7 +14,7 @@ from skyarm.flight_data.flight_data import FlightData
 from skyarm.records.immutable import immutable
 from skyarm.studies.identify.identified_numbers import SHOWN, identified_numbers
 from skyarm.studies.identify.identify_windows import first_fits, search_of
-from skyarm.studies.identify.windows import Windows
+from skyarm.studies.identify.windows import ClockedWindows
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NOT_EXCITED = "not in this flight"
@@ -58,11 +58,11 @@ class ExpectedNumber:
     """Accuracy that a flight allows for a number of a vehicle.
 
     Attributes:
-        name: as a vehicle file has it, or of the surroundings.
+        name: name in a vehicle file or in the surroundings.
         unit: SI.
         start: value of the start vehicle.
-        half_width: of the expected 95 % interval, in the unit.
-        relative: of a positive number, the same over the number; else 0.
+        half_width: half width of the expected 95 % interval, in the unit.
+        relative: half width of a positive number over the number; else 0.
         data_share: share of its information that the flight gives, 0 to 1.
     """
 
@@ -102,15 +102,15 @@ def expected_numbers(flights: Sequence[FlightData], start: Vehicle) -> tuple[Exp
     """
     search = search_of(flights, start)
     some, near = first_fits(search)
-    whole = Windows(search.flights, search.start, search.whole)
+    whole = ClockedWindows(search.flights, search.start, search.whole)
     fit = near.of_more(whole.count / some.windows.count)
     logarithmic = {each.name for each in search.unknowns if each.positive}
     scale = search.scale(fit)
     positive = {each.name for each in scale.reported if logarithmic.intersection(each.parts)}
-    found, unseen = [], search.hidden_lags()
+    numbers, unseen = [], search.hidden_lags()
     for each in identified_numbers(fit, scale, search.sample)[0]:
         share = 0.5 * math.log(each.high / each.low) if each.name in positive else 0.0
-        found.append(
+        numbers.append(
             ExpectedNumber(
                 name=each.name,
                 unit=each.unit,
@@ -120,4 +120,4 @@ def expected_numbers(flights: Sequence[FlightData], start: Vehicle) -> tuple[Exp
                 data_share=0.0 if each.name in unseen else each.data_share,
             )
         )
-    return tuple(found)
+    return tuple(numbers)

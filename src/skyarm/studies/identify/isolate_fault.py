@@ -27,7 +27,7 @@ from skyarm.studies.identify.channel_changes import (
     ORDER_ROTORS,
     ROTOR_COMMANDS,
     SHIFTED,
-    Change,
+    ChannelChange,
     channel_changes,
     leave_out,
 )
@@ -39,13 +39,13 @@ from skyarm.studies.identify.identify_windows import (
     moved_joints,
     unknowns_of_sensors,
 )
-from skyarm.studies.identify.log_checks import RANGES, RARE, REFUSED, WARNED, Fault, Found, check_log, faults_of
+from skyarm.studies.identify.log_checks import RANGES, RARE, REFUSED, WARNED, Found, LogFault, check_log, faults_of
 from skyarm.studies.identify.logged_commands import commanded_speeds, flying_spans
 from skyarm.studies.identify.possible_numbers import LONGEST_DELAY
 from skyarm.studies.identify.unknowns import USUAL_DELAY, unknowns_of, with_servos, without_tilts
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import LEAST, TURNS, first_noise, fit_windows, student_quantile
-from skyarm.studies.identify.windows import SENSORS, Windows, clock_step, on_clock
+from skyarm.studies.identify.windows import SENSORS, ClockedWindows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Rows: TypeAlias = Mapping[tuple[str, int], float]
@@ -60,7 +60,7 @@ class Left:
     """Residuals of each sensor after a fit to windows of a flight, over the sensor's own noise.
 
     Attributes:
-        sizes: of the rows. unusual: sum of squares of the numbers' distances from the start, over what was known.
+        sizes: sizes of the rows. unusual: sum of squares of the numbers' distances from the start, over what was known.
         delay: s, of the commands.
     """
 
@@ -130,7 +130,7 @@ class Tried(NamedTuple):
     """Change by an amount, with what it leaves and its cost with the price."""
 
     cost: float
-    change: Change
+    change: ChannelChange
     amount: float
     left: Left
 
@@ -138,11 +138,11 @@ class Tried(NamedTuple):
 Flights: TypeAlias = tuple[FlightData, FlightData]
 """Flight as it is stamped, and with its poses on the clock of the gyro."""
 
-Trial: TypeAlias = Callable[[Change, float, tuple[int, int]], list[Tried]]
+Trial: TypeAlias = Callable[[ChannelChange, float, tuple[int, int]], list[Tried]]
 """Change, amount, windows and turns -> what it leaves; nothing where it cannot be flown."""
 
 
-def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> tuple[Fault, ...]:
+def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> tuple[LogFault, ...]:
     """Faults of a measured flight, the refused first.
 
     Args:
@@ -150,13 +150,13 @@ def find_faults(flight: FlightData, start: Vehicle, *, isolate: bool = True) -> 
         start: vehicle that its numbers will be identified for: rotors, joints and data sheet.
         isolate: look for the change of a channel that mends what the model does not explain: some ten seconds.
     """
-    found = check_log(flight, start)
-    if not any(each.severity == REFUSED for each in found):
-        found += faults_of(flight.file, _isolate(flight, start, [each.channel for each in found], isolate))
-    return tuple(sorted(found, key=lambda each: each.severity != REFUSED))
+    faults = check_log(flight, start)
+    if not any(each.severity == REFUSED for each in faults):
+        faults += faults_of(flight.file, _isolate(flight, start, [each.channel for each in faults], isolate))
+    return tuple(sorted(faults, key=lambda each: each.severity != REFUSED))
 
 
-def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str], search: bool) -> Iterator[Found]:
+def _isolate(flight: FlightData, start: Vehicle, faulty: Sequence[str], search: bool) -> Iterator[Found]:
     """Yield a late pose, and what the model leaves of a flight that has no other fault."""
     try:
         student_quantile()
@@ -165,24 +165,24 @@ def _isolate(flight: FlightData, start: Vehicle, told: Sequence[str], search: bo
     aligned, clock = align_poses(flight)
     begin = flying_spans(commanded_speeds(flight, start), start)[0][0] - 1.0
     flights = flight.section(begin, begin + SECONDS), aligned.section(begin, begin + SECONDS)
-    found = list(_verdict(flights, start, told, search))
+    verdicts = list(_verdict(flights, start, faulty, search))
     if (
         clock is not None
         and abs(clock.offset) - clock.offset_error > LATE_POSE
-        and "pose" not in [row[1] for row in found]
+        and "pose" not in [row[1] for row in verdicts]
     ):
         way, off = ("late" if clock.offset < 0.0 else "early"), 1e3 * abs(clock.offset)
         finding = f"is {off:.0f} ± {1e3 * clock.offset_error:.0f} ms {way} against the gyro"
         yield WARNED, "quaternion", finding, "identify aligns it (skyarm.flight_data.clocks.align_poses)"
-    yield from found
+    yield from verdicts
 
 
-def _verdict(flights: Flights, start: Vehicle, told: Sequence[str], search: bool) -> Iterator[Found]:
+def _verdict(flights: Flights, start: Vehicle, faulty: Sequence[str], search: bool) -> Iterator[Found]:
     """Yield the fault of one channel that explains what the model leaves, else that the model does not explain it."""
     left = Leavings(start)
     before = left.rows(flights[1], *LAST) or Left({})
     sizes = {name: max(size for (of, _), size in before.sizes.items() if of == name) for name, _ in before.sizes}
-    bad = [name for name in sorted(sizes, key=lambda name: -sizes[name]) if sizes[name] >= ALARM and name not in told]
+    bad = [name for name in sorted(sizes, key=lambda name: -sizes[name]) if sizes[name] >= ALARM and name not in faulty]
     if not bad and abs(before.delay) > LONGEST_DELAY:
         finding = SHIFTED.format(-1e3 * (before.delay - USUAL_DELAY))
         yield REFUSED, ROTOR_COMMANDS, f"{finding}: they act {1e3 * before.delay:.0f} ms after they are stamped", CLOCK
@@ -192,8 +192,8 @@ def _verdict(flights: Flights, start: Vehicle, told: Sequence[str], search: bool
         elif bad and sizes[bad[0]] >= DOUBTFUL:
             noises = [f"{name} ({sizes[name]:.2g} times its noise)" for name in bad if name not in PUSHES]
             pushes = [f"an {name} {sizes[name]:.2g} times what is usual" for name in bad if name in PUSHES]
-            told = f"does not explain {', '.join(noises)}" if noises else ""
-            finding = f"{told}{' and ' if told and pushes else ''}{'leaves ' if pushes else ''}{' and '.join(pushes)}"
+            words = f"does not explain {', '.join(noises)}" if noises else ""
+            finding = f"{words}{' and ' if words and pushes else ''}{'leaves ' if pushes else ''}{' and '.join(pushes)}"
             if sizes[bad[0]] == math.inf:
                 finding = "flies to infinity under the commands"
             remedy = "no change of a channel mends it: check the vehicle file; numbers may be wrong by as much"
@@ -272,20 +272,22 @@ def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left
 
 def _each_best(tried: Sequence[Tried]) -> list[Tried]:
     """Best amount of each change, the best change first."""
-    best = dict[Change, Tried]()
+    best = dict[ChannelChange, Tried]()
     for each in sorted(tried, key=attrgetter("cost")):
         best.setdefault(each.change, each)
     return [*best.values()]
 
 
-def _try_change(left: Leavings, flights: Flights, change: Change, amount: float, how: tuple[int, int]) -> list[Tried]:
+def _try_change(
+    left: Leavings, flights: Flights, change: ChannelChange, amount: float, how: tuple[int, int]
+) -> list[Tried]:
     """Change by an amount with what it leaves; nothing where it cannot be flown."""
     stamped, aligned = flights
     # a wrong rate puts the clock of the poses off as well
     turned = change.channel in ("gyro", "quaternion")
     changed = align_poses(change.of(stamped, amount))[0] if turned else change.of(aligned, amount)
-    found = None if _beyond_range(changed) else left.rows(changed, *how)
-    return [Tried(found.cost() + change.price, change, amount, found)] if found else []
+    leavings = None if _beyond_range(changed) else left.rows(changed, *how)
+    return [Tried(leavings.cost() + change.price, change, amount, leavings)] if leavings else []
 
 
 def _beyond_range(flight: FlightData) -> bool:
@@ -293,7 +295,7 @@ def _beyond_range(flight: FlightData) -> bool:
     return bool((np.abs(flight["gyro"].values) > RANGES["gyro"]).any(axis=1).mean() >= RARE)
 
 
-def _best_amount(trial: Trial, change: Change, amount: float) -> float:
+def _best_amount(trial: Trial, change: ChannelChange, amount: float) -> float:
     """Best amount of a change within those that are tried, from one of them by halves of the distance to the next.
 
     The distance is the larger one of both sides, so that no amount lies out of reach of the one that is next to it.
@@ -337,7 +339,9 @@ class Leavings:
             step *= 1 if most >= LAST[0] else max(1, math.floor(COARSE / step + 1e-6))
             driven, servoed = moved_joints([flight], self._start)
             start = with_servos(self._start, servoed)
-            windows = Windows([on_clock(flight, start, step, sensors=SENSORS)], start, max(FIRST, SAMPLES / rate), most)
+            windows = ClockedWindows(
+                [on_clock(flight, start, step, sensors=SENSORS)], start, max(FIRST, SAMPLES / rate), most
+            )
             if windows.count < FEWEST:
                 return None
             every = unknowns_of(start, curve=False, velocity=True, voltage=False, driven=driven, servoed=servoed)

@@ -25,7 +25,7 @@ def nominal_model(log: Log, vehicle: str | None, gravity: float | None) -> tuple
     """Vehicle and gravity (m/s^2) against which delays and lags of a log are identified.
 
     Args:
-        log: of one flight.
+        log: log of one flight.
         vehicle: name or file; None for the model of the log's law.
         gravity: m/s^2; None for the log's, or 9.81.
 
@@ -74,7 +74,7 @@ def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
     """TOML tables of the identified delays, rotor time constants and joint drives; empty if none was identified.
 
     Args:
-        found: in a log.
+        found: delays and lags in a log.
         measured: additional nominal measurement delay, s, of logs with true rates.
     """
     lines: list[str] = []
@@ -109,8 +109,8 @@ def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
     return "\n".join(lines)
 
 
-def _from(found: Estimated) -> str:
-    return f"# {1e3 * found.low:.2f} to {1e3 * found.high:.2f} ms"
+def _from(time: Estimated) -> str:
+    return f"# {1e3 * time.low:.2f} to {1e3 * time.high:.2f} ms"
 
 
 def lag_lines(title: str, found: LoopLags, stated: Mapping[str, float | None]) -> list[str]:
@@ -133,17 +133,17 @@ def _row(lag: Lag) -> Row:
     return (lag.name, *cells, factors or "-", f"{lag.explained:.0%}")
 
 
-def _cell(found: Estimated) -> str:
+def _cell(time: Estimated) -> str:
     """Format an identified time in milliseconds with its 95 % confidence interval."""
-    return f"{1e3 * found.value:.1f} ({1e3 * found.low:.1f}-{1e3 * found.high:.1f})"
+    return f"{1e3 * time.value:.1f} ({1e3 * time.low:.1f}-{1e3 * time.high:.1f})"
 
 
-def _notes(found: LoopLags, stated: Mapping[str, float | None]) -> list[str]:
+def _notes(lags: LoopLags, stated: Mapping[str, float | None]) -> list[str]:
     """Notes on how to read the identified delays and lags."""
     lines = ["ms, with the interval of 95 %; 'delay and lag': both together, as a small swing meets them."]
-    lines += [f"{each.name}: not known: {each.reason}" for each in every_lag(found) if not each.is_known]
-    lines += [f"{name}: not asked: {reason}" for name, reason in found.left_out.items()]
-    vague = [each.name for each in every_lag(found) if each.is_known and not each.apart and each.together.low > 0.0]
+    lines += [f"{each.name}: not known: {each.reason}" for each in every_lag(lags) if not each.is_known]
+    lines += [f"{name}: not asked: {reason}" for name, reason in lags.left_out.items()]
+    vague = [each.name for each in every_lag(lags) if each.is_known and not each.apart and each.together.low > 0.0]
     if vague:
         who = ", ".join(vague)
         lines.append(f"{who}: delay and lag cannot be told apart in this flight; trust what they are together")
@@ -151,6 +151,6 @@ def _notes(found: LoopLags, stated: Mapping[str, float | None]) -> list[str]:
         lines.append("The delay runs from a command to the logged rates: if the log holds them as they were received,")
         lines.append("their age is in it, and what passes through the loop shows the sum of both only.")
     else:
-        told = ", ".join(f"{name} {1e3 * (value or 0.0):g} ms" for name, value in stated.items())
-        lines.append(f"The log holds the true state: delays are of commands alone. The scenario states: {told}.")
+        delays = ", ".join(f"{name} {1e3 * (value or 0.0):g} ms" for name, value in stated.items())
+        lines.append(f"The log holds the true state: delays are of commands alone. The scenario states: {delays}.")
     return lines

@@ -25,15 +25,15 @@ REFUSED, WARNED = "refused", "warned"
 
 
 @immutable
-class Fault:
+class LogFault:
     """Fault of a measured flight.
 
     Attributes:
         severity: REFUSED or WARNED.
-        file: of the flight.
+        file: file of the flight.
         channel: quantity, or what the fault is about.
-        finding: what is wrong, with its numbers.
-        remedy: what to do.
+        finding: text of what is wrong, with its numbers.
+        remedy: text of what to do.
     """
 
     severity: str
@@ -61,7 +61,7 @@ CUT, UNIT = "cut the flight to sections without it", "state its unit in columns.
 RANGE = "state low and high in columns.toml"
 
 
-def require_no_refusal(faults: Sequence[Fault]) -> None:
+def require_no_refusal(faults: Sequence[LogFault]) -> None:
     """Check that there is no fault for which a flight is refused.
 
     Raises:
@@ -72,7 +72,7 @@ def require_no_refusal(faults: Sequence[Fault]) -> None:
             raise ValueError(fault.words)
 
 
-def check_log(flight: FlightData, start: Vehicle) -> list[Fault]:
+def check_log(flight: FlightData, start: Vehicle) -> list[LogFault]:
     """Faults of a measured flight, each once, that show without a model.
 
     Args:
@@ -82,9 +82,9 @@ def check_log(flight: FlightData, start: Vehicle) -> list[Fault]:
     return faults_of(flight.file, _faults(flight, start))
 
 
-def faults_of(file: str, rows: Iterable[Found]) -> list[Fault]:
+def faults_of(file: str, rows: Iterable[Found]) -> list[LogFault]:
     """Faults of a file, each once."""
-    return [Fault(severity=a, file=file, channel=b, finding=c, remedy=d) for a, b, c, d in dict.fromkeys(rows)]
+    return [LogFault(severity=a, file=file, channel=b, finding=c, remedy=d) for a, b, c, d in dict.fromkeys(rows)]
 
 
 def _faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
@@ -99,12 +99,12 @@ def _faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     if aside:
         yield WARNED, aside[0], "no attitude is measured beside it", "it is not used; log the quaternion"
     for check in (_lost_rows, _spikes, _missing, _sizes):
-        yield from (found := list(check(flight, start)))
-        if check is not _lost_rows and any(severity == REFUSED for severity, *_ in found):
+        yield from (faults := list(check(flight, start)))
+        if check is not _lost_rows and any(severity == REFUSED for severity, *_ in faults):
             return
     spans = flying_spans(commanded_speeds(flight, start), start)
-    yield from (found := list(_ground(flight, start, spans)))
-    if found or not spans:
+    yield from (faults := list(_ground(flight, start, spans)))
+    if faults or not spans:
         return
     inside = flight.section(spans[0][0] - SETTLING, spans[-1][1] + SETTLING)
     yield from _gaps(flight, inside)
@@ -151,22 +151,22 @@ def _spikes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
 
 def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """Yield the channels that are not there or have not the columns of the vehicle."""
-    told = [name for name in COMMANDS[::-1] if name in flight][:1]
-    wanted = dict.fromkeys(IMU, ("is", "log it, or map its columns"))
+    commands = [name for name in COMMANDS[::-1] if name in flight][:1]
+    required = dict.fromkeys(IMU, ("is", "log it, or map its columns"))
     if flight.facts.get("vehicle") == SIMULATED:
         imu = 'name an inertial unit in the scenario ([sensors] imu = { kind = "imu" }) and fly it again'
-        wanted = dict.fromkeys(IMU, ("is", imu))
-    wanted |= {} if told else {COMMANDS[0]: ("are", "log them, or map their columns")}
-    wanted |= {"joint_positions": ("are", "log them: they move its mass")} if start.n else {}
-    for name, (verb, remedy) in wanted.items():
+        required = dict.fromkeys(IMU, ("is", imu))
+    required |= {} if commands else {COMMANDS[0]: ("are", "log them, or map their columns")}
+    required |= {"joint_positions": ("are", "log them: they move its mass")} if start.n else {}
+    for name, (verb, remedy) in required.items():
         if name not in flight:
             yield REFUSED, name, f"{verb} not in this flight", remedy
     of_joints = ("joint_positions", "joint_commands", "joint_efforts", "joint_rates")
-    every = dict.fromkeys(told, (len(start.rotors), "rotors")) | dict.fromkeys(of_joints, (start.n, "joints"))
+    every = dict.fromkeys(commands, (len(start.rotors), "rotors")) | dict.fromkeys(of_joints, (start.n, "joints"))
     for name, (count, parts) in every.items():
-        held = flight[name].values.shape[1] if name in flight else count
-        if held != count:
-            yield REFUSED, name, f"{held} {parts}, vehicle '{start.name}' has {count}", "take the vehicle that flew"
+        columns = flight[name].values.shape[1] if name in flight else count
+        if columns != count:
+            yield REFUSED, name, f"{columns} {parts}, vehicle '{start.name}' has {count}", "take the vehicle that flew"
 
 
 UNITS: Mapping[str, tuple[float, float, Mapping[str, float]]] = {
@@ -275,8 +275,8 @@ def channel_gaps(name: str, channel: Channel) -> list[tuple[float, float]]:
     """Gaps of a channel of some quantity: begin and length, s."""
     if channel.time.size < FEWEST_SAMPLES:
         return []
-    steps, held = np.diff(channel.time), QUANTITIES[name].held
-    most = max(HELD_GAP if held else SENSOR_GAP, (20.0 if held else 5.0) * float(np.median(steps)))
+    steps, is_held = np.diff(channel.time), QUANTITIES[name].held
+    most = max(HELD_GAP if is_held else SENSOR_GAP, (20.0 if is_held else 5.0) * float(np.median(steps)))
     return [(float(channel.time[i]), float(steps[i])) for i in np.flatnonzero(steps > most)]
 
 

@@ -50,7 +50,7 @@ def command_samples(commands: Channel) -> Channel:
     """Samples at which a command was logged: of commands that were sampled up, held or on straight lines, fewer.
 
     Args:
-        commands: of the rotors.
+        commands: commands of the rotors.
 
     Returns:
         Those at even times at which any command changes, or bends, which may lie between two rows; all rows if there
@@ -60,8 +60,8 @@ def command_samples(commands: Channel) -> Channel:
     steps = np.diff(values, axis=0)
     changed = np.flatnonzero((steps != 0.0).any(axis=1))
     if _is_regular(changed):
-        kept = np.concatenate([[0], changed + 1])
-        return replace(commands, time=time[kept], values=values[kept])
+        rows = np.concatenate([[0], changed + 1])
+        return replace(commands, time=time[rows], values=values[rows])
     bends = np.abs(np.diff(steps, axis=0))
     most = bends.max(axis=0, initial=0.0)
     least = np.where(bends > NOUGHT * most, bends, np.inf).min(axis=0, initial=np.inf)

@@ -32,7 +32,7 @@ from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.unknowns import USUAL_DELAY, Unknown, servo_of, unknowns_of, without_tilts
 from skyarm.studies.identify.window_errors import WindowErrors
 from skyarm.studies.identify.window_fit import BLOCK, WindowFit, fit_windows
-from skyarm.studies.identify.windows import Windows, clock_step, on_clock
+from skyarm.studies.identify.windows import ClockedWindows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
 
 
@@ -83,7 +83,7 @@ class LoopLags:
     """Command delays and actuator lags identified from a flight log.
 
     Attributes:
-        period: s, of the control. seconds: of the log.
+        period: s, of the control. seconds: duration of the log, s.
         rotors: lag of the rotors. joints: lags of torque-driven joints.
         left_out: joint -> reason why it was not identified.
     """
@@ -138,7 +138,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     """Identify command delays and actuator lags from a flight log.
 
     Args:
-        log: of one flight, a row a control period.
+        log: log of one flight, a row a control period.
         vehicle: nominal model: masses, rotors, and the lags to compare with.
         gravity: m/s^2.
 
@@ -171,9 +171,9 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
         searched[ROTORS] = _delay_and_lags("delay", **dict(zip(LAGS[1:], believed, strict=True)))
     driven = [name not in setpoints for name in names]
     # of a drive with a lag the means over the control periods act
-    known = {f"drives.{name}.hold": 1.0 for name, each in flown.items() if hasattr(each, "time_constant")}
-    known |= {f"drives.{name}.time_constant": USUAL for name in names if name not in searched}
-    fitted = _fit(flight, start, driven, searched, known | {"setpoint_hold": 1.0}, gravity) if searched else None
+    given = {f"drives.{name}.hold": 1.0 for name, each in flown.items() if hasattr(each, "time_constant")}
+    given |= {f"drives.{name}.time_constant": USUAL for name in names if name not in searched}
+    fitted = _fit(flight, start, driven, searched, given | {"setpoint_hold": 1.0}, gravity) if searched else None
 
     def lag(name: str) -> Lag:
         if fitted is None or name not in searched:
@@ -227,8 +227,8 @@ def _vary(commands: Array) -> bool:
 
 def _delay_and_lags(delay: str, **lags: float) -> list[Unknown]:
     """Unknown delay and time constants, from the name of the one, and names and usual values (s) of the others."""
-    found = [Unknown(name=name, unit="s", start=tau, spread=SLOW, positive=True) for name, tau in lags.items()]
-    return [Unknown(name=delay, unit="s", start=USUAL_DELAY, spread=LATE), *found]
+    constants = [Unknown(name=name, unit="s", start=tau, spread=SLOW, positive=True) for name, tau in lags.items()]
+    return [Unknown(name=delay, unit="s", start=USUAL_DELAY, spread=LATE), *constants]
 
 
 def _fit(
@@ -236,7 +236,7 @@ def _fit(
     start: Vehicle,
     driven: Sequence[bool],
     searched: Mapping[str, list[Unknown]],
-    known: Mapping[str, float],
+    given: Mapping[str, float],
     gravity: float,
 ) -> tuple[WindowErrors, WindowFit]:
     """Fit of delays and time constants by group, and of what need not be modelled rightly, to windows of a flight."""
@@ -246,11 +246,13 @@ def _fit(
     unknowns = [each for group in searched.values() for each in group]
     unknowns += [each for each in usual if each.name.startswith(MODELLED)]
     unknowns += [Unknown(name=f"gyro_bias.{axis}", unit="rad/s", start=0.0, spread=TURNING) for axis in "xyz"]
-    errors = WindowErrors(Windows([clocked], start, FIRST, FEW), start, unknowns, known, driven, servoed, gravity)
+    errors = WindowErrors(
+        ClockedWindows([clocked], start, FIRST, FEW), start, unknowns, given, driven, servoed, gravity
+    )
     first = fit_windows(errors, np.array([each.begin for each in unknowns]))
     # the speeds of slow rotors follow from more of the past
     slow, part = vehicle_with(start, errors.numbers(first.values)), min(BLOCK, max(FIRST, flight.duration / PARTS))
-    errors = errors.over(Windows([clocked], slow, min(WHOLE, part)))
+    errors = errors.over(ClockedWindows([clocked], slow, min(WHOLE, part)))
     return errors, fit_windows(errors, first.values, noise=first.noise, block=part)
 
 
@@ -258,10 +260,10 @@ def _lag(name: str, searched: list[Unknown], errors: WindowErrors, fit: WindowFi
     """Identified delay and time constants of a group, with intervals and a reason if the flight does not tell.
 
     Args:
-        name: of the group.
-        searched: its dead time, then its time constants.
-        errors: of the windows.
-        fit: of them.
+        name: name of the group.
+        searched: unknown dead time, then time constants.
+        errors: errors of the windows.
+        fit: fit to them.
         period: s, of the control.
     """
     place = [errors.names.index(each.name) for each in searched]
@@ -277,8 +279,8 @@ def _lag(name: str, searched: list[Unknown], errors: WindowErrors, fit: WindowFi
     together, alone, up, *more = (Estimated.of(value, half) for value, half in numbers)
     shares, _ = explained_shares(errors, fit)
     rates = [f"rate.{axis}" for axis in "xyz"] if name == ROTORS else [f"{name}.position"]
-    told = [shares[each] for each in rates if each in shares]
-    explained, reason = sum(told) / max(len(told), 1), ""
+    group_shares = [shares[each] for each in rates if each in shares]
+    explained, reason = sum(group_shares) / max(len(group_shares), 1), ""
     if not np.isfinite(halves).all():
         reason = "the commands do not show in the motion"
     elif delay > LONGEST or max(taus) > SLOWEST:

@@ -11,11 +11,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from skyarm.records.arrays import Array
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import signal_from
 from skyarm.studies.tune.excitation import rest_and_size
@@ -67,13 +67,13 @@ class Segment:
         amplitudes, offsets = self.amplitudes * factors[:, None], self.offsets * factors
         return dataclasses.replace(self, amplitudes=amplitudes, offsets=offsets)
 
-    def table(self, axis: int) -> dict[str, Any]:
+    def table(self, axis: int) -> dict[str, Entry]:
         """Signal of an axis, as a table of a scenario file, on the segment's own clock."""
-        sines = [
+        sines: list[Entry] = [
             {"kind": "sine", "amplitude": round(float(a), 5), "frequency_hz": round(float(f), 4), "phase": float(p)}
             for a, f, p in zip(self.amplitudes[axis], self.frequencies[axis], self.phases[axis].round(3), strict=True)
         ]
-        ramps = [
+        ramps: list[Entry] = [
             {"kind": "ramp", "start": start, "duration": EASING, "height": height, "shape": "quintic"}
             for start, height in ((0.0, 1.0), (self.duration - EASING, -1.0))
         ]
@@ -105,7 +105,7 @@ def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
     """Rests and ranges of the base's position and heading and of the joints.
 
     Args:
-        vehicle: with the limits of its joints.
+        vehicle: vehicle with the limits of its joints.
         box: m, edge of the cube in which the base origin stays.
         height: m, of its centre.
     """
@@ -132,7 +132,7 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
     share = (np.arange(SINES) + draw.uniform(size=(count, SINES))) / SINES
     frequencies = np.exp(ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * share)
     steepness = STEEPEST * draw.uniform(size=(count, 1))
-    found = Segment(
+    segment = Segment(
         duration=duration,
         frequencies=frequencies,
         amplitudes=frequencies**-steepness,
@@ -144,22 +144,22 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
     size = room * draw.uniform(0.1, 1.0, size=count)
     offsets = middle + (room - size) * draw.uniform(-1.0, 1.0, size=count)
     offsets[:BASE_AXES] = 0.0
-    return within(dataclasses.replace(found, offsets=offsets), axes, size)
+    return within(dataclasses.replace(segment, offsets=offsets), axes, size)
 
 
 def mutate_segment(segment: Segment, axes: Axes, draw: np.random.Generator) -> Segment:
     """Segment near another one: some axes drawn anew, the others a little louder or softer."""
     other = draw_segment(axes, segment.duration, draw)
     anew = draw.uniform(size=len(axes.rest)) < 2.0 / len(axes.rest)
-    kept = segment.scale(draw.uniform(0.85, 1.3, size=len(axes.rest)))
-    found = dataclasses.replace(
+    scaled = segment.scale(draw.uniform(0.85, 1.3, size=len(axes.rest)))
+    mutated = dataclasses.replace(
         segment,
-        frequencies=np.where(anew[:, None], other.frequencies, kept.frequencies),
-        amplitudes=np.where(anew[:, None], other.amplitudes, kept.amplitudes),
-        phases=np.where(anew[:, None], other.phases, kept.phases),
-        offsets=np.where(anew, other.offsets, kept.offsets),
+        frequencies=np.where(anew[:, None], other.frequencies, scaled.frequencies),
+        amplitudes=np.where(anew[:, None], other.amplitudes, scaled.amplitudes),
+        phases=np.where(anew[:, None], other.phases, scaled.phases),
+        offsets=np.where(anew, other.offsets, scaled.offsets),
     )
-    return within(found, axes, None)
+    return within(mutated, axes, None)
 
 
 def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:
@@ -178,14 +178,14 @@ def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:
     return dataclasses.replace(segment, amplitudes=segment.amplitudes * factor[:, None], offsets=offsets)
 
 
-def reference_table(segments: Sequence[Segment], axes: Axes) -> dict[str, Any]:
+def reference_table(segments: Sequence[Segment], axes: Axes) -> dict[str, Entry]:
     """Table ``[reference]`` of a scenario file in which segments follow each other."""
-    signals: list[list[Any]] = []
+    signals: list[Entry] = []
     for axis, rest in enumerate(axes.rest.tolist()):
-        pieces: list[Any] = [round(rest, 5)]
+        pieces: list[Entry] = [round(rest, 5)]
         start = 0.0
         for each in segments:
-            moved = {"kind": "shifted", "delay": start, "signal": each.table(axis)}
+            moved: dict[str, Entry] = {"kind": "shifted", "delay": start, "signal": each.table(axis)}
             pieces.append({"kind": "windowed", "start": start, "stop": start + each.duration, "signal": moved})
             start += each.duration
         signals.append(pieces)

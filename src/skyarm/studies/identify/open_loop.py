@@ -24,11 +24,11 @@ from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files import one_line
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.identified_parts import Surroundings, numbers_around
+from skyarm.studies.identify.identified_parts import IdentifiedSurroundings, numbers_around
 from skyarm.studies.identify.logged_commands import time_constants
 from skyarm.studies.identify.unknowns import THRUST, without_tilts
 from skyarm.studies.identify.window_errors import WindowErrors, WindowStates, with_heavy_joints
-from skyarm.studies.identify.windows import RUN_IN, Clocked, Windows, clock_step, on_clock
+from skyarm.studies.identify.windows import RUN_IN, Clocked, ClockedWindows, clock_step, on_clock
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SLOPE, FEWEST = 0.1, 5
@@ -81,7 +81,7 @@ class BaseStates:
 
 
 def measured_states(
-    flight: FlightData, clocked: Clocked, about: Surroundings, joints: int
+    flight: FlightData, clocked: Clocked, about: IdentifiedSurroundings, joints: int
 ) -> tuple[BaseStates, BaseStates, Array]:
     """Measured states of a flight at the edges of its clock; level and at rest where no pose is measured.
 
@@ -91,7 +91,7 @@ def measured_states(
 
     Args:
         flight: measured.
-        clocked: its clock.
+        clocked: the flight on its clock.
         about: delay of the pose and bias of the gyroscope.
         joints: number of the vehicle's joints.
 
@@ -115,8 +115,8 @@ def measured_states(
             half = max(FEWEST, math.ceil(SLOPE * place.rate)) // 2
             around = ((half, half), (2 * half, 0))
             velocity, before = (values_at(slopes_of(place, *each, 2)[1], late) for each in around)
-        known = "position" in flight
-        position = values_at(flight["position"], late) if known else integral_of(time, velocity)
+        has_position = "position" in flight
+        position = values_at(flight["position"], late) if has_position else integral_of(time, velocity)
     gyro, bias = flight["gyro"], np.array(about.gyro_bias)
     rate = measured_at(gyro, time, max(clocked.step, AVERAGED)) - bias
     rate_before = values_at(smooth_motion(gyro, TURN, 2, past=True)[0], time) - bias
@@ -143,7 +143,7 @@ def slopes_of(measured: Channel, before: int, after: int, degree: int) -> tuple[
         measured: channel.
         before: number of samples before each one.
         after: number of samples after it.
-        degree: of the polynomials.
+        degree: degree of the polynomials.
 
     Raises:
         ValueError: one line: too few samples.
@@ -171,8 +171,8 @@ def smooth_motion(measured: Channel, seconds: float, degree: int, *, past: bool 
 
     Args:
         measured: channel.
-        seconds: at most.
-        degree: of the polynomials.
+        seconds: largest width, s.
+        degree: degree of the polynomials.
         past: whether they are through the samples until each one.
     """
     least = degree if past else degree // 2
@@ -187,16 +187,16 @@ def smooth_motion(measured: Channel, seconds: float, degree: int, *, past: bool 
         size = max(least, size // 2)
 
 
-class OpenLoop:
+class OpenLoopPredictor:
     """Model of a vehicle that flies on from instants of measured flights of one clock, under their commands.
 
     Args:
-        vehicle: whose model flies.
+        vehicle: vehicle whose model flies.
         about: delays and offsets.
         flights: measured.
         clocked: the same on their clock.
         gravity: m/s^2.
-        thrusts: of each flight, over that of the rotors' data; by default that of ``about``.
+        thrusts: thrust of each flight, over that of the rotors' data; by default that of ``about``.
 
     Attributes:
         flights: on the clock.
@@ -207,7 +207,7 @@ class OpenLoop:
     def __init__(
         self,
         vehicle: Vehicle,
-        about: Surroundings,
+        about: IdentifiedSurroundings,
         flights: Sequence[FlightData],
         clocked: Sequence[Clocked],
         gravity: float,
@@ -224,7 +224,7 @@ class OpenLoop:
         thrust = {f"{THRUST}{each.name}": share for each, share in zip(self.flights, shares, strict=True)}
         still, anywhere = [False] * vehicle.n, [np.zeros(0, int)] * len(flights)
         self._errors = WindowErrors(
-            Windows(self.flights, vehicle, 0.0, places=anywhere),
+            ClockedWindows(self.flights, vehicle, 0.0, places=anywhere),
             with_heavy_joints(vehicle),
             [],
             numbers_around(about) | thrust,
@@ -237,21 +237,21 @@ class OpenLoop:
 
     def windows(self, places: Sequence[IntArray], seconds: float = 0.0) -> WindowErrors:
         """Windows of some seconds with their first steps in each flight, and what is measured less flown in them."""
-        found = self._errors.over(Windows(self.flights, self._vehicle, seconds, places=places))
-        found.take_samples(NONE)
-        return found
+        errors = self._errors.over(ClockedWindows(self.flights, self._vehicle, seconds, places=places))
+        errors.take_samples(NONE)
+        return errors
 
-    def left(self, windows: Windows) -> IntArray:
+    def left(self, windows: ClockedWindows) -> IntArray:
         """Numbers (W,) of usable steps in a row from the windows' begins on."""
         bad = np.concatenate([~each.usable for each in self.flights])
         ends = np.union1d(np.flatnonzero(bad), windows.firsts[1:])
         return np.asarray(ends[np.searchsorted(ends, windows.begins)] - windows.begins)
 
-    def measured_at(self, windows: Windows, steps: int | IntArray) -> BaseStates:
+    def measured_at(self, windows: ClockedWindows, steps: int | IntArray) -> BaseStates:
         """Measured states some steps after the windows' begins."""
         return self.measured.at(windows.begins + windows.owners + steps)
 
-    def begins(self, windows: Windows) -> BaseStates:
+    def begins(self, windows: ClockedWindows) -> BaseStates:
         """States at the windows' begins from what is measured until then."""
         return self.known.at(windows.begins + windows.owners)
 
@@ -261,19 +261,19 @@ class OpenLoop:
         """States 0, 1, ... steps after the begins of windows.
 
         Args:
-            errors: of the windows.
+            errors: errors of the windows.
             begins: states.
             pushes: s, after the begins -> (W, 6) force (N) and torque (N m) that the commands do not explain, base
                 axes; none by default.
         """
         lanes, step = errors.lanes(NONE, window_states(begins)), errors.windows.step
-        inputs, known, k = lanes.flights.inputs, lanes.flights.inputs["torque"].copy(), 0
+        inputs, own_torque, k = lanes.flights.inputs, lanes.flights.inputs["torque"].copy(), 0
         try:
             while True:
                 yield BaseStates(*(lanes.flights.state[name].T.copy() for name in FIELDS))
                 if pushes is not None:
                     force, torque = np.split(pushes((k + 0.5) * step).T, 2)
-                    inputs["force"][:], inputs["torque"][:] = force, known + torque
+                    inputs["force"][:], inputs["torque"][:] = force, own_torque + torque
                 lanes.advance(k)
                 k += 1
         finally:
@@ -290,7 +290,7 @@ def places_of(flight: Clocked, vehicle: Vehicle, every: int, behind: float = 0.0
 
     Args:
         flight: on its clock.
-        vehicle: whose rotors' lags count.
+        vehicle: vehicle whose rotors' lags count.
         every: steps from one to the next within each usable part.
         behind: s, of the usable part before the first one.
     """
@@ -304,8 +304,9 @@ class OpenLoopFlight:
     """Measured flight whose motion a vehicle's model predicts over horizons of any length.
 
     Args:
-        flight: with position, quaternion, gyro and commands of the rotors; joint positions for a vehicle with joints.
-        vehicle: whose model is used.
+        flight: flight with position, quaternion, gyro and commands of the rotors; joint positions for a vehicle with
+            joints.
+        vehicle: vehicle whose model is used.
         about: delays and offsets.
         gravity: m/s^2.
         full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.
@@ -318,7 +319,7 @@ class OpenLoopFlight:
         self,
         flight: FlightData,
         vehicle: Vehicle,
-        about: Surroundings | None = None,
+        about: IdentifiedSurroundings | None = None,
         *,
         gravity: float = GRAVITY,
         full_voltage: float = 0.0,
@@ -340,7 +341,7 @@ class OpenLoopFlight:
         self._joints = np.zeros((self._clocked.size + 1, 0))
         if vehicle.n:
             self._joints = values_at(flight["joint_positions"], self._clocked.edges)
-        self._loop = OpenLoop(vehicle, about or Surroundings(), [flight], [self._clocked], gravity)
+        self._loop = OpenLoopPredictor(vehicle, about or IdentifiedSurroundings(), [flight], [self._clocked], gravity)
 
     def over(self, horizon: float) -> PredictedMotion:
         """Motion of the model, and of held velocity and rate, set back to the measured state after each horizon, s."""
@@ -352,11 +353,11 @@ class OpenLoopFlight:
         still = [begins.at_even_rates(k * step) for k in range(steps + 1)]
         # the last one ends with its part
         counts = np.minimum(loop.left(windows), steps) + 1
-        model, held = (
+        model, hold = (
             join_motions([self._motion(states, i, first, first + counts[i]) for i, first in enumerate(windows.begins)])
             for states in (flown, still)
         )
-        return PredictedMotion(model=model, held=held, begins=self._clocked.edges[windows.begins])
+        return PredictedMotion(model=model, held=hold, begins=self._clocked.edges[windows.begins])
 
     def _motion(self, states: Sequence[BaseStates], i: int, first: int, end: int) -> PoseSeries:
         """Motion of one of several predictions, between two instants of the clock."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.studies.identify.identified_numbers import Identified
-from skyarm.studies.identify.log_checks import REFUSED, SHORTEST_FLIGHT, WARNED, Fault, Found, faults_of
+from skyarm.studies.identify.log_checks import REFUSED, SHORTEST_FLIGHT, WARNED, Found, LogFault, faults_of
 from skyarm.studies.identify.logged_commands import commanded_speeds, time_constants
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -60,8 +60,8 @@ def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix:
 
     Args:
         start: vehicle with its total mass.
-        known: by name.
-        prefix: of a number's name in the error.
+        known: known numbers by name.
+        prefix: beginning of a number's name in the error.
 
     Raises:
         ValueError: one line: the number, its value and what is allowed.
@@ -92,28 +92,33 @@ def require_possible_numbers(start: Vehicle, known: Mapping[str, float], prefix:
 
 def doubtful_numbers(
     found: Identified, start: Vehicle, file: str, flights: Sequence[FlightData] = ()
-) -> tuple[Fault, ...]:
+) -> tuple[LogFault, ...]:
     """Faults that show in the numbers only: far from the start vehicle, or of a model that explains nothing.
 
     Args:
         found: identified vehicle.
         start: vehicle before.
-        file: of the flight, for the messages.
-        flights: of the fit, whose commands a thrust curve is compared with.
+        file: file of the flight, for the messages.
+        flights: flights of the fit, whose commands a thrust curve is compared with.
     """
     rows = [*_far_numbers(found), *_by_geometry(found, start), *_beyond_commands(found, start, flights)]
     return tuple(faults_of(file, rows))
 
 
-def _far_numbers(found: Identified) -> Iterator[Found]:
+def _far_numbers(identified: Identified) -> Iterator[Found]:
     """Yield numbers that are far from the start's, and commands that explain nothing."""
-    shares = [share for row, share in found.explained.items() if row.startswith("rate.")]
+    shares = [share for row, share in identified.explained.items() if row.startswith("rate.")]
     if shares and max(shares) < BLIND:
-        finding = f"explain {100.0 * max(*shares, 0.0):.1g} % of the rotation in {found.seconds:.3g} s of flight"
+        finding = f"explain {100.0 * max(*shares, 0.0):.1g} % of the rotation in {identified.seconds:.3g} s of flight"
         remedy = "check their order, clock and units, and the vehicle"
-        yield REFUSED, "rotor commands", finding, remedy if found.seconds > SHORT else f"fly for longer, or {remedy}"
+        yield (
+            REFUSED,
+            "rotor commands",
+            finding,
+            remedy if identified.seconds > SHORT else f"fly for longer, or {remedy}",
+        )
     ratios = dict[str, float]()
-    for each in (each for each in found.numbers if each.is_known):
+    for each in (each for each in identified.numbers if each.is_known):
         if (each.name in DEAD_TIMES or each.name.endswith(".latency")) and each.high < 0.0:
             finding = f"is {1e3 * each.value:.3g} ms: motion before its command"
             yield WARNED, each.name, finding, "commands and sensors are not on one clock"
@@ -135,17 +140,17 @@ def _far_numbers(found: Identified) -> Iterator[Found]:
         yield WARNED, "mass", finding, "weigh the vehicle: a flight shows forces per mass only"
 
 
-def _by_geometry(found: Identified, start: Vehicle) -> Iterator[Found]:
+def _by_geometry(identified: Identified, start: Vehicle) -> Iterator[Found]:
     """Yield centres of mass that lie outside of what a drawing can be wrong by, or look turned about a joint."""
     arm = max(math.hypot(*map(float, each.position)) for each in start.rotors)
-    known = {each.name: each for each in found.numbers if each.is_known}
-    for name in (name for name in known if name.startswith("base.com.")):
-        each, off = known[name], abs(known[name].value - known[name].start)
+    numbers = {each.name: each for each in identified.numbers if each.is_known}
+    for name in (name for name in numbers if name.startswith("base.com.")):
+        each, off = numbers[name], abs(numbers[name].value - numbers[name].start)
         if off > ASIDE * arm and not each.low <= each.start <= each.high:
             finding = f"is {1e3 * each.value:.3g} mm, {off / arm:.2g} of the rotors' distance off the start vehicle's"
             yield WARNED, each.name, finding, "try --drag-height, check the accelerometer's place and the clocks"
     for link in start.links:
-        centre = [known.get(f"links.{link.name}.com.{axis}") for axis in "xyz"]
+        centre = [numbers.get(f"links.{link.name}.com.{axis}") for axis in "xyz"]
         if not link.joint.turns or not all(centre):
             continue
         at, was, about = (
@@ -160,10 +165,10 @@ def _by_geometry(found: Identified, start: Vehicle) -> Iterator[Found]:
             yield WARNED, "joint_positions", finding, "check the encoder's zero against the drawing"
 
 
-def _beyond_commands(found: Identified, start: Vehicle, flights: Sequence[FlightData]) -> Iterator[Found]:
+def _beyond_commands(identified: Identified, start: Vehicle, flights: Sequence[FlightData]) -> Iterator[Found]:
     """Yield the thrust at full signal where no command comes near it."""
     full = float(start.rotors[0].max_speed)
-    if not any(each.name == FULL and each.is_known for each in found.numbers):
+    if not any(each.name == FULL and each.is_known for each in identified.numbers):
         return
     every = [commanded_speeds(each, start).values for each in flights]
     most = max((float(np.quantile(each, 0.999)) for each in every), default=full) / full

@@ -73,7 +73,7 @@ class RequiredFlight:
         """Flight as sensors without noise would measure it.
 
         Args:
-            vehicle: whose rotors lag.
+            vehicle: vehicle whose rotors lag.
             like: flight whose sensors and commands these are, with their times from reading to reading.
         """
         from scipy.spatial.transform import Rotation

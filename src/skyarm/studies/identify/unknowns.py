@@ -63,7 +63,7 @@ class Unknown:
     """Number to identify.
 
     Attributes:
-        name: as a vehicle file has it, or of what surrounds the vehicle.
+        name: name in a vehicle file, or in the vehicle's surroundings.
         unit: SI.
         start: value before the data.
         spread: standard deviation of what is known before; of its logarithm if ``positive``.
@@ -95,7 +95,7 @@ class Reported:
     """Reported number: one unknown, or the sum of some whose logarithms are searched.
 
     Attributes:
-        name, unit: as reported.
+        name, unit: name and unit in reports.
         parts: names of the unknowns that it is the sum of.
         least: bound that physics sets.
     """
@@ -124,8 +124,8 @@ def unknowns_of(
         curve: the thrust against the signal is a curve of its own, not that of the start times a factor.
         velocity: the flights hold it.
         voltage: the flights hold it.
-        driven: of each joint, whether it is moved by known torques.
-        servoed: of each joint, whether a position servo moves it to known setpoints.
+        driven: whether each joint is moved by known torques.
+        servoed: whether a position servo moves each joint to known setpoints.
         drag_height: the rotors' hub drag acts at a height of its own, if the flights hold the velocity.
         others: names of the flights after the first one; without the voltage each has a thrust of its own.
 
@@ -135,27 +135,29 @@ def unknowns_of(
     if not vehicle.rotors:
         raise ValueError(f"vehicle '{vehicle.name}': rotors: must be one or more")
     arm = max(math.hypot(*(float(c) for c in each.position)) for each in vehicle.rotors)
-    found = _of_rotors(vehicle, curve)
+    unknowns = _of_rotors(vehicle, curve)
     if velocity:
-        found += _of_drag(vehicle, arm)
+        unknowns += _of_drag(vehicle, arm)
         if drag_height:
-            found.append(_any(DRAG_HEIGHT, "m", 0.0, arm))
+            unknowns.append(_any(DRAG_HEIGHT, "m", 0.0, arm))
     moments = second_moments(vehicle.base)
-    found += [_above(f"base.second_moment.{k}", "kg m^2", m, 0.5) for k, m in zip("xyz", moments, strict=True)]
+    unknowns += [_above(f"base.second_moment.{k}", "kg m^2", m, 0.5) for k, m in zip("xyz", moments, strict=True)]
     for axis in ("xy", "xz", "yz"):
-        found.append(_any(f"base.inertia.{axis}", "kg m^2", getattr(vehicle.base.inertia, axis), 0.03 * sum(moments)))
+        unknowns.append(
+            _any(f"base.inertia.{axis}", "kg m^2", getattr(vehicle.base.inertia, axis), 0.03 * sum(moments))
+        )
     # without an arm only the height of the drag above the centre of mass shows
     heights = "xy" if drag_height and velocity and not vehicle.links else "xyz"
-    found += [_any(f"base.com.{axis}", "m", getattr(vehicle.base.com, axis), 0.1 * arm) for axis in heights]
+    unknowns += [_any(f"base.com.{axis}", "m", getattr(vehicle.base.com, axis), 0.1 * arm) for axis in heights]
     for link, moves in zip(vehicle.links, driven, strict=True):
-        found += _of_link(link, moves)
+        unknowns += _of_link(link, moves)
     for i, moves in enumerate(servoed):
-        found += _of_servo(vehicle, i) if moves else []
-    found = [each for each in found if not each.positive or each.start > 0.0]
+        unknowns += _of_servo(vehicle, i) if moves else []
+    unknowns = [each for each in unknowns if not each.positive or each.start > 0.0]
     around = _of_surroundings(arm, GRAVITY * float(vehicle.mass), voltage, any(driven))
     around += [_any("setpoint_hold", "", 0.5, 0.5)] if any(servoed) else []
     around += [] if voltage else [_above(f"{THRUST}{name}", "times", 1.0, BATTERY) for name in others]
-    return [*found, *(dataclasses.replace(each, in_vehicle=False) for each in around)]
+    return [*unknowns, *(dataclasses.replace(each, in_vehicle=False) for each in around)]
 
 
 def _above(name: str, unit: str, start: Scalar, spread: float) -> Unknown:
@@ -175,14 +177,14 @@ def _loss(name: str, unit: str, start: Scalar, spread: float) -> Unknown:
 
 def _of_rotors(vehicle: Vehicle, curve: bool) -> list[Unknown]:
     rotor = vehicle.rotors[0]
-    found = [_above("rotors.thrust_coefficient", "N s^2/rad^2", rotor.thrust_coefficient, 0.5)]
+    unknowns = [_above("rotors.thrust_coefficient", "N s^2/rad^2", rotor.thrust_coefficient, 0.5)]
     if curve:
-        found = [
+        unknowns = [
             _above(name, "N", rise, 0.5) for name, rise in zip(rises_of_thrust(), _thrust_rises(rotor), strict=True)
         ]
     spin = max(1e-3 * sum(second_moments(vehicle.base)), 0.5 * float(rotor.inertia))
     return [
-        *found,
+        *unknowns,
         _above("rotors.moment_coefficient", "m", rotor.moment_coefficient, 0.5),
         _above("rotors.time_constant_up", "s", rotor.time_constant_up, 0.7),
         _above("rotors.time_constant_down", "s", rotor.time_constant_down, 0.7),
@@ -194,29 +196,29 @@ def _of_drag(vehicle: Vehicle, arm: float) -> list[Unknown]:
     rotor, count, mass = vehicle.rotors[0], len(vehicle.rotors), float(vehicle.mass)
     at_hover = math.sqrt(GRAVITY * mass / (count * float(rotor.thrust_coefficient)))
     hub = max(WIND * mass / (count * at_hover), float(rotor.drag_coefficient))
-    found = [_any("rotors.drag_coefficient", "N s^2/(rad m)", rotor.drag_coefficient, hub, 0.0)]
+    unknowns = [_any("rotors.drag_coefficient", "N s^2/(rad m)", rotor.drag_coefficient, hub, 0.0)]
     for axis in "xyz":
         area = float(getattr(vehicle.drag.area, axis))
-        found.append(_any(f"drag.area.{axis}", "m^2", area, max(area, 0.3 * arm**2), 0.0))
-    return found
+        unknowns.append(_any(f"drag.area.{axis}", "m^2", area, max(area, 0.3 * arm**2), 0.0))
+    return unknowns
 
 
 def _of_link(link: Link, moves: bool) -> list[Unknown]:
     name, body, joint = f"links.{link.name}", link.body, link.joint
     reach = max(math.hypot(*(float(c) for c in body.com)), 0.01)
-    found = [_above(f"{name}.mass", "kg", body.mass, 0.3)]
-    found += [_any(f"{name}.com.{axis}", "m", getattr(body.com, axis), 0.2 * reach) for axis in "xyz"]
+    unknowns = [_above(f"{name}.mass", "kg", body.mass, 0.3)]
+    unknowns += [_any(f"{name}.com.{axis}", "m", getattr(body.com, axis), 0.2 * reach) for axis in "xyz"]
     if any(float(getattr(body.inertia, each.name)) for each in fields(Sym3)):
-        found.append(_above(f"{name}.inertia", "times", 1.0, 0.4))
+        unknowns.append(_above(f"{name}.inertia", "times", 1.0, 0.4))
     if moves:
         (angle, unit), weight = joint.units, GRAVITY * float(body.mass) * (reach if joint.turns else 1.0)
         dry, swing = DRY * weight, math.sqrt(9.81 / reach) if joint.turns else 1.0
-        found += [
+        unknowns += [
             _loss(f"{name}.joint.damping", f"{unit} s/{angle}", joint.damping, dry / swing),
             _loss(f"{name}.joint.coulomb", unit, joint.coulomb, dry),
             *_of_moved_joint(link),
         ]
-    return found
+    return unknowns
 
 
 def _of_moved_joint(link: Link) -> list[Unknown]:
@@ -235,7 +237,7 @@ def _of_servo(vehicle: Vehicle, joint: int) -> list[Unknown]:
     name, (angle, effort) = f"drives.{link.joint.name}", link.joint.units
     # sticking within a hundredth of a radian is much for a servo that has none on record
     usual = max(float(link.joint.coulomb), STICKING * float(servo.stiffness))
-    found = [
+    unknowns = [
         _above(f"{name}.stiffness", f"{effort}/{angle}", servo.stiffness, 0.7),
         _above(f"{name}.damping", f"{effort} s/{angle}", servo.damping, 0.7),
         _above(f"{name}.integral", f"{effort}/({angle} s)", servo.integral, 0.7),
@@ -244,8 +246,8 @@ def _of_servo(vehicle: Vehicle, joint: int) -> list[Unknown]:
         *_of_moved_joint(link),
     ]
     if math.isfinite(float(servo.speed_limit)):
-        found.append(_above(f"{name}.speed_limit", f"{angle}/s", servo.speed_limit, 0.7))
-    return found
+        unknowns.append(_above(f"{name}.speed_limit", f"{angle}/s", servo.speed_limit, 0.7))
+    return unknowns
 
 
 def _of_surroundings(arm: float, weight: float, voltage: bool, driven: bool) -> list[Unknown]:
@@ -264,7 +266,7 @@ def require_searched(known: Mapping[str, float], every: Sequence[Unknown]) -> No
     """Check that known numbers are some that a search would find, of values that they may have.
 
     Args:
-        known: by name.
+        known: known numbers by name.
         every: unknowns of the search without them.
 
     Raises:
@@ -281,18 +283,20 @@ def require_searched(known: Mapping[str, float], every: Sequence[Unknown]) -> No
 
 def reported_of(unknowns: Sequence[Unknown]) -> list[Reported]:
     """Reported numbers: those to identify, and the sums that a vehicle file holds in place of some."""
-    rises, found = rises_of_thrust(), list[Reported]()
+    rises, reported = rises_of_thrust(), list[Reported]()
     for each in unknowns:
         if each.name in rises:
             k = rises.index(each.name)
-            found.append(Reported(name=f"rotors.thrust_at_{100 * KNOTS[k]:g}_percent", unit="N", parts=rises[: k + 1]))
+            reported.append(
+                Reported(name=f"rotors.thrust_at_{100 * KNOTS[k]:g}_percent", unit="N", parts=rises[: k + 1])
+            )
         elif each.name.startswith("base.second_moment."):
             axis = each.name[-1]
             parts = tuple(f"base.second_moment.{other}" for other in "xyz" if other != axis)
-            found.append(Reported(name=f"base.inertia.{axis}{axis}", unit="kg m^2", parts=parts))
+            reported.append(Reported(name=f"base.inertia.{axis}{axis}", unit="kg m^2", parts=parts))
         else:
-            found.append(Reported(name=each.name, unit=each.unit, parts=(each.name,), least=each.least))
-    return found
+            reported.append(Reported(name=each.name, unit=each.unit, parts=(each.name,), least=each.least))
+    return reported
 
 
 def second_moments(base: Body) -> tuple[float, float, float]:
@@ -341,7 +345,7 @@ def with_servos(vehicle: Vehicle, servoed: Sequence[bool]) -> Vehicle:
 
     Args:
         vehicle: start.
-        servoed: of each joint, whether its setpoints are positions.
+        servoed: whether the setpoints of each joint are positions.
 
     Raises:
         ValueError: one line: such a joint has a drive that takes no position.

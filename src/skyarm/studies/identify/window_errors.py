@@ -23,7 +23,7 @@ from skyarm.records.immutable import immutable
 from skyarm.simulate.replay import CommandReplay, Numbers, ReplayedFlights
 from skyarm.studies.identify.identified_parts import vehicle_with, with_changes
 from skyarm.studies.identify.unknowns import THRUST, Unknown, servo_of
-from skyarm.studies.identify.windows import Held, Samples, Windows
+from skyarm.studies.identify.windows import ClockedWindows, Held, SensorSamples
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FREE = {"position": 1e3, "quaternion": 1.0, "velocity": 3.0, "rate": 10.0, "joints": 1.0, "joint_rates": 30.0}
@@ -118,7 +118,7 @@ def turn_attitudes(attitude: Array, turn: Array) -> Array:
 
 
 @immutable(kw_only=False, eq=False)
-class Normal:
+class NormalEquations:
     """Normal equations of a least-squares fit: x unknowns of each of W windows, and P vehicle parameters.
 
     Attributes:
@@ -142,27 +142,28 @@ class WindowErrors:
     """Measured less simulated sensor readings of windows, as a function of vehicle parameters and window states.
 
     Args:
-        windows: of flights.
+        windows: windows of flights.
         start: vehicle before, with a servo on each servo joint.
-        unknowns: that are searched, P of them.
+        unknowns: P unknowns to search.
         known: numbers by name that are not.
-        driven: of each joint, whether its effort is logged. servoed: whether a position servo moves it.
+        driven: whether the effort of each joint is logged. servoed: whether a position servo moves it.
         gravity: m/s^2.
         finer: least number of integration steps within a step.
         given: (3, steps, n) positions of the joints at the begin of each step, rates there, and accelerations in it,
             where joints move as they are told; of a vehicle of :func:`with_heavy_joints`.
 
     Attributes:
-        replay: simulated plant. names: of the numbers. rows: (sensor, column) of each row of the errors.
-        samples: of the sensors. taken: s, by which each was thought to be late when these were placed on the clock.
+        replay: simulated plant. names: names of the numbers. rows: (sensor, column) of each row of the errors.
+        samples: samples of the sensors.
+        taken: s, by which each was thought to be late when these were placed on the clock.
         free: (name, column) of each free number of a window. loose: their standard deviations before.
-        wrench: which of them are force and torque.
+        wrench: columns of force and torque.
         averaged: (flights,) steps over which the accelerometer's samples are means.
     """
 
     def __init__(
         self,
-        windows: Windows,
+        windows: ClockedWindows,
         start: Vehicle,
         unknowns: Sequence[Unknown],
         known: Mapping[str, float],
@@ -183,7 +184,7 @@ class WindowErrors:
         self.replay = self._make_replay(windows.step, finer)
         self._take_windows(windows)
 
-    def _take_windows(self, windows: Windows) -> None:
+    def _take_windows(self, windows: ClockedWindows) -> None:
         """Take samples and free numbers of windows."""
         start, driven, servoed = self.start, self.driven, self.servoed
         self.windows = windows
@@ -267,30 +268,30 @@ class WindowErrors:
             late["accelerometer"] = np.asarray(delays["accelerometer"] - 0.5 * self.windows.step * self.averaged)
         self.samples = self._samples(late)
 
-    def _samples(self, late: Mapping[str, float | Array]) -> dict[str, Samples]:
+    def _samples(self, late: Mapping[str, float | Array]) -> dict[str, SensorSamples]:
         """Samples of the sensors that are compared, by their delays, s."""
-        found = self.windows.samples(late)
+        samples = self.windows.samples(late)
         if self.given is not None:
-            found = {name: rows for name, rows in found.items() if not name.startswith("joint")}
-        return found
+            samples = {name: rows for name, rows in samples.items() if not name.startswith("joint")}
+        return samples
 
     def lanes(self, searched: Array, states: WindowStates, directions: Sequence[Direction] = ()) -> WindowLanes:
         """Simulated lanes at the begins of the windows: at the estimate, and as many that differ in one direction."""
         return WindowLanes(self, self.replay, searched, states, directions)
 
-    def over(self, windows: Windows) -> WindowErrors:
+    def over(self, windows: ClockedWindows) -> WindowErrors:
         """Errors of other windows of the same step, by the same simulated plant."""
-        found = copy.copy(self)
-        found._take_windows(windows)
-        return found
+        errors = copy.copy(self)
+        errors._take_windows(windows)
+        return errors
 
     def errors_at(self, searched: Array, states: WindowStates) -> tuple[Array, Mask]:
         """Errors (steps, W, rows) at numbers (P,) on the scale of the search, and which of them count."""
-        found, there = self._nothing()
+        errors, there = self._nothing()
         with np.errstate(over="ignore", invalid="ignore"):  # what a search tries may fly to infinity
             for k, _, rows, error, _, has in self._readings(searched, states, []):
-                found[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
-        return found, there
+                errors[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
+        return errors, there
 
     def times(self) -> Array:
         """Times (steps, W, rows), s, of the samples after the begins of their windows."""
@@ -332,7 +333,7 @@ class WindowErrors:
         noise: Array,
         outlier: float = OUTLIER,
         memory: Array | None = None,
-    ) -> tuple[Array, Mask, Normal]:
+    ) -> tuple[Array, Mask, NormalEquations]:
         """Errors (steps, W, rows), which of them count, and the normal equations under noise (flights, rows).
 
         Beyond ``outlier`` standard deviations an error counts by its size only; with a memory (flights, rows), s, so
@@ -341,12 +342,12 @@ class WindowErrors:
         windows, x, size = self.windows, len(self.free), len(self.free) + len(self.names) + 1
         directions = self._directions()
         columns, steps = [place for place, _ in directions], np.array([step for _, step in directions])[:, None]
-        (found, there), count, m = self._nothing(), windows.count, len(self.rows)
+        (errors, there), count, m = self._nothing(), windows.count, len(self.rows)
         sums, of_rows = np.zeros((count, size - x, size)), np.zeros((m, count, x, x))
-        block, held, scale = np.zeros((count, CHUNK, m, size)), 0, 1.0 / noise[windows.owners]
+        block, filled, scale = np.zeros((count, CHUNK, m, size)), 0, 1.0 / noise[windows.owners]
         last, before = -1, np.zeros((count, m, size))
         counts = np.stack([self._counts(name, slice(None)) for name, _ in self.rows], axis=2)
-        kept = None if memory is None else self.shares_left(counts, memory)
+        shares = None if memory is None else self.shares_left(counts, memory)
 
         def add() -> None:
             flat = block.reshape(count, CHUNK * m, size)
@@ -357,17 +358,17 @@ class WindowErrors:
 
         for k, name, rows, error, slope, has in self._readings(searched, states, directions):
             if k != last:
-                last, held = k, held + 1
-                if held > CHUNK:
+                last, filled = k, filled + 1
+                if filled > CHUNK:
                     add()
-                    held = 1
-            found[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
-            part = block[:, held - 1, rows]
+                    filled = 1
+            errors[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
+            part = block[:, filled - 1, rows]
             part[:, :, columns] = np.moveaxis((error[:, 1:] - error[:, :1]) / steps, 2, 0)
             self._known_slopes(part, name, slope)
             part[:, :, -1] = error[:, 0].T
-            if kept is not None:
-                now, share = part.copy(), kept[k, :, rows, None]
+            if shares is not None:
+                now, share = part.copy(), shares[k, :, rows, None]
                 part[:] = (now - share * before[:, rows]) / np.sqrt(1.0 - share**2)
                 before[has, rows] = now[has]
             size_of = np.abs(part[:, :, -1]) * scale[:, rows]
@@ -377,7 +378,11 @@ class WindowErrors:
         add()
         mixed, common, push = np.split(sums[:, :-1], [x, size - 1], axis=2)
         pull = sums[:, -1, :x]
-        return found, there, Normal(of_rows.sum(axis=0), mixed.transpose(0, 2, 1), common, pull, push[..., 0], of_rows)
+        return (
+            errors,
+            there,
+            NormalEquations(of_rows.sum(axis=0), mixed.transpose(0, 2, 1), common, pull, push[..., 0], of_rows),
+        )
 
     def _nothing(self) -> tuple[Array, Mask]:
         """Empty errors (steps, W, rows), and the mask of those that count."""
@@ -396,12 +401,12 @@ class WindowErrors:
     def _directions(self) -> list[Direction]:
         """Unknowns whose slopes need a simulated lane, with the differences; the slopes of others are known."""
         sizes = [SMALL * (self.push[column] if name == "wrench" else 1.0) for name, column in self.free]
-        found = [(i, size) for i, size in enumerate(sizes) if self.free[i][0] != "position"]
+        directions = [(i, size) for i, size in enumerate(sizes) if self.free[i][0] != "position"]
         without = (*BIAS.values(), TRIM, *DELAY.values())
         for j, each in enumerate(self.unknowns):
             if not each.name.startswith(without):
-                found.append((len(self.free) + j, SMALL if each.positive else SMALL * each.spread))
-        return found
+                directions.append((len(self.free) + j, SMALL if each.positive else SMALL * each.spread))
+        return directions
 
     def _known_slopes(self, part: Array, name: str, slope: Array) -> None:
         """Fill in the slopes (W, columns, unknowns) of a sensor's readings that need no simulated lane."""
@@ -455,16 +460,16 @@ class WindowErrors:
 
 
 def _error(
-    name: str, before: Array, now: Array, rate: Array, samples: Samples, at: IntArray, step: float
+    name: str, before: Array, now: Array, rate: Array, samples: SensorSamples, at: IntArray, step: float
 ) -> tuple[Array, Array]:
     """Errors (columns, lanes, W) of a sensor within a step, and the slope (columns, W) of its reading, per second.
 
     Args:
-        name: of the sensor.
+        name: name of the sensor.
         before: (columns, lanes, W) readings at the step's begin.
         now: likewise, at its end.
         rate: (3, W) rad/s, of the base.
-        samples: of the sensor.
+        samples: samples of the sensor.
         at: (W,) numbers of the steps.
         step: s.
     """
@@ -482,11 +487,11 @@ class WindowLanes:
     """Simulated lanes of all windows: at the estimate, then with each unknown changed by a small difference.
 
     Args:
-        errors: of the windows.
+        errors: errors of the windows.
         replay: plant.
         searched: (P,) numbers on the scale of the search.
-        states: of the windows.
-        directions: in which the lanes behind the first differ.
+        states: states of the windows.
+        directions: directions in which the lanes behind the first differ.
     """
 
     def __init__(
@@ -559,10 +564,10 @@ class WindowLanes:
                 name, (keys, which) = "setpoints", _distinct(delays + late, self._number("setpoint_hold", 0.5))
             else:
                 continue
-            held = _stack_commands([windows.commands(name, *key) for key in keys])
-            self._joints.append((i, held, which))
+            commands = _stack_commands([windows.commands(name, *key) for key in keys])
+            self._joints.append((i, commands, which))
             if errors.servoed[i]:
-                self.flights.memories[3 * servos] = self._goals(i, held.after[:, :, i][which])
+                self.flights.memories[3 * servos] = self._goals(i, commands.after[:, :, i][which])
                 servos += 1
 
     def _goals(self, joint: int, setpoints: Array) -> Array:
@@ -573,11 +578,11 @@ class WindowLanes:
         most = self._number(name, float(servo.speed_limit)) * windows.step
         if not np.isfinite(most).any():
             return np.asarray(setpoints[:, windows.before(-1)].ravel())
-        found, goal = np.empty_like(setpoints), setpoints[:, 0]
+        goals, goal = np.empty_like(setpoints), setpoints[:, 0]
         for k, setpoint in enumerate(setpoints.T):
-            found[:, k] = goal
+            goals[:, k] = goal
             goal = setpoint if k in windows.firsts else goal + np.clip(setpoint - goal, -most, most)
-        return np.asarray(found[:, windows.begins].ravel())
+        return np.asarray(goals[:, windows.begins].ravel())
 
     def advance(self, k: int) -> None:
         """Simulate step k of all windows under its commands."""
@@ -587,17 +592,20 @@ class WindowLanes:
             """Values (k, lanes) of a table (keys, steps, k) at the present step of each window."""
             return np.moveaxis(table[:, at], -1, 0)[:, which].reshape(table.shape[2], -1)
 
-        held, which = self._speeds
-        inputs["speeds_before"][:], inputs["speeds_after"][:] = lanes(held.before, which), lanes(held.after, which)
-        inputs["late"][0] = held.late[:, at][which].ravel()
+        commands, which = self._speeds
+        inputs["speeds_before"][:], inputs["speeds_after"][:] = (
+            lanes(commands.before, which),
+            lanes(commands.after, which),
+        )
+        inputs["late"][0] = commands.late[:, at][which].ravel()
         inputs["thrust"][0] = self._thrust[0][:, at][self._thrust[1]].ravel()
         joints = {
             i: (
-                held.before[:, at, i][which].ravel(),
-                held.after[:, at, i][which].ravel(),
-                held.late[:, at][which].ravel(),
+                commands.before[:, at, i][which].ravel(),
+                commands.after[:, at, i][which].ravel(),
+                commands.late[:, at][which].ravel(),
             )
-            for i, held, which in self._joints
+            for i, commands, which in self._joints
         }
         first = next((late for *_, late in joints.values()), None)
         if any((late != first).any() for *_, late in joints.values()):  # the plant has one switch for all joints
@@ -616,7 +624,7 @@ class WindowLanes:
                 inputs["setpoints_before"][i] = inputs["setpoints_after"][i] = effort
         self.flights.step()
 
-    def read(self, sensors: Mapping[str, Samples]) -> dict[str, Array]:
+    def read(self, sensors: Mapping[str, SensorSamples]) -> dict[str, Array]:
         """Readings (columns, candidates, W) of sensors, but for the accelerometer."""
         state, names = self.flights.state, {*sensors, "gyro"} - {"accelerometer"}
         return {name: state[READ.get(name, name)].reshape(self._shape).copy() for name in names}
@@ -635,7 +643,7 @@ def in_halves(before: Array, after: Array, late: Array, step: float) -> tuple[Ar
 
     Args:
         before: until the switch.
-        after: from it on.
+        after: value from it on.
         late: s, within the step.
         step: s.
     """

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -20,8 +20,8 @@ from skyarm.compile.machine_code import missing_extra
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.files import needs_extra
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.window_errors import OUTLIER, Normal, WindowErrors, WindowStates
-from skyarm.studies.identify.windows import Windows
+from skyarm.studies.identify.window_errors import OUTLIER, NormalEquations, WindowErrors, WindowStates
+from skyarm.studies.identify.windows import ClockedWindows
 
 TURNS = 40
 """Most turns of the search."""
@@ -62,7 +62,11 @@ LEAST = {
 """Least noise of a sensor, SI units: after a noiseless one the search would creep."""
 
 
-def student_quantile() -> Any:
+Quantile = Callable[[Array, float], Array]
+"""Function of degrees of freedom and of a probability."""
+
+
+def student_quantile() -> Quantile:
     """Import the quantile function of Student's t distribution from SciPy.
 
     Raises:
@@ -72,7 +76,8 @@ def student_quantile() -> Any:
         from scipy.special import stdtrit
     except ImportError:
         raise ValueError(f"scipy: is missing; 'skyarm identify' {needs_extra('identify')}") from None
-    return stdtrit
+    quantile: Quantile = stdtrit
+    return quantile
 
 
 def student_quantiles(influence: Array, information: Array) -> Array:
@@ -110,7 +115,7 @@ class WindowFit:
         stretch_information: (flights, P, P) of each flight. stretch_scores: (flights, P) their sums of scores.
         noise: (flights, rows) standard deviations. spread: (6,) of the wrench over the windows, N and N m.
         errors, counted: (steps, W, rows) what the windows leave, and which samples there are.
-        states: of the windows. settled: whether the search came to rest.
+        states: states of the windows. settled: whether the search came to rest.
     """
 
     values: Array
@@ -179,12 +184,12 @@ def fit_windows(
     """Fit vehicle parameters to windows, with a normal prior around those of the start vehicle.
 
     Args:
-        errors: of the windows.
+        errors: errors of the windows.
         begin: (P,) where the search begins.
         noise: (flights, rows) to begin with; by default from differences of the samples.
         spread: (6,) of the wrench, to begin with.
         block: s, of a block of data whose errors may depend on each other.
-        turns: of the search at most.
+        turns: largest number of turns of the search.
         lasting: whether errors last from sample to sample: what commands did between rare samples is not known.
         progress: called with one line a turn of the search.
     """
@@ -193,13 +198,15 @@ def fit_windows(
         return _search(errors, begin, noise, spread, block, turns, lasting, progress)
 
 
-def _one_thread() -> Any:
+@contextmanager
+def _one_thread() -> Iterator[None]:
     """Context in which BLAS has one thread: for matrices of some hundred rows more of them wait in a busy loop."""
     try:
         from threadpoolctl import threadpool_limits
     except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
         raise missing_extra("identify") from error
-    return threadpool_limits(1, user_api="blas")
+    with threadpool_limits(1, user_api="blas"):
+        yield
 
 
 def _search(
@@ -221,7 +228,7 @@ def _search(
     states, settled, memory = errors.first_states(), False, None
     for turn in range(turns):
         errors.take_samples(values)
-        found, there, normal = errors.normal(values, states, noise, memory=memory)
+        residuals, there, normal = errors.normal(values, states, noise, memory=memory)
         loose = loose_with(errors, spread)
         reduced = reduce(normal, states.beside, loose, prior)
         uphill = reduced.scores.sum(axis=0) + (values - start) / prior**2
@@ -229,7 +236,7 @@ def _search(
         cost = Cost(there, noise[errors.windows.owners], start, prior, loose)
         # no number goes by more than what is known of it before
         length = min(1.0, 1.0 / max(1e-9, float(np.abs(step / prior).max())))
-        before = cost.at(errors.innovations(found, there, memory), values, states)
+        before = cost.at(errors.innovations(residuals, there, memory), values, states)
         for _ in range(TRIES):
             change = length * step
             moved, free = values + change, states.moved_by(-length * reduced.shift - reduced.slopes @ change)
@@ -239,7 +246,7 @@ def _search(
                 break
             length *= SHORTER
         else:  # no step lowers the cost
-            change, moved, free, left = 0.0 * change, values, states, found
+            change, moved, free, left = 0.0 * change, values, states, residuals
         if not math.isfinite(before):
             raise ValueError("the start vehicle does not fly: its motion under the logged commands is no number")
         values, states = moved, free
@@ -256,8 +263,16 @@ def _search(
             break
     # the last step's own, to first order: else what is left of it would pass for disagreement of flights
     scores = reduced.scores + reduced.information @ change
-    blocks = blocks_of(errors.windows, block)
-    return _fit_of(errors, values, prior, reduced, scores, noise, spread, left, there, states, settled, blocks)
+    return WindowFit(
+        values=values,
+        noise=noise,
+        spread=spread,
+        errors=left,
+        counted=there,
+        states=states,
+        settled=settled,
+        **_information(errors.windows, reduced, scores, np.diag(prior**-2.0), block),
+    )
 
 
 @immutable(kw_only=False, eq=False)
@@ -301,11 +316,11 @@ def bounded_step(information: Array, uphill: Array, least: Array) -> Array:
     return step
 
 
-def reduce(normal: Normal, beside: Array, loose: Array, prior: Array) -> Reduced:
+def reduce(normal: NormalEquations, beside: Array, loose: Array, prior: Array) -> Reduced:
     """Eliminate the unknowns of each window from the normal equations by the Schur complement.
 
     Args:
-        normal: of windows and numbers.
+        normal: normal equations of windows and numbers.
         beside: (W, k) the last free numbers of each window, whose usual value is 0.
         loose: (x,) standard deviations of the free numbers before.
         prior: (P,) those of the numbers.
@@ -329,7 +344,7 @@ def loose_with(errors: WindowErrors, spread: Array) -> Array:
 
 def first_noise(errors: WindowErrors) -> Array:
     """Sensor noise (flights, rows) from third differences of the samples, in which some motion is left."""
-    found = np.ones((len(errors.windows.flights), len(errors.rows)))
+    noise = np.ones((len(errors.windows.flights), len(errors.rows)))
     for i, flight in enumerate(errors.windows.flights):
         for j, (name, column) in enumerate(errors.rows):
             if name in flight.channels:
@@ -337,11 +352,13 @@ def first_noise(errors: WindowErrors) -> Array:
                 factor, shift = (2.0, 1) if name == "quaternion" else (1.0, 0)
                 bends = np.diff(flight.channels[name].values[:, column + shift], 3)
                 white = factor * 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(20.0)
-                found[i, j] = max(white, LEAST[name])
-    return found
+                noise[i, j] = max(white, LEAST[name])
+    return noise
 
 
-def new_noise(errors: WindowErrors, found: Array, there: Mask, noise: Array, normal: Normal, inverse: Array) -> Array:
+def new_noise(
+    errors: WindowErrors, found: Array, there: Mask, noise: Array, normal: NormalEquations, inverse: Array
+) -> Array:
     """Sensor noise (flights, rows) by restricted maximum likelihood, for the freedom that windows' unknowns take."""
     owners = errors.windows.owners
     taken = np.einsum("wxy,rwxy->wr", inverse, normal.of_rows)
@@ -370,8 +387,10 @@ def new_memory(errors: WindowErrors, found: Array, there: Mask, noise: Array) ->
         follow = np.diff(windows) == 0
         square = float(np.mean(rows**2)) if follow.any() else 0.0
         if square > 0.0:
-            kept = min(float(np.mean((rows[1:] * rows[:-1])[follow])) / square, 1.0 - 1e-9)
-            memory[i, j] = -float(np.mean(np.diff(when)[follow])) / math.log(kept) if kept > FAINT else 0.0
+            correlation = min(float(np.mean((rows[1:] * rows[:-1])[follow])) / square, 1.0 - 1e-9)
+            memory[i, j] = (
+                -float(np.mean(np.diff(when)[follow])) / math.log(correlation) if correlation > FAINT else 0.0
+            )
     # of what lasts longer a window shows no end: its size and its memory would grow together
     return np.minimum(memory, LASTS * errors.windows.length * errors.windows.step)
 
@@ -380,47 +399,30 @@ def new_spread(errors: WindowErrors, states: WindowStates, spread: Array, invers
     """Spread (6,) of the unexplained wrench over the windows, from its estimates and their uncertainty."""
     wrench = states.beside[:, :6]
     uncertain = inverse[:, errors.wrench, errors.wrench]
-    told = np.maximum((1.0 - uncertain / spread**2).sum(axis=0), 1e-3 * len(wrench))
-    size = np.clip(np.sqrt((wrench**2).sum(axis=0) / told), spread / SLOWLY, spread * SLOWLY)
+    effective = np.maximum((1.0 - uncertain / spread**2).sum(axis=0), 1e-3 * len(wrench))
+    size = np.clip(np.sqrt((wrench**2).sum(axis=0) / effective), spread / SLOWLY, spread * SLOWLY)
     return np.asarray(np.maximum(size, FIRM * errors.push))
 
 
-def _fit_of(
-    errors: WindowErrors,
-    values: Array,
-    prior: Array,
-    reduced: Reduced,
-    scores: Array,
-    noise: Array,
-    spread: Array,
-    found: Array,
-    there: Mask,
-    states: WindowStates,
-    settled: bool,
-    blocks: Sequence[IntArray],
-) -> WindowFit:
-    """Fit with its covariance by the scores of blocks."""
-    owners = errors.windows.owners
+def _information(
+    windows: ClockedWindows, reduced: Reduced, scores: Array, before: Array, block: float
+) -> dict[str, Array]:
+    """Information and covariance of a fit by the scores of blocks (s long), as fields of :class:`WindowFit`.
+
+    ``before`` (P, P) is the information before the data.
+    """
+    blocks = blocks_of(windows, block)
     parts, pulls = (np.stack([rows[each].sum(axis=0) for each in blocks]) for rows in (reduced.information, scores))
     curvature: Array = np.asarray(np.linalg.inv(reduced.total))
-    known = np.diag(prior**-2.0)
-    covariance = blocks_covariance(reduced.total, parts, pulls) + curvature @ known @ curvature
-    flights = [owners == i for i in range(len(errors.windows.flights))]
-    return WindowFit(
-        values=values,
-        curvature=curvature,
-        covariance=covariance,
-        prior_information=known,
-        block_information=parts,
-        stretch_information=np.stack([reduced.information[own].sum(axis=0) for own in flights]),
-        stretch_scores=np.stack([scores[own].sum(axis=0) for own in flights]),
-        noise=noise,
-        spread=spread,
-        errors=found,
-        counted=there,
-        states=states,
-        settled=settled,
-    )
+    flights = [windows.owners == i for i in range(len(windows.flights))]
+    return {
+        "curvature": curvature,
+        "covariance": blocks_covariance(reduced.total, parts, pulls) + curvature @ before @ curvature,
+        "prior_information": before,
+        "block_information": parts,
+        "stretch_information": np.stack([reduced.information[own].sum(axis=0) for own in flights]),
+        "stretch_scores": np.stack([scores[own].sum(axis=0) for own in flights]),
+    }
 
 
 def blocks_covariance(total: Array, parts: Array, scores: Array) -> Array:
@@ -442,7 +444,7 @@ def blocks_covariance(total: Array, parts: Array, scores: Array) -> Array:
     return np.asarray(moves.T @ moves)
 
 
-def blocks_of(windows: Windows, seconds: float = BLOCK) -> list[IntArray]:
+def blocks_of(windows: ClockedWindows, seconds: float = BLOCK) -> list[IntArray]:
     """Indices of the windows in each block of time of a flight."""
     size = max(1, round(seconds / windows.step))
     keys = windows.owners * 10**9 + (windows.begins - windows.firsts[windows.owners]) // size

@@ -58,7 +58,7 @@ AROUND = 0.05
 
 
 @immutable(kw_only=False, eq=False)
-class Samples:
+class SensorSamples:
     """Samples of one sensor on the clock, of each step at most one: the mean of those that fall into it.
 
     Attributes:
@@ -75,7 +75,7 @@ class Clocked:
     """Measured flight whose commands and sensors are placed on a clock of even steps.
 
     Attributes:
-        name: of the flight. begin: s, of the clock. step: s. size: steps.
+        name: name of the flight. begin: begin of the clock, s. step: s. size: steps.
         channels: sensor -> what it measured.
         speeds, efforts, setpoints: commands at their own times, rad/s and the joints' units; None if not logged.
         voltage: (steps,) over that of the rotors' data; 1 where it is not known.
@@ -130,8 +130,8 @@ def on_clock(
         step: s.
         full_voltage: V, of the rotors' data; 0 leaves the battery's voltage out.
         sections: (begin, end), s, that count; by default all in which the vehicle flies.
-        sensors: that are compared where the flight holds them, of which an accelerometer must be there; by default
-            those that are not made of others.
+        sensors: sensors that are compared where the flight holds them, of which an accelerometer must be there; by
+            default those that are not made of others.
 
     Raises:
         ValueError: one line: a quantity is missing or does not fit the vehicle.
@@ -189,12 +189,12 @@ def _require_columns(flight: FlightData, start: Vehicle, speeds: Channel, sensor
     for name in (*({"accelerometer"} & {*sensors}), *(["joint_positions"] if start.n else [])):
         flight[name]  # raises
     for name in ("joint_positions", "joint_efforts", "joint_commands"):
-        held = flight[name].values.shape[1] if name in flight else start.n
-        if held != start.n:
-            raise ValueError(f"{flight.name}: {name}: {held} columns, vehicle '{start.name}' has {start.n}")
+        columns = flight[name].values.shape[1] if name in flight else start.n
+        if columns != start.n:
+            raise ValueError(f"{flight.name}: {name}: {columns} columns, vehicle '{start.name}' has {start.n}")
 
 
-def samples_on(channel: Channel, edges: Array) -> Samples:
+def samples_on(channel: Channel, edges: Array) -> SensorSamples:
     """Samples of a measured channel, at most one in each step of a clock with even edges (s)."""
     step, size = float(edges[1] - edges[0]), len(edges) - 1
     place = np.ceil((channel.time - edges[0]) / step - 1e-6).astype(int) - 1
@@ -209,14 +209,14 @@ def samples_on(channel: Channel, edges: Array) -> Samples:
         values[count == 0] = [1.0, 0.0, 0.0, 0.0]
         values = unit_rows(values)
     share = np.bincount(place, (time - edges[place]) / step, size) / least
-    return Samples(values, np.clip(share, 0.0, 1.0), count > 0)
+    return SensorSamples(values, np.clip(share, 0.0, 1.0), count > 0)
 
 
-def _no_samples(size: int, width: int) -> Samples:
+def _no_samples(size: int, width: int) -> SensorSamples:
     """Samples of a sensor that is missing; attitudes are such as may be divided by their length."""
     values = np.zeros((size, width))
     values[:, :1] = width == 4
-    return Samples(values, np.zeros(size), np.zeros(size, dtype=bool))
+    return SensorSamples(values, np.zeros(size), np.zeros(size, dtype=bool))
 
 
 @immutable(kw_only=False, eq=False)
@@ -251,12 +251,12 @@ def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) 
         mean = (integral(last) - integral(first)) / (last - first)[:, None]
         return Held(mean, mean, np.zeros(len(first)))
     little = 1e-6 * (edges[1:] - edges[:-1])
-    held = np.searchsorted(time, first + little, "right") - 1
-    after = np.minimum(held + 1, len(time) - 1)
-    switch = np.where((held + 1 < len(time)) & (time[after] < last - little), time[after], first)
+    sample = np.searchsorted(time, first + little, "right") - 1
+    after = np.minimum(sample + 1, len(time) - 1)
+    switch = np.where((sample + 1 < len(time)) & (time[after] < last - little), time[after], first)
     switch = np.maximum(switch, first)
     mean = (integral(last) - integral(switch)) / (last - switch)[:, None]
-    return Held(values[np.maximum(held, 0)], mean, switch - first)
+    return Held(values[np.maximum(sample, 0)], mean, switch - first)
 
 
 def lagging(held: Held, lag: float, step: float, flat: bool = False) -> Held:
@@ -288,20 +288,20 @@ def lagging(held: Held, lag: float, step: float, flat: bool = False) -> Held:
 def _without_gaps(channel: Channel, edges: Array) -> Mask:
     """Steps (N,) that lie in no gap of a channel, nor outside of it."""
     usual = float(np.median(np.diff(channel.time)))
-    found = (edges[:-1] >= channel.time[0] - usual) & (edges[1:] <= channel.time[-1] + usual)
+    usable = (edges[:-1] >= channel.time[0] - usual) & (edges[1:] <= channel.time[-1] + usual)
     wide = np.flatnonzero(np.diff(channel.time) > GAP * usual)
     for i in wide:
-        found &= (edges[1:] <= channel.time[i]) | (edges[:-1] >= channel.time[i + 1])
-    return np.asarray(found)
+        usable &= (edges[1:] <= channel.time[i]) | (edges[:-1] >= channel.time[i + 1])
+    return np.asarray(usable)
 
 
-class Windows:
+class ClockedWindows:
     """Short windows of measured flights, cut where the vehicle flies and no needed sensor has a gap.
 
     Args:
-        flights: of one step.
+        flights: flights of one step.
         start: vehicle before.
-        seconds: of a window.
+        seconds: length of a window, s.
         most: windows at most, evenly taken; 0 for all.
         places: first steps of the windows in each flight; by default one window behind the other where steps are
             usable.
@@ -330,36 +330,36 @@ class Windows:
         begins = np.concatenate([first + part for first, part in zip(self.firsts, rows, strict=False)])
         owners = np.repeat(np.arange(len(flights)), [len(part) for part in rows])
         if most and len(begins) > most:
-            kept = np.linspace(0, len(begins) - 1, most).astype(int)
-            begins, owners = begins[kept], owners[kept]
+            chosen = np.linspace(0, len(begins) - 1, most).astype(int)
+            begins, owners = begins[chosen], owners[chosen]
         self.begins: IntArray = begins
         self.owners: IntArray = owners
         self.count = len(begins)
 
     def _places(self, flight: Clocked) -> list[int]:
         """First steps of the windows of a flight, one behind the other where all steps are usable."""
-        found, k = list[int](), self.run_in
+        places, k = list[int](), self.run_in
         while k + self.length <= flight.size:
             bad = np.flatnonzero(~flight.usable[k : k + self.length])
             if bad.size:
                 k += int(bad[-1]) + 1
             else:
-                found.append(k)
+                places.append(k)
                 k += self.length
-        return found
+        return places
 
     def before(self, k: int) -> IntArray:
         """Indices (W,) of the steps k behind the windows' begins, not beyond their flights' first and last ones."""
         first, last = self.firsts[self.owners], self.firsts[self.owners + 1] - 1
         return np.asarray(np.clip(self.begins + k, first, last), dtype=np.int64)
 
-    def samples(self, late: Mapping[str, float | Array] | None = None) -> dict[str, Samples]:
+    def samples(self, late: Mapping[str, float | Array] | None = None) -> dict[str, SensorSamples]:
         """Samples of each sensor on the clock, all flights one after the other; marked absent where it is missing.
 
         Args:
             late: sensor -> s, by which its samples are late, in all flights or (flights,) in each.
         """
-        found = dict[str, Samples]()
+        by_sensor = dict[str, SensorSamples]()
         for name in dict.fromkeys(name for each in self.flights for name in each.channels):
             widths = [each.channels[name].values.shape[1] for each in self.flights if name in each.channels]
             if not widths:
@@ -372,8 +372,8 @@ class Windows:
                 for each, delay in zip(self.flights, delays, strict=True)
             ]
             rows = zip(*((each.values, each.share, each.there) for each in parts), strict=True)
-            found[name] = Samples(*(np.concatenate(each) for each in rows))
-        return found
+            by_sensor[name] = SensorSamples(*(np.concatenate(each) for each in rows))
+        return by_sensor
 
     def commands(self, name: str, delay: float, hold: float = 0.0, lag: float = 0.0) -> Held:
         """Logged commands of all flights in each step of the clock, a dead time (s) later; zeros where none is logged.
@@ -404,7 +404,7 @@ class Windows:
         """Speeds (keys, W, rotors) of rotors at the begins of the windows, rad/s.
 
         Args:
-            rotors: of each key.
+            rotors: rotors of each key.
             held: their commands.
         """
         names = ("time_constant_up", "time_constant_down", "max_speed")
@@ -420,7 +420,7 @@ class Windows:
             speeds = np.asarray(speed_after(every, speeds, after[:, at], self.step - begun))
         return speeds
 
-    def first_states(self, samples: Mapping[str, Samples]) -> dict[str, Array]:
+    def first_states(self, samples: Mapping[str, SensorSamples]) -> dict[str, Array]:
         """First estimates (W, k) of the states at the windows' begins, from parabolas through samples around them."""
 
         def parabola(name: str, width: int) -> tuple[Array, Array]:
@@ -440,13 +440,13 @@ class Windows:
             "joint_rates": parabola("joint_rates", 0)[0] if "joint_rates" in samples else joint_rates,
         }
 
-    def _parabola(self, rows: Samples) -> tuple[Array, Array]:
+    def _parabola(self, rows: SensorSamples) -> tuple[Array, Array]:
         """Value and slope (W, k) at each window's begin, of a parabola through the nearest samples."""
         there = np.flatnonzero(rows.there)
         time = (there + rows.share[there]) * self.step
         usual = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
         half = max(2, round(AROUND / usual))
-        found = np.zeros((2, self.count, rows.values.shape[1]))
+        terms = np.zeros((2, self.count, rows.values.shape[1]))
         for i, (begin, owner) in enumerate(zip(self.begins, self.owners, strict=True)):
             first, last = np.searchsorted(there, self.firsts[owner : owner + 2])
             middle = int(np.clip(np.searchsorted(there, begin), first, max(first, last - 1)))
@@ -458,5 +458,5 @@ class Windows:
                 data = continuous(data)
             powers = np.vander(off, min(3, len(chosen)), increasing=True)
             fitted = np.linalg.lstsq(powers, data, rcond=None)[0]
-            found[: min(2, len(fitted)), i] = fitted[:2]
-        return found[0], found[1]
+            terms[: min(2, len(fitted)), i] = fitted[:2]
+        return terms[0], terms[1]

@@ -6,7 +6,6 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from functools import cache, partial
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PLANTS, Scenario
 from skyarm.studies.flights import Work
 from skyarm.studies.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER, Record
+from skyarm.view.pages import Facts
 
 STEADY, TRANSIENT, GUST = Window(10.0, 20.0), Window(0.0, 8.0), Window(5.0, 20.0)
 WINDOWS: Mapping[str, Window] = {case: GUST if case == "case2_gust" else STEADY for case in CASES}
@@ -73,7 +73,7 @@ def work_of(flight: PaperFlight, planned: Scenario, settings: str = STATED, hold
 
     Args:
         flight: case, controller and plant.
-        planned: its scenario.
+        planned: scenario of the flight.
         settings: "stated", "inferred", "predicted", or the name of a variation.
         holds: windows in which Case 1 holds its arm.
     """
@@ -133,7 +133,7 @@ Measured = Mapping[tuple[str, str, str], Metrics]
 """Metrics by (case, controller, plant)."""
 
 
-def results(measured: Measured, settings: dict[str, Any], inferred: Measured | None = None) -> dict[str, Any]:
+def results(measured: Measured, settings: Facts, inferred: Measured | None = None) -> Facts:
     """Published and simulated numbers by case, controller and metric; None if not simulated.
 
     Args:
@@ -141,7 +141,7 @@ def results(measured: Measured, settings: dict[str, Any], inferred: Measured | N
         settings: settings that determine the numbers.
         inferred: metrics under the inferred settings, which each cell holds by plant.
     """
-    experiments: dict[str, Any] = {}
+    experiments: Facts = {}
     settled = inferred or {}
     for case in CASES:
         experiments[case] = {}
@@ -166,7 +166,7 @@ def first_plant(results: Record) -> str:
     return next((plant for plant in PLANTS if any(cell.get(plant) is not None for cell in cells)), PLANTS[0])
 
 
-def settings(logs: Sequence[Log]) -> dict[str, Any]:
+def settings(logs: Sequence[Log]) -> Facts:
     """Settings behind the results: rates, windows, vehicles, seeds, versions, and flights that ended early."""
     info = logs[0].info
     same = ("plant_vehicle", "plant_gravity", "model_vehicle", "model_gravity", "rates_hz", "duration", "seed")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skyarm.studies.paper.counted_cells import RULE, counts, in_group, inferred_value, stated_value
 from skyarm.studies.paper.inferred_settings import PREDICTION, unstated_study
 from skyarm.studies.paper.published import Record
 from skyarm.studies.paper.unstated_study import table_by_name
-from skyarm.view.pages import Table
+from skyarm.view.pages import Facts, Table
 
 GROUPS = {
     "seen": "Cases 2 and 3 (fitted)",
@@ -150,7 +149,7 @@ def _share(agreement: Record, within: str) -> str:
     return f"{agreement[f'within_{within}']} of {agreement['cells']}"
 
 
-def inferred_facts(evidence: Record) -> dict[str, Any]:
+def inferred_facts(evidence: Record) -> Facts:
     """Inferred settings and their origin, as plain data for the results file."""
     fit, settings = unstated_study()["fit"], evidence["stages"]["fit"]["settings"]
     facts = {"numbers": len(fit["free"]), "choices": len(fit["choices"]), "settings": settings}

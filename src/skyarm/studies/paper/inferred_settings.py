@@ -6,7 +6,6 @@ import dataclasses
 import json
 from functools import lru_cache
 from importlib import resources
-from typing import Any
 
 from skyarm.log.metrics.windows import Window
 from skyarm.records.files import read_toml
@@ -37,10 +36,9 @@ def unstated_study() -> Tables:
     return read_toml((LIBRARY / STUDY).read_bytes())
 
 
-def shipped_evidence() -> dict[str, Any]:
+def shipped_evidence() -> Record:
     """Read the shipped results of the search for unstated settings."""
-    evidence: dict[str, Any] = json.loads((LIBRARY / FOUND).read_text(encoding="utf-8"))
-    return evidence
+    return dict(json.loads((LIBRARY / FOUND).read_text(encoding="utf-8")))
 
 
 def is_of_this_study(evidence: Record) -> bool:
@@ -50,7 +48,7 @@ def is_of_this_study(evidence: Record) -> bool:
     return bool(evidence.get("study_digest") == study_digest(study, flights))
 
 
-def settings_in(evidence: Record, kind: str) -> dict[str, Any]:
+def settings_in(evidence: Record, kind: str) -> Record:
     """Settings that the search found: fitted to all cases, or predicted from some."""
     stage = "fit" if kind == INFERRED else f"prediction {PREDICTION}"
     return dict(evidence["stages"][stage]["settings"])

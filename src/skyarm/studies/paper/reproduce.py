@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from skyarm.studies.paper.report_text import LOOK, OVERVIEW
 from skyarm.studies.paper.variations import Variation, variations
 from skyarm.view.figures.paper_figures import overview_figure, paper_figures
 from skyarm.view.figures.style import image_bytes
-from skyarm.view.pages import image
+from skyarm.view.pages import Facts, image
 
 Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
 """group -> value -> case -> controller -> metrics."""
@@ -54,7 +53,7 @@ class Campaign:
 
     def keep(self, work: Work, rows: Rows) -> None:
         """Store the results of one simulated flight."""
-        case, law, plant, settings = work.fixed.values()
+        case, law, plant, settings = map(str, work.fixed.values())
         self.found.setdefault(settings, {})[case, law, plant] = {
             name: None if np.isnan(column[0]) else float(column[0])
             for name, column in rows.items()
@@ -152,7 +151,7 @@ def reproduce(
     evidence: Record | None = None,
     progress: Progress | None = None,
     note: Note | None = None,
-) -> dict[str, Any]:
+) -> Facts:
     """Simulate the five cases of Barakou et al. 2026 with both controllers; write results, figures, report.
 
     Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``inference.md``, ``report.html`` and a page for each
@@ -192,7 +191,7 @@ def reproduce(
         return _write(folder, plants, campaign, evidence, say)
 
 
-def _write(folder: Path, plants: Sequence[str], campaign: Campaign, evidence: Record, say: Note) -> dict[str, Any]:
+def _write(folder: Path, plants: Sequence[str], campaign: Campaign, evidence: Record, say: Note) -> Facts:
     """Write tables, logs, figures and pages; returns the content of ``results.json``."""
     stated = campaign.found[STATED]
     facts = settings(campaign.all_logs()) | inferred_facts(evidence)
@@ -249,7 +248,7 @@ def _json(value: Record) -> bytes:
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
 
 
-def _write_data(folder: Path, table: dict[str, Any], campaign: Campaign) -> None:
+def _write_data(folder: Path, table: Facts, campaign: Campaign) -> None:
     write_atomically(folder / "results.json", _json(table))
     write_atomically(folder / "sensitivity.json", _json({"schema": 1, "variations": campaign.sensitivity}))
     write_atomically(folder / "table2.md", markdown_tables(table).encode())

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
-from skyarm.studies.stability.loop_channels import Channel
+from skyarm.studies.stability.loop_channels import LoopChannel
 
 
 @immutable
@@ -18,13 +17,16 @@ class OpenLoop:
     """Open-loop Jacobians; x: state (attitude as rotation vector), u: command, m: controller state, y: measurement.
 
     Attributes:
-        period: s. rotors: how many entries of u are rotor speeds; they come first.
+        period: s. rotors: number of entries of u that are rotor speeds; they come first.
         lates: times, s, within a period at which a new command takes effect, ascending from 0.
         x_x, x_old, x_new: (lates, ...) of the next state by state, acting and new command.
-        y_x, y_old: of the measurement now. m_m, m_y, u_m, u_y: of the law, by its memory and the measurement it sees.
+        y_x, y_old: derivatives of the measurement now.
+        m_m, m_y, u_m, u_y: derivatives of the law, by its memory and the measurement it sees.
         measurement_delay: control periods. command_delay: s.
-        states: how many entries of x are the vehicle's own; those after them are memories of its joint drives. 0: all.
-        channels: where it is cut for the margins of single loops; none: each number of a command and a measurement.
+        states: number of entries of x that are the vehicle's own; those after them are memories of its joint drives.
+            0: all.
+        channels: points where it is cut for the margins of single loops; none: each number of a command and a
+            measurement.
     """
 
     period: float
@@ -42,7 +44,7 @@ class OpenLoop:
     measurement_delay: int = 0
     command_delay: float = 0.0
     states: int = 0
-    channels: tuple[Channel, ...] = ()
+    channels: tuple[LoopChannel, ...] = ()
 
 
 @immutable(kw_only=False, eq=False)
@@ -104,8 +106,8 @@ def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
     enters[queue[-1]] = np.eye(nu)
     shown = np.zeros((size, ny))
     shown[m] = loop.m_y
-    kept = _in_loop(A, enters, sent, loop.states or nx)
-    return Closed(A[np.ix_(kept, kept)], enters[kept], sent[:, kept], seen[:, kept], shown[kept], loop.u_y)
+    states = _in_loop(A, enters, sent, loop.states or nx)
+    return Closed(A[np.ix_(states, states)], enters[states], sent[:, states], seen[:, states], shown[states], loop.u_y)
 
 
 def gains(loop: OpenLoop, *, rotor_gain: float = 1.0, joint_gain: float = 1.0) -> Array:
@@ -113,7 +115,7 @@ def gains(loop: OpenLoop, *, rotor_gain: float = 1.0, joint_gain: float = 1.0) -
     return np.array([rotor_gain] * loop.rotors + [joint_gain] * (loop.u_m.shape[0] - loop.rotors))
 
 
-def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **modified: Any) -> Array:
+def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **modified: float) -> Array:
     """Transition matrix of the closed loop over one control period, with extra delay or modified gains."""
     return close_loop(loop, extra_delay).matrix(gains(loop, **modified))
 
@@ -137,15 +139,15 @@ def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> Mask:
 
 def _reachable(links: Mask, first: Mask) -> Mask:
     """Mask of the states reachable from the states ``first`` over any number of periods."""
-    found = first
+    reached = first
     while True:
-        more = found | (links[:, found].any(axis=1))
-        if (more == found).all():
-            return found
-        found = more
+        more = reached | (links[:, reached].any(axis=1))
+        if (more == reached).all():
+            return reached
+        reached = more
 
 
-def radius(loop: OpenLoop, **modified: Any) -> float:
+def radius(loop: OpenLoop, **modified: float) -> float:
     """Spectral radius of the closed loop with extra delay or modified gains; inf if not finite."""
     return spectral_radius(closed_loop(loop, **modified))
 

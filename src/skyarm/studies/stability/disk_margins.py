@@ -23,7 +23,7 @@ import numpy as np
 from skyarm.records.arrays import Array, Complex
 from skyarm.records.immutable import immutable
 from skyarm.studies.stability.closed_loop import Closed, OpenLoop, gains
-from skyarm.studies.stability.loop_channels import COMMANDS, MEASUREMENTS, Channel, numbered_channels
+from skyarm.studies.stability.loop_channels import COMMANDS, MEASUREMENTS, LoopChannel, numbered_channels
 
 MOST = 2.0
 """Largest symmetric disk margin: S is 1 far above a sampled loop's bandwidth, so that |S - 1/2| reaches a half."""
@@ -34,8 +34,8 @@ class LoopMargin:
     """Disk margin of a control loop cut at one signal, or at several with independent perturbations.
 
     Attributes:
-        name: of the channel or of the group. group: of the channel. port: "commands" or "measurements".
-        channels: how many are changed at once.
+        name: name of the channel or of the group. group: group of the channel. port: "commands" or "measurements".
+        channels: number of channels changed at once.
         disk: disk margin a, from 0 (unstable) to 2. frequency: critical frequency, rad/s.
         delay: delay margin of this one channel, s; inf beyond the searched range, and for several channels.
     """
@@ -116,8 +116,8 @@ def frequency_grid(z: Complex, period: float) -> Array:
     s = np.log(z[np.abs(z) > DEAD].astype(complex)) / period
     s = s[(s.imag > 0.0) & (np.abs(s.real) < WIDE * s.imag)]
     around = s.imag[:, None] + np.maximum(np.abs(s.real), 1e-6)[:, None] * np.array(AROUND)
-    found = np.unique(np.concatenate([even, around.ravel()]))
-    return found[(found >= LOWEST) & (found <= highest)]
+    grid = np.unique(np.concatenate([even, around.ravel()]))
+    return grid[(grid >= LOWEST) & (grid <= highest)]
 
 
 @immutable(kw_only=False, eq=False)
@@ -132,8 +132,8 @@ class Response:
     def at(self, frequencies: Array) -> Complex:
         """Responses (frequencies, outputs, inputs) at frequencies in rad/s."""
         z = np.exp(1j * np.asarray(frequencies, dtype=float) * self.period)[:, None, None]
-        found = [self.C @ np.linalg.solve(some * np.eye(len(self.A)) - self.A, self.B) for some in _parts(z)]
-        return np.concatenate([np.zeros((0, len(self.C), self.B.shape[1]), dtype=complex), *found])
+        responses = [self.C @ np.linalg.solve(some * np.eye(len(self.A)) - self.A, self.B) for some in _parts(z)]
+        return np.concatenate([np.zeros((0, len(self.C), self.B.shape[1]), dtype=complex), *responses])
 
 
 def _parts(z: Complex) -> list[Complex]:
@@ -164,13 +164,13 @@ def upper_bound(M: Complex) -> Array:
     if M.shape[1] == 1:
         return np.abs(M[:, 0, 0])
     scaled = _perron_scaled(M)
-    found = np.linalg.norm(scaled, ord=2, axis=(1, 2))
+    bounds = np.linalg.norm(scaled, ord=2, axis=(1, 2))
     lowest = 0.0
-    while len(found) and found.max() > lowest * (1.0 + CLOSE):
-        worst = int(np.argmax(found))
-        found[worst] = min(found[worst], _descend(scaled[worst]))
-        lowest = max(lowest, float(found[worst]))
-    return np.asarray(found)
+    while len(bounds) and bounds.max() > lowest * (1.0 + CLOSE):
+        worst = int(np.argmax(bounds))
+        bounds[worst] = min(bounds[worst], _descend(scaled[worst]))
+        lowest = max(lowest, float(bounds[worst]))
+    return np.asarray(bounds)
 
 
 def _perron_scaled(M: Complex) -> Complex:
@@ -221,8 +221,8 @@ class CutLoops:
     """Closed-loop frequency responses from an injection at each channel to every channel.
 
     Attributes:
-        ports: of each port its channels, frequencies (rad/s) and responses (frequencies, channels, channels), and what
-            gives them at other frequencies.
+        ports: for each port, its channels, frequencies (rad/s) and responses (frequencies, channels, channels), and
+            what gives them at other frequencies.
         stable: an unstable loop has no margins.
     """
 
@@ -235,7 +235,7 @@ class CutLoops:
 
     def together(self) -> tuple[LoopMargin, ...]:
         """Simultaneous disk margins of each channel group, of all commands and of all measurements."""
-        found: list[LoopMargin] = []
+        margins: list[LoopMargin] = []
         for name, port in self.ports.items():
             groups = {group: port.places(group) for group in dict.fromkeys(c.group for c in port.channels)}
             # pushes are rotors once more
@@ -243,17 +243,17 @@ class CutLoops:
             for group, places in groups.items():
                 if len(places) > 1:
                     disk, w = port.disk_of_several(places) if self.stable else (0.0, math.nan)
-                    found.append(
+                    margins.append(
                         LoopMargin(name=group, group=group, port=name, channels=len(places), disk=disk, frequency=w)
                     )
-        return tuple(found)
+        return tuple(margins)
 
 
 @dataclass(slots=True, eq=False)
 class _Port:
     """Commands or measurements at which the loop is cut, with their closed-loop frequency responses."""
 
-    channels: tuple[Channel, ...]
+    channels: tuple[LoopChannel, ...]
     frequencies: Array
     T: Complex
     response: Response
@@ -265,10 +265,10 @@ class _Port:
     def alone(self, port: str, longest: float, stable: bool) -> list[LoopMargin]:
         """Disk and delay margin of each channel, cut alone."""
         sizes = np.abs(np.diagonal(self.T, axis1=1, axis2=2) + 0.5)
-        found = []
+        margins = []
         for i, channel in enumerate(self.channels):
             k = int(np.argmax(sizes[:, i])) if len(sizes) else 0
-            found.append(
+            margins.append(
                 LoopMargin(
                     name=channel.name,
                     group=channel.group,
@@ -278,7 +278,7 @@ class _Port:
                     delay=delay_of(self.T[:, i, i], self.frequencies, longest) if stable else 0.0,
                 )
             )
-        return found
+        return margins
 
     def disk_of_several(self, places: Sequence[int]) -> tuple[float, float]:
         """Simultaneous disk margin of several channels, and the frequency of its minimum."""
@@ -294,9 +294,9 @@ def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, s
     Args:
         loop: linearised.
         as_it_is: the same closed.
-        z: its eigenvalues.
+        z: eigenvalues of the closed loop.
         measured: cut it at the measurement, too.
-        stable: of an unstable one nothing is computed.
+        stable: whether it is stable; of an unstable one nothing is computed.
     """
     sizes = (loop.rotors, loop.u_m.shape[0] - loop.rotors, len(loop.y_x))
     channels = loop.channels or numbered_channels(*sizes)
@@ -314,15 +314,15 @@ def cut_loops(loop: OpenLoop, as_it_is: Closed, z: Complex, *, measured: bool, s
         B = np.column_stack([np.zeros((len(A), 0)), *(into[port] @ c.enters for c in mine)])
         C = np.array([c.reads @ out[port] for c in mine]).reshape(-1, len(A))
         # what nothing is made of is no loop
-        kept = [i for i in range(len(C)) if port == COMMANDS or (B[:, i].any() and C[i].any())]
-        found = Response(A, B[:, kept], C[kept], loop.period)
-        ports[port] = _Port(tuple(mine[i] for i in kept), *_refine(found, grid), found)
+        used = [i for i in range(len(C)) if port == COMMANDS or (B[:, i].any() and C[i].any())]
+        response = Response(A, B[:, used], C[used], loop.period)
+        ports[port] = _Port(tuple(mine[i] for i in used), *_refine(response, grid), response)
     return CutLoops(ports, stable)
 
 
-def _refine(found: Response, grid: Array) -> tuple[Array, Complex]:
+def _refine(response: Response, grid: Array) -> tuple[Array, Complex]:
     """Refine a frequency grid around each channel's critical frequency; returns grid and frequency responses."""
-    T = found.at(grid)
+    T = response.at(grid)
     if not T.size:
         return grid, T
     more = []
@@ -331,4 +331,4 @@ def _refine(found: Response, grid: Array) -> tuple[Array, Complex]:
         more.append(np.linspace(low, high, 2 * BETWEEN + 1)[1:-1])
     added = np.setdiff1d(np.concatenate(more), grid)
     order = np.argsort(np.concatenate([grid, added]))
-    return np.concatenate([grid, added])[order], np.concatenate([T, found.at(added)])[order]
+    return np.concatenate([grid, added])[order], np.concatenate([T, response.at(added)])[order]

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.compile import trace
 from skyarm.control.controller import autopilot_of, innermost, part_of, with_innermost
 from skyarm.control.vectored_layer import turns_rotors
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import concrete
-from skyarm.records.leaves import Tree, leaves
+from skyarm.records.leaves import Dataclass, Tree, leaves
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError, with_words
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
@@ -62,30 +64,30 @@ def disturbances(scenario: Scenario) -> tuple[str, ...]:
     return (*turbulence, *_split(scenario, "air")[1], *_split(scenario, "forces")[1])
 
 
-def _split(scenario: Scenario, field: str) -> tuple[tuple[Any, ...], list[str]]:
+def _split(scenario: Scenario, field: str) -> tuple[tuple[Component[Tree], ...], list[str]]:
     """Air or force models without internal state, and names of the others, which linearisation leaves out.
 
     Raises:
         ScenarioError: a memory moves with the plant or follows its state: the loop without it is another.
     """
-    kept, left_out = list[Any](), list[str]()
+    memoryless, left_out = list[Component[Tree]](), list[str]()
     for i, part in enumerate(getattr(scenario, field)):
         name = f"environment.{field}[{i}]"
         memory = part.start(1.0 / scenario.rates.control, (0.5,) * (2 * part.uniforms))
         if not leaves(memory):
-            kept.append(part)
+            memoryless.append(part)
         else:
-            _require_none(part.coupled or _follows_state(part, memory, scenario), name, part)
+            _require_none(part.coupled or _follows_state(part, memory, scenario), name, type(part))
             left_out.append(f"{name} = {type(part).__name__}")
-    return tuple(kept), left_out
+    return tuple(memoryless), left_out
 
 
-def _follows_state(part: Component[Tree], memory: Any, scenario: Scenario) -> bool:
+def _follows_state(part: Component[Tree], memory: Tree, scenario: Scenario) -> bool:
     """True if the update of a disturbance model's internal state depends on the vehicle's state."""
     period, vehicle = 1.0 / scenario.rates.control, scenario.plant.vehicle
     state = example_state(*vehicle.sizes)
 
-    def advance(memory: Any, time: Any, state: State, draws: Any) -> Any:
+    def advance(memory: Tree, time: tuple[Scalar], state: State, draws: Sequence[Scalar]) -> Tree:
         return part.advance(memory, time[0], period, state, draws)
 
     program = trace(advance, memory, (0.0,), state, (0.5,) * part.uniforms)
@@ -126,7 +128,7 @@ def with_held_lag(scenario: Scenario) -> Scenario:
     return _with_part(scenario, lag=dataclasses.replace(lag, held=True)) if hasattr(lag, "held") else scenario
 
 
-def _with_part(scenario: Scenario, **part: Any) -> Scenario:
+def _with_part(scenario: Scenario, **part: Dataclass) -> Scenario:
     """Scenario whose law, below its layers, has another part."""
     par: Any = scenario.controller.par
     own = innermost(par)
@@ -134,7 +136,7 @@ def _with_part(scenario: Scenario, **part: Any) -> Scenario:
     return scenario.with_controller(dataclasses.replace(scenario.controller, par=changed))
 
 
-def with_lag(scenario: Scenario, share: Any) -> Scenario:
+def with_lag(scenario: Scenario, share: Scalar) -> Scenario:
     """Scenario whose rotors have one time constant: for rising speed (share 0), falling (1) or between.
 
     Between, the rate 1 / tau is between both. In a small swing rotors rise half of the time and fall the other half: at
@@ -167,14 +169,14 @@ def require_no_memory(scenario: Scenario, first: LoopState) -> None:
     """
     loads = first.components[1 + len(scenario.air) + len(scenario.forces) :]  # behind the wind; the supply comes last
     for i, (payload, memory) in enumerate(zip(scenario.payloads, loads, strict=False)):
-        _require_none(leaves(memory), f"payloads[{i}]", payload)
+        _require_none(bool(leaves(memory)), f"payloads[{i}]", type(payload))
     for named in scenario.sensors:
-        _require_none(True, f"sensors.{named.name}", named.sensor)
-    _require_none(leaves(first.agent.estimate), "estimator", scenario.estimator)
-    _require_none(leaves(first.agent.sensors[0].memory), "sensors", scenario.noise)
+        _require_none(True, f"sensors.{named.name}", type(named.sensor))
+    _require_none(bool(leaves(first.agent.estimate)), "estimator", type(scenario.estimator))
+    _require_none(bool(leaves(first.agent.sensors[0].memory)), "sensors", type(scenario.noise))
 
 
-def _require_none(held: Any, field: str, part: Any) -> None:
-    if held:
-        what = f"{field} = {type(part).__name__}"
+def _require_none(present: bool, field: str, kind: type) -> None:
+    if present:
+        what = f"{field} = {kind.__name__}"
         raise ScenarioError(f"{what}: must be left out of margins, whose loop has no memory but the law's and drives'")

@@ -11,7 +11,7 @@ from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.studies.stability.along import frozen_hover
+from skyarm.studies.stability.flight_margins import frozen_hover
 from skyarm.studies.stability.frozen_scenario import LAGS
 from skyarm.studies.stability.margins import delay_margin
 
@@ -77,11 +77,11 @@ def hover_delay(scenario: Scenario | PathLike) -> HoverDelay:
         ScenarioError: the loop has a memory that its linearisation does not know.
     """
     scenario = as_scenario(scenario)
-    found = frozen_hover(scenario)
+    hover = frozen_hover(scenario)
     margin = swings = 0.0
-    if found is not None:
-        margin = min(delay_margin(found.open_loop(lag)) for lag in LAGS)
-        swings = delay_margin(found.open_loop("between"))
+    if hover is not None:
+        margin = min(delay_margin(hover.open_loop(lag)) for lag in LAGS)
+        swings = delay_margin(hover.open_loop("between"))
     believed = believed_delay(scenario)
     return HoverDelay(margin=margin, swings=swings, believed=believed, period=1.0 / scenario.rates.control)
 
@@ -96,6 +96,6 @@ def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:
 
 def believed_delay(scenario: Scenario) -> float:
     """Nominal loop delay, s: the larger of the delay stated to the controller and the scenario's delay."""
-    told = float(getattr(innermost(scenario.controller.par), "delay_periods", 0)) / scenario.rates.control
+    nominal = float(getattr(innermost(scenario.controller.par), "delay_periods", 0)) / scenario.rates.control
     stated = float(scenario.delays.measurement) + float(scenario.delays.command)
-    return max(told, stated) if math.isfinite(told) else stated
+    return max(nominal, stated) if math.isfinite(nominal) else stated

@@ -24,12 +24,12 @@ NAMES = {"quaternion": "attitude", "specific_force": "acceleration"}
 
 
 @immutable(eq=False)
-class Channel:
+class LoopChannel:
     """Scalar signal at which the loop is cut for a margin, as a row and a column of its command or measurement.
 
     Attributes:
-        name: of the direction. group: of those that are cut together. port: "commands" or "measurements".
-        reads: its size in a command or a measurement.
+        name: name of the direction. group: group of channels that are cut together. port: "commands" or "measurements".
+        reads: size of the signal in a command or a measurement.
         enters: a command or a measurement of size 1 in this direction alone.
     """
 
@@ -40,25 +40,25 @@ class Channel:
     enters: Array
 
 
-def single(names: Sequence[str], group: str, port: str, size: int, first: int = 0) -> list[Channel]:
+def single(names: Sequence[str], group: str, port: str, size: int, first: int = 0) -> list[LoopChannel]:
     """Cut points at consecutive entries of a command or measurement vector of length ``size``."""
     one = np.eye(size)
     return [
-        Channel(name=name, group=group, port=port, reads=one[first + i], enters=one[first + i])
+        LoopChannel(name=name, group=group, port=port, reads=one[first + i], enters=one[first + i])
         for i, name in enumerate(names)
     ]
 
 
-def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[Channel, ...]:
+def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[LoopChannel, ...]:
     """Cut points named by number, for a loop whose rotors, joints and measurements have no names."""
     size = rotors + joints
-    found = single([f"rotor {i + 1}" for i in range(rotors)], "rotors", COMMANDS, size)
-    found += single([f"joint {i + 1}" for i in range(joints)], "joints", COMMANDS, size, rotors)
+    channels = single([f"rotor {i + 1}" for i in range(rotors)], "rotors", COMMANDS, size)
+    channels += single([f"joint {i + 1}" for i in range(joints)], "joints", COMMANDS, size, rotors)
     names = [f"measurement {i + 1}" for i in range(measurements)]
-    return (*found, *single(names, "measured", MEASUREMENTS, measurements))
+    return (*channels, *single(names, "measured", MEASUREMENTS, measurements))
 
 
-def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quaternion) -> tuple[Channel, ...]:
+def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quaternion) -> tuple[LoopChannel, ...]:
     """Signals at which a vehicle's loop is cut: rotors, body torques and thrust, joint drives, measurements.
 
     Args:
@@ -68,10 +68,10 @@ def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quater
     """
     rotors, joints = len(vehicle.rotors), [link.joint.name for link in vehicle.links]
     size = rotors + len(joints)
-    found = single([f"rotor {rotor.name}" for rotor in vehicle.rotors], "rotors", COMMANDS, size)
-    found += _pushes(vehicle.rotors, np.array(speeds, dtype=float), size)
-    found += single([f"drive {name}" for name in joints], "joints", COMMANDS, size, rotors)
-    return (*found, *_measured_channels(joints, [rotor.name for rotor in vehicle.rotors], attitude))
+    channels = single([f"rotor {rotor.name}" for rotor in vehicle.rotors], "rotors", COMMANDS, size)
+    channels += _pushes(vehicle.rotors, np.array(speeds, dtype=float), size)
+    channels += single([f"drive {name}" for name in joints], "joints", COMMANDS, size, rotors)
+    return (*channels, *_measured_channels(joints, [rotor.name for rotor in vehicle.rotors], attitude))
 
 
 def wrenches(rotors: Sequence[Rotor]) -> Array:
@@ -85,60 +85,60 @@ def wrenches(rotors: Sequence[Rotor]) -> Array:
     return np.array(columns).reshape(len(rotors), 6).T
 
 
-def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[Channel]:
+def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[LoopChannel]:
     """Cut points at body torques and thrust; also at lateral force if the rotors span all six axes."""
     B = wrenches(rotors)
     lengths = np.linalg.norm(B, axis=1, keepdims=True)
     lengths[lengths == 0.0] = 1.0
     scaled = B / lengths
-    kept = 6 if np.linalg.matrix_rank(scaled, tol=1e-6) == 6 else 4
-    if np.linalg.matrix_rank(scaled[:kept], tol=1e-6) < kept or not (speeds > 0.0).all():
+    axes = 6 if np.linalg.matrix_rank(scaled, tol=1e-6) == 6 else 4
+    if np.linalg.matrix_rank(scaled[:axes], tol=1e-6) < axes or not (speeds > 0.0).all():
         return []
     slope = 2.0 * speeds
-    reads, enters = scaled[:kept] * slope, np.linalg.pinv(scaled[:kept]) / slope[:, None]
+    reads, enters = scaled[:axes] * slope, np.linalg.pinv(scaled[:axes]) / slope[:, None]
     none = np.zeros(size - len(speeds))
     return [
-        Channel(
+        LoopChannel(
             name=name,
             group="pushes",
             port=COMMANDS,
             reads=np.concatenate([reads[i], none]),
             enters=np.concatenate([enters[:, i], none]),
         )
-        for i, name in enumerate(WRENCH[:kept])
+        for i, name in enumerate(WRENCH[:axes])
     ]
 
 
-def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Quaternion) -> list[Channel]:
+def _measured_channels(joints: Sequence[str], rotors: Sequence[str], attitude: Quaternion) -> list[LoopChannel]:
     """Cut points at a measurement, one per entry except for time."""
     size = 1 + sum(VECTORS.values()) + 2 * len(joints) + len(rotors)
-    found: list[Channel] = []
+    channels: list[LoopChannel] = []
     place = 1
     for field, count in VECTORS.items():
         group = NAMES.get(field, field)
         names = [f"{group} {axis}" for axis in "xyz"]
         if field == "quaternion":
-            found += _rotations(names, group, size, place, attitude)
+            channels += _rotations(names, group, size, place, attitude)
         else:
-            found += single(names, group, MEASUREMENTS, size, place)
+            channels += single(names, group, MEASUREMENTS, size, place)
         place += count
     for group, names in (
         ("joint positions", [f"position of {name}" for name in joints]),
         ("joint rates", [f"rate of {name}" for name in joints]),
         ("rotor speeds", [f"speed of {name}" for name in rotors]),
     ):
-        found += single(names, group, MEASUREMENTS, size, place)
+        channels += single(names, group, MEASUREMENTS, size, place)
         place += len(names)
-    return found
+    return channels
 
 
-def _rotations(names: Sequence[str], group: str, size: int, place: int, attitude: Quaternion) -> list[Channel]:
+def _rotations(names: Sequence[str], group: str, size: int, place: int, attitude: Quaternion) -> list[LoopChannel]:
     """Cut points at a measured attitude: small rotations about the base's axes."""
     w, x, y, z = (float(c) for c in attitude)
     Q = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
-    found = []
+    channels = []
     for i, name in enumerate(names):
         enters, reads = np.zeros(size), np.zeros(size)
         enters[place : place + 4], reads[place : place + 4] = Q[:, i], 4.0 * Q[:, i]
-        found.append(Channel(name=name, group=group, port=MEASUREMENTS, reads=reads, enters=enters))
-    return found
+        channels.append(LoopChannel(name=name, group=group, port=MEASUREMENTS, reads=reads, enters=enters))
+    return channels

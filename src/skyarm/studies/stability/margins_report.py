@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Sequence
 
 from skyarm.records.text_tables import Row, aligned_lines
-from skyarm.studies.stability.along import Evidence, Instant, Locus
 from skyarm.studies.stability.disk_margins import LoopMargin
+from skyarm.studies.stability.flight_margins import Evidence, LinearisedInstant, Locus
 from skyarm.view.pages import image, page, section, table
 
 GAINS = {"rotor_gain": "rotors", "joint_gain": "joints"}
@@ -51,7 +51,7 @@ def margin_lines(found: Evidence) -> list[str]:
     ]
 
 
-def _row(each: Instant) -> Row:
+def _row(each: LinearisedInstant) -> Row:
     """Make the table row of eigenvalues and stability margins at one instant."""
     rates = [s for m in each.by_lag.values() for s in m.s]
     return (
@@ -79,7 +79,7 @@ def loop_rows(found: Evidence, *, every: bool) -> list[Row]:
     """Make the table rows of disk margins: the weakest loop of each group, or every loop.
 
     Args:
-        found: evidence of :func:`skyarm.studies.stability.along.evidence`.
+        found: evidence of :func:`skyarm.studies.stability.flight_margins.evidence`.
         every: every loop in place of the weakest of each group.
     """
     margins = [m for instant in found.instants for m in instant.by_lag.values()]
@@ -94,10 +94,10 @@ def loop_rows(found: Evidence, *, every: bool) -> list[Row]:
     return rows + [(*_cells(several[name]), f"{several[name].disk:.2f}") for name in GROUPS_ALONE if name in several]
 
 
-def _smallest(found: Iterable[LoopMargin]) -> dict[str, LoopMargin]:
+def _smallest(margins: Iterable[LoopMargin]) -> dict[str, LoopMargin]:
     """Keep the smallest disk margin of each loop over all instants, by the loop's name."""
     least: dict[str, LoopMargin] = {}
-    for each in found:
+    for each in margins:
         if each.name not in least or each.disk < least[each.name].disk:
             least[each.name] = each
     return least
@@ -128,8 +128,8 @@ def margins_page(found: Evidence, loci: Sequence[Locus], picture: bytes = b"") -
     """Make the HTML page of margins: Nyquist diagrams in hover, and a table of every loop.
 
     Args:
-        found: of :func:`skyarm.studies.stability.along.evidence`.
-        loci: of :func:`skyarm.studies.stability.along.hover_loci`.
+        found: evidence of :func:`skyarm.studies.stability.flight_margins.evidence`.
+        loci: loci of :func:`skyarm.studies.stability.flight_margins.hover_loci`.
         picture: PNG of their diagrams.
     """
     body = ""

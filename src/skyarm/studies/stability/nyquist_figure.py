@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from skyarm.studies.stability.along import Locus
 from skyarm.studies.stability.disk_margins import MOST
+from skyarm.studies.stability.flight_margins import Locus
 from skyarm.view.figures.style import PAPER
 
 ACROSS, DIAGRAM = 3, 2.1

@@ -15,12 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.algebra.scalars import data
+from skyarm.algebra.scalars import Scalar, data
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.lower import repeat
@@ -29,10 +29,10 @@ from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.rigid_body import COUPLED_STEP, accelerate
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.surroundings import Memories, Surroundings
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
@@ -45,7 +45,7 @@ from skyarm.simulate.plant_steps import rigid_body_plant
 from skyarm.simulate.stages import Stages
 from skyarm.studies.stability.closed_loop import OpenLoop
 from skyarm.studies.stability.frozen_scenario import SHARES, nominal, require_no_memory, with_held_lag, with_lag
-from skyarm.studies.stability.loop_channels import Channel, vehicle_channels
+from skyarm.studies.stability.loop_channels import LoopChannel, vehicle_channels
 
 STEP_SIZE = 1e-4
 """Step of a difference, in the number's unit or relative where the number is above 1: fourth order leaves 1e-12."""
@@ -65,17 +65,17 @@ def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
     widths = STEP_SIZE * np.maximum(1.0, np.abs(np.delete(base, 3)))  # a rotation has one direction less
     turns = slice(3, 6)
     widths[turns] = STEP_SIZE
-    found = np.repeat(base[:, None], 4 * (count - 1), axis=1)
+    points = np.repeat(base[:, None], 4 * (count - 1), axis=1)
     for direction, width in enumerate(widths):
         for j, (steps, _) in enumerate(STENCIL):
             column = 4 * direction + j
             if 3 <= direction < 6:
                 v = [0.0, 0.0, 0.0]
                 v[direction - 3] = 0.5 * steps * width
-                found[3:7, column] = list(_rotate(attitude, v))
+                points[3:7, column] = list(_rotate(attitude, v))
             else:
-                found[direction if direction < 3 else direction + 1, column] += steps * width
-    return found, widths
+                points[direction if direction < 3 else direction + 1, column] += steps * width
+    return points, widths
 
 
 def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> list[Array]:
@@ -85,7 +85,7 @@ def derivatives(result: Array, still: Array, widths: Array, outs: list[int]) -> 
         result: outputs at the points of :func:`stencil_points` (outputs, directions * 4).
         still: outputs at the point itself (outputs,).
         widths: step of each direction (directions,).
-        outs: how many outputs each of the four has; those of the state come first.
+        outs: numbers of outputs of the four; those of the state come first.
     """
     directions = len(widths)
     state = _tangent(result[: outs[0]], still[: outs[0]])
@@ -111,15 +111,19 @@ def _tangent(states: Array, still: Array) -> Array:
     return np.vstack([states[:3] - still[:3, None], turn, states[7:] - still[7:, None]])
 
 
+Given: TypeAlias = tuple[tuple[Scalar, Scalar], tuple[Scalar, ...]]
+"""Arrival time of a command, s, and share of the rotors' lag; numbers of the paths."""
+
+
 @immutable
 class OpenPoint:
     """Operating point of one open-loop control period; the battery's internal state is constant."""
 
     state: State
-    drives: tuple[Any, ...]
+    drives: Memories
     old: Command
     new: Command
-    memory: Any
+    memory: Tree
     seen: Measurement
     power: Any
 
@@ -128,8 +132,8 @@ def open_point(carry: LoopState, batteries: int = 0) -> OpenPoint:
     """Operating point for the linearisation, from the state of the simulation loop.
 
     Args:
-        carry: of the flight.
-        batteries: how many of the last components are batteries.
+        carry: state of the flight.
+        batteries: number of the last components that are batteries.
     """
     # an open period asks for no time and no specific force
     own, waiting = carry.agent, carry.agent.sensors[0].waiting
@@ -175,8 +179,8 @@ class Differentiator:
         row = inputs.row_at(0, first)
 
         def step(
-            point: OpenPoint, given: tuple[Any, ...], fed: InputRow[Reference], _uniforms: Any
-        ) -> tuple[OpenPoint, Any]:
+            point: OpenPoint, given: Given, fed: InputRow[Reference], _uniforms: Sequence[Scalar]
+        ) -> tuple[OpenPoint, tuple[Scalar, ...]]:
             return point, self._outputs(point, given, fed)
 
         given = ((0.0, 0.0), self._numbers)
@@ -185,7 +189,7 @@ class Differentiator:
         self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=0)
         self._row = len(leaves(row))
 
-    def _outputs(self, point: OpenPoint, given: tuple[Any, ...], row: InputRow[Reference]) -> tuple[Any, ...]:
+    def _outputs(self, point: OpenPoint, given: Given, row: InputRow[Reference]) -> tuple[Scalar, ...]:
         """Next state, measurement, controller state and command, for given arrival times, rotor lag and parameters."""
         (late, lag), numbers = given
         own = self.scenario
@@ -194,8 +198,8 @@ class Differentiator:
         scenario = with_held_lag(with_lag(own, lag))
         stages = Stages(scenario)
         power = tuple(
-            each.advance(kept, row.time, self._period, point.state, ())
-            for each, kept in zip(scenario.power, point.power, strict=True)
+            each.advance(charge, row.time, self._period, point.state, ())
+            for each, charge in zip(scenario.power, point.power, strict=True)
         )
         memories = (*self._components[: len(self._components) - len(power)], *power)
         air = stages.surroundings(memories, point.drives, row.time)
@@ -228,10 +232,10 @@ class Differentiator:
         """Linearise the open loop at a state of the simulated flight.
 
         Args:
-            carry: of the nominal flight.
+            carry: state of the nominal flight.
             row: leaves of the inputs of the instant.
             lag: one of ``SHARES``.
-            numbers: of the paths; the scenario's own if left out.
+            numbers: numbers at the paths; the scenario's own if left out.
         """
         given = (SHARES[lag], *(self._numbers if numbers is None else numbers))
         point = open_point(carry, len(self.scenario.power))
@@ -265,7 +269,7 @@ class Differentiator:
             channels=self._channels(point, base),
         )
 
-    def _channels(self, point: OpenPoint, base: Array) -> tuple[Channel, ...]:
+    def _channels(self, point: OpenPoint, base: Array) -> tuple[LoopChannel, ...]:
         """Signals at which the loop is cut for its margins, at this operating point."""
         at: OpenPoint = rebuild(point, iter(base.tolist()))
         speeds = [float(speed) for speed in at.new.rotor_speeds]

@@ -47,7 +47,7 @@ class BandedCurve:
     """Curve of one metric of one controller against a variable, with its band.
 
     Attributes:
-        controller: that flew.
+        controller: controller that flew.
         x: (K,) value of the variable, of each cell the median.
         middle, low, high: (K,) median, and the ends of the band, of episodes that flew to their end; NaN where none
             did, or too few for a band.
@@ -68,7 +68,7 @@ class BandedCurves:
     """Curves of one metric for all controllers.
 
     Attributes:
-        metric: its name. over: the variable. curves: one for each controller.
+        metric: name of the metric. over: the variable. curves: one for each controller.
     """
 
     metric: str
@@ -80,7 +80,7 @@ def banded_curves(rows: Rows, metric: str, over: str) -> BandedCurves:
     """Curves of a metric against a variable, with bands over all other parameters and the noise.
 
     Args:
-        rows: of a study.
+        rows: rows of a study.
         metric: one of its metrics.
         over: a varied number, an expression of some, or ``name = expression``.
 
@@ -137,12 +137,12 @@ def _curve(rows: Rows, metric: str, controller: str, over: Array) -> BandedCurve
     table: list[Sequence[float]] = []
     for cell in np.unique(cells):
         here = cells == cell
-        kept = column[here & flew & np.isfinite(column)]
-        found: tuple[float, ...] = (np.nan,) * 3
-        if kept.size:
-            ends = np.quantile(kept, BAND) if kept.size >= FEWEST_OF_BAND else (np.nan, np.nan)
-            found = (float(np.median(kept)), *map(float, ends))
-        table.append((float(np.median(over[here])), *found, int(here.sum()), int((here & ~flew).sum())))
+        flown = column[here & flew & np.isfinite(column)]
+        quantiles: tuple[float, ...] = (np.nan,) * 3
+        if flown.size:
+            ends = np.quantile(flown, BAND) if flown.size >= FEWEST_OF_BAND else (np.nan, np.nan)
+            quantiles = (float(np.median(flown)), *map(float, ends))
+        table.append((float(np.median(over[here])), *quantiles, int(here.sum()), int((here & ~flew).sum())))
     x, middle, low, high, episodes, lost = np.array(table, dtype=float).reshape(-1, 6).T
     return BandedCurve(
         controller=controller,

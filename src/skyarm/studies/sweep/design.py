@@ -27,22 +27,22 @@ def values(study: Study, episodes: npt.ArrayLike) -> dict[str, Array]:
     """Values of the varied parameters of a study: parameter path -> values (episodes,).
 
     Args:
-        study: with its design.
+        study: study with its design.
         episodes: numbers of the episodes.
     """
     numbers = np.asarray(episodes, dtype=np.int64)
     cells = prod(len(d.values) for d in study.axes.values())
-    found: dict[str, Array] = {}
+    columns: dict[str, Array] = {}
     # the last axis runs fastest, as in nested loops
     stride = cells
     for index, (path, distribution) in enumerate(study.vary.items()):
         if path in study.axes:
             points = np.array(study.axes[path].values)
             stride //= len(points)
-            found[path] = points[numbers % cells // stride % len(points)]
+            columns[path] = points[numbers % cells // stride % len(points)]
         else:
-            found[path] = distribution.quantile(_unit(study, numbers, index))
-    return with_derived(found, study.derived)
+            columns[path] = distribution.quantile(_unit(study, numbers, index))
+    return with_derived(columns, study.derived)
 
 
 def _unit(study: Study, episodes: IntArray, index: int) -> Array:
@@ -57,15 +57,15 @@ def _unit(study: Study, episodes: IntArray, index: int) -> Array:
 
 def extremes(study: Study) -> dict[str, tuple[float, float, int, int]]:
     """Smallest and largest value of each varied or derived parameter, and the episodes that have them, by path."""
-    found: dict[str, tuple[float, float, int, int]] = {}
+    ranges: dict[str, tuple[float, float, int, int]] = {}
     for start in range(0, study.episodes, BLOCK):
         block = range(start, min(start + BLOCK, study.episodes))
         for path, column in values(study, block).items():
-            low, high, first, last = found.get(path, (np.inf, -np.inf, 0, 0))
+            low, high, first, last = ranges.get(path, (np.inf, -np.inf, 0, 0))
             i, j = int(column.argmin()), int(column.argmax())
             if column[i] < low:
                 low, first = float(column[i]), block[i]
             if column[j] > high:
                 high, last = float(column[j]), block[j]
-            found[path] = low, high, first, last
-    return found
+            ranges[path] = low, high, first, last
+    return ranges

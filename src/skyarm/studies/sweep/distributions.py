@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from statistics import NormalDist
-from typing import Any
 
 import numpy as np
 
@@ -97,16 +96,16 @@ def _normal(value: object, at: str) -> Normal:
 
 
 def _list(value: object, at: str) -> Values:
-    found = _numbers(value, at, (1, MOST_VALUES), f"1 to {MOST_VALUES} numbers")
-    if len(set(found)) != len(found):
+    numbers = _numbers(value, at, (1, MOST_VALUES), f"1 to {MOST_VALUES} numbers")
+    if len(set(numbers)) != len(numbers):
         raise ValueError(f"{at} = {shown(value)}: must not hold a number twice")
-    return Values(found)
+    return Values(numbers)
 
 
-def _grid(value: Any, at: str) -> Values:
+def _grid(value: object, at: str) -> Values:
     start, stop, _ = _numbers(value, at, (3, 3), "3 numbers, [start, stop, count]")
     _require_ascending((start, stop), at, value)
-    given = value[2]
+    given = value[2] if isinstance(value, list) else None
     if type(given) is not int or not 2 <= given <= MOST_VALUES:
         raise ValueError(f"{at}[2] = {shown(given)}: must be a whole number from 2 to {MOST_VALUES}")
     return Values(tuple(np.linspace(start, stop, given).tolist()))
@@ -123,10 +122,10 @@ def _require_ascending(ends: tuple[float, float], at: str, value: object) -> Non
         raise ValueError(f"{at} = {shown(value)}: must be two numbers, the first below the second")
 
 
-def _numbers(value: object, at: str, counts: tuple[int, int], wanted: str) -> tuple[float, ...]:
+def _numbers(value: object, at: str, counts: tuple[int, int], expected: str) -> tuple[float, ...]:
     """Read a distribution's list of numbers from a file's value and check its length."""
     if not isinstance(value, list) or not counts[0] <= len(value) <= counts[1]:
-        raise ValueError(f"{at} = {shown(value)}: must be a list of {wanted}")
+        raise ValueError(f"{at} = {shown(value)}: must be a list of {expected}")
     return tuple(number(item, f"{at}[{i}]") for i, item in enumerate(value))
 
 
@@ -139,7 +138,7 @@ KINDS: Mapping[str, Callable[[object, str], Distribution]] = {
 }
 
 
-def distribution_from(table: Any, at: str) -> Distribution:
+def distribution_from(table: object, at: str) -> Distribution:
     """Distribution from a table with one field, such as ``{ uniform = [0.5, 1.5] }``.
 
     Raises:

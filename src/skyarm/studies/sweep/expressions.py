@@ -19,9 +19,9 @@ import ast
 import math
 import re
 from collections.abc import Collection, Mapping
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from skyarm.records.arrays import Array
 from skyarm.records.files import Fields, did_you_mean, shown
@@ -43,7 +43,7 @@ LETTER = "\N{LATIN SMALL LETTER E WITH ACUTE}"
 
 NAMES = re.compile(rf'"(?P<quoted>[^"]+)"|(?<![\w.])(?P<plain>{WORD}(?:\.\w+)*)(?P<call>\s*\()?', re.ASCII)
 
-OPERATIONS: Mapping[type[ast.AST], Any] = {
+OPERATIONS: Mapping[type[ast.AST], np.ufunc] = {
     ast.UAdd: np.positive,
     ast.USub: np.negative,
     ast.Call: np.sqrt,
@@ -65,8 +65,8 @@ class Expression:
     """Parsed arithmetic expression of a study's parameters.
 
     Attributes:
-        text: as given. names: that it needs, each once, in order. field: its name in messages.
-        tree: Python's. words: of the tree -> name.
+        text: text as given. names: names that it needs, each once, in order. field: name of the field in messages.
+        tree: Python's. words: words of the tree -> name.
     """
 
     text: str
@@ -75,7 +75,7 @@ class Expression:
     words: Mapping[str, str]
     field: str = "expression"
 
-    def value(self, numbers: Mapping[str, Any]) -> Array:
+    def value(self, numbers: Mapping[str, npt.ArrayLike]) -> Array:
         """Evaluate the expression for given numbers or arrays by name, which broadcast.
 
         Raises:
@@ -83,16 +83,16 @@ class Expression:
         """
         return self._value(self.tree, numbers)
 
-    def _value(self, node: ast.expr, numbers: Mapping[str, Any]) -> Array:
+    def _value(self, node: ast.expr, numbers: Mapping[str, npt.ArrayLike]) -> Array:
         if isinstance(node, ast.Constant):
             return np.asarray(float(str(node.value)))
         if isinstance(node, ast.Name):
             return np.asarray(numbers[self.words[node.id]], dtype=float)
         given = np.broadcast_arrays(*(self._value(each, numbers) for each in _operands(node)))
         with np.errstate(all="ignore"):
-            found = np.asarray(OPERATIONS[_operation(node)](*given))
+            values = np.asarray(OPERATIONS[_operation(node)](*given))
         # what was NaN before, as a metric of an episode that did not fly, stays so and is no error
-        wrong = ~np.isfinite(found) & np.logical_and.reduce([np.isfinite(each) for each in given])
+        wrong = ~np.isfinite(values) & np.logical_and.reduce([np.isfinite(each) for each in given])
         if wrong.any():
             *first, last = (float(each[wrong].flat[0]) for each in given)
             why = "must give a finite number"
@@ -101,16 +101,16 @@ class Expression:
             elif last == 0.0:
                 why = f"must not divide by zero ({first[0]:g} / 0)"
             raise _wrong(self.field, self.text, node.col_offset, why)
-        return found
+        return values
 
 
-def read_expression(text: Any, known: Collection[str], field: str = "expression") -> Expression:
+def read_expression(text: object, known: Collection[str], field: str = "expression") -> Expression:
     """Parse an arithmetic expression of named parameters.
 
     Args:
-        text: of the expression.
+        text: text of the expression.
         known: names that it may use.
-        field: its name in messages.
+        field: name of the field in messages.
 
     Raises:
         ExpressionError: one line with its place, and what is allowed there.
@@ -122,19 +122,19 @@ def read_expression(text: Any, known: Collection[str], field: str = "expression"
     text = " ".join(text.split())  # as messages show it, so that its places are theirs
     words: dict[str, str] = {}
 
-    def word(found: re.Match[str]) -> str:
+    def word(match: re.Match[str]) -> str:
         """Python identifier in place of a dotted parameter name, of equal length to keep error positions."""
-        name, call = found["quoted"] or found["plain"], found["call"] or ""
+        name, call = match["quoted"] or match["plain"], match["call"] or ""
         if call and name != FUNCTION:
             why = f"{shown(name)} must not be called; the one function is {FUNCTION}"
-            raise _wrong(field, text, found.start(), why)
+            raise _wrong(field, text, match.start(), why)
         if call:
-            return found[0]
+            return match[0]
         if name not in known:
             there = f"{did_you_mean(name, known)}there are {', '.join(known) or 'none'}"
-            raise _wrong(field, text, found.start(), f"{shown(name)} must be a named number; {there}")
-        short = len(found[0]) < 3  # one or two letters are a word as they are
-        words[stands := name if short else f"{LETTER}{len(words)}".ljust(len(found[0]), LETTER)] = name
+            raise _wrong(field, text, match.start(), f"{shown(name)} must be a named number; {there}")
+        short = len(match[0]) < 3  # one or two letters are a word as they are
+        words[stands := name if short else f"{LETTER}{len(words)}".ljust(len(match[0]), LETTER)] = name
         return stands
 
     plain = text if text.isascii() else text.replace(LETTER, "\0")
@@ -171,7 +171,7 @@ def is_own_name(text: str) -> bool:
     return NAME.fullmatch(text) is not None
 
 
-def derived_from(table: Any, varied: Collection[str]) -> dict[str, Expression]:
+def derived_from(table: object, varied: Collection[str]) -> dict[str, Expression]:
     """Parse the expressions of a study's table ``derived``, by parameter.
 
     Args:
@@ -184,19 +184,19 @@ def derived_from(table: Any, varied: Collection[str]) -> dict[str, Expression]:
     fields = Fields(table, "derived")
     if len(fields.table) > MOST_DERIVED:
         raise ValueError(f"derived = {len(fields.table)} numbers: must be at most {MOST_DERIVED}")
-    found: dict[str, Expression] = {}
+    expressions: dict[str, Expression] = {}
     for name, text in fields.table.items():
         at = f'derived."{name}"'
         if name in varied:
             raise ValueError(f"{at} = {shown(text)}: must not be under vary as well")
         if name == FUNCTION:
             raise ValueError(f"{at} = {shown(text)}: must have another name than the function {FUNCTION}")
-        found[name] = read_expression(text, (*varied, *found), at)
-    used = {name for each in found.values() for name in each.names}
+        expressions[name] = read_expression(text, (*varied, *expressions), at)
+    used = {name for each in expressions.values() for name in each.names}
     for name in varied:
-        if found and is_own_name(name) and name not in used:
+        if expressions and is_own_name(name) and name not in used:
             raise ValueError(f'vary."{name}": must be a path, or be used by an expression under derived')
-    return found
+    return expressions
 
 
 def with_derived(drawn: Mapping[str, Array], derived: Mapping[str, Expression]) -> dict[str, Array]:
@@ -205,8 +205,8 @@ def with_derived(drawn: Mapping[str, Array], derived: Mapping[str, Expression]) 
     Raises:
         ExpressionError: one line that names the number: a division by zero, the root of a negative number.
     """
-    found = dict(drawn)
+    values = dict(drawn)
     count = next((each.size for each in drawn.values()), 1)
     for name, expression in derived.items():
-        found[name] = np.array(np.broadcast_to(expression.value(found), (count,)))
-    return found
+        values[name] = np.array(np.broadcast_to(expression.value(values), (count,)))
+    return values

@@ -23,8 +23,8 @@ def wilson(successes: int, count: int, confidence: float = 0.95) -> tuple[float,
     """Wilson score interval of a proportion.
 
     Args:
-        successes: of the trials.
-        count: of trials; the interval of none is (0, 1).
+        successes: number of successes.
+        count: number of trials; the interval of none is (0, 1).
         confidence: coverage.
 
     Source: Wilson 1927, "Probable inference, the law of succession, and statistical inference".
@@ -60,12 +60,12 @@ def bootstrap_quantiles(
     """
     ordered = np.sort(values)
     n, generator = ordered.size, np.random.default_rng(seed)
-    found = []
+    intervals = []
     for share in shares:
         r = _rank(share, n)
         places = np.ceil(n * generator.beta(r, n - r + 1, resamples)).astype(int)
-        found.append(_percentile(ordered[np.clip(places, 1, n) - 1], confidence))
-    return found
+        intervals.append(_percentile(ordered[np.clip(places, 1, n) - 1], confidence))
+    return intervals
 
 
 def bootstrap_mean(

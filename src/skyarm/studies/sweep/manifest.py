@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from skyarm.records.files import PathLike, shown, write_inside
+from skyarm.records.plain import Plain
 from skyarm.studies.flights.store import name_of
 from skyarm.studies.flights.work import kinship
 from skyarm.studies.sweep.study import DESIGNS, LARGEST_CHUNK, MOST_EPISODES, StudyError
+from skyarm.view.pages import Facts
 
 MANIFEST = "manifest.json"
 
@@ -28,7 +30,7 @@ def _texts(value: object) -> bool:
     return isinstance(value, list) and all(isinstance(each, str) for each in value)
 
 
-def _table(value: object, kind: type | tuple[type, ...]) -> bool:
+def _table(value: object, kind: type | tuple[type, ...]) -> TypeGuard[dict[str, object]]:
     return isinstance(value, dict) and all(isinstance(each, kind) for each in value.values())
 
 
@@ -36,7 +38,10 @@ def _whole(value: object, low: int, high: int) -> bool:
     return type(value) is int and low <= value <= high
 
 
-STUDY_FIELDS: Mapping[str, Any] = {
+Check = Callable[[object], bool]
+"""Whether a field may have a value."""
+
+STUDY_FIELDS: Mapping[str, Check] = {
     "name": lambda value: isinstance(value, str),
     "episodes": lambda value: _whole(value, 1, MOST_EPISODES),
     "chunk": lambda value: _whole(value, 1, LARGEST_CHUNK),
@@ -50,7 +55,7 @@ STUDY_FIELDS: Mapping[str, Any] = {
 }
 """Field of the study that statistics read -> whether a value may be one; fields that are left out are None."""
 
-FIELDS: Mapping[str, Any] = {
+FIELDS: Mapping[str, Check] = {
     "study": lambda value: isinstance(value, dict),
     "scenarios": lambda value: _table(value, str) and bool(value),
     "versions": lambda value: _table(value, str) and "skyarm" in value,
@@ -70,11 +75,11 @@ class Manifest:
     """JSON manifest of a sweep's folder: the settings that determine its results.
 
     Attributes:
-        study: its document, plain values. scenarios: label of the controller -> digest of the scenario.
+        study: document of the study, plain values. scenarios: label of the controller -> digest of the scenario.
         versions: on which the bits of rows may depend, and the digest of the code.
         title: one-line description. success: metric -> largest value of a successful episode.
         units: path of a varied number -> its SI unit. noise: whether episodes draw random numbers.
-        old: of skyarm 0.3: all controllers of a chunk are in one file, which has no digest.
+        old: whether it is of skyarm 0.3: all controllers of a chunk are in one file, which has no digest.
     """
 
     study: Mapping[str, Any]
@@ -122,7 +127,7 @@ class Manifest:
         """True if the sweeps are of one study, on whatever versions."""
         return (self.study, self.scenarios) == (other.study, other.scenarios)
 
-    def differences(self, there: Manifest) -> Iterator[tuple[str, Any, Any]]:
+    def differences(self, there: Manifest) -> Iterator[tuple[str, Plain, Plain]]:
         """Differences of two sweeps that affect their results: (setting, value here, value there)."""
         ours, theirs = (each._rows_depend_on() for each in (self, there))
         names = dict.fromkeys([*ours, *theirs])
@@ -132,7 +137,7 @@ class Manifest:
             if json.dumps(ours.get(name)) != json.dumps(theirs.get(name)):
                 yield name, ours.get(name), theirs.get(name)
 
-    def _rows_depend_on(self) -> dict[str, Any]:
+    def _rows_depend_on(self) -> dict[str, Plain]:
         """Settings that determine a sweep's results, by name, as shown in error messages."""
         study, vary = self.study, self.study.get("vary") or {}
         return {
@@ -146,14 +151,14 @@ class Manifest:
 
     def write(self, folder: Path, rows: int, done: int) -> None:
         """Write the manifest, with the numbers of rows and of whole chunks that are there."""
-        facts: dict[str, Any] = {"schema": SCHEMA, "name": self.name, "digest": self.digest, **asdict(self)}
+        facts: Facts = {"schema": SCHEMA, "name": self.name, "digest": self.digest, **asdict(self)}
         del facts["old"]
         facts |= {"complete": done == self.chunks, "rows": rows, "chunks": {"done": done, "of": self.chunks}}
         content = json.dumps({**facts, "sha256": _sum(facts)}, indent=1) + "\n"
         write_inside(folder / MANIFEST, content.encode())
 
 
-def _sum(facts: Mapping[str, Any]) -> str:
+def _sum(facts: Facts) -> str:
     """SHA-256 digest of the content of a manifest."""
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
@@ -191,7 +196,7 @@ def read_manifest(folder: PathLike) -> Manifest | None:
     return Manifest(**{name: table[name] for name in FIELDS if name in table}, old=schema == OLD)
 
 
-def _require(table: Mapping[str, Any], fields: Mapping[str, Any], where: str) -> None:
+def _require(table: Facts, fields: Mapping[str, Check], where: str) -> None:
     for name, may_be in fields.items():
         if not may_be(table.get(name)) and (name in table or name not in LEFT_OUT):
             raise ValueError(f"{where}{name} = {shown(table.get(name))}: cannot be")

@@ -42,7 +42,7 @@ class RobustnessMap:
     """Success rate of one controller over two varied parameters, in bins.
 
     Attributes:
-        controller: that flew. across, upward: the axes.
+        controller: controller that flew. across, upward: the axes.
         rate: (upward, across) share of successes, NaN where no episode fell.
         count: (upward, across) episodes.
     """
@@ -64,7 +64,7 @@ def robustness_maps(rows: Rows, paths: tuple[str, str] | None = None) -> list[Ro
     """Maps of each controller's success rate over two varied parameters; empty if fewer vary.
 
     Args:
-        rows: of the study.
+        rows: rows of the study.
         paths: across and upward; the first two that vary if left out.
 
     Raises:

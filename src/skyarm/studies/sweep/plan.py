@@ -7,7 +7,6 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -37,11 +36,11 @@ PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
 
 
 @immutable(kw_only=False)
-class Plan:
+class SweepPlan:
     """Study that has been checked at the extremes of its varied parameters and is ready to be simulated.
 
     Attributes:
-        study: as read.
+        study: study as read.
         stiffest: the plant whose joint friction bounds the integration step of all episodes, with the air, forces and
             drives that state the shortest one.
         manifest: the facts on which the rows depend.
@@ -89,7 +88,7 @@ class _Setting:
             return with_numbers(scenario, self.numbers)
 
 
-def prepare(study: Study) -> Plan:
+def prepare(study: Study) -> SweepPlan:
     """Check a sweep at the extremes of its parameters, and return its plan of batches.
 
     Raises:
@@ -114,7 +113,7 @@ def prepare(study: Study) -> Plan:
         units={path: unit for path in study.paths if (unit := _unit(first, path))},
         noise=any(draws_needed(scenario) for scenario in study.scenarios.values()),
     )
-    return Plan(study, _stiffest(study.source, first, singles, together), manifest)
+    return SweepPlan(study, _stiffest(study.source, first, singles, together), manifest)
 
 
 def _unit(scenario: Scenario, path: str) -> str:
@@ -125,7 +124,7 @@ def _unit(scenario: Scenario, path: str) -> str:
         return ""
 
 
-def _code_and_endings(study: Study) -> dict[str, Any]:
+def _code_and_endings(study: Study) -> dict[str, dict[str, str] | list[str]]:
     """Digests of user code and user-defined termination statuses on which a sweep's results depend."""
     own = dict.fromkeys(ending.status for scenario in study.scenarios.values() for ending in scenario.endings)
     rows = [row.load() for name, row in registrations("metric").items() if name in study.metrics]
@@ -145,21 +144,21 @@ def _singles(source: str, ends: Mapping[str, tuple[float, float]]) -> list[_Sett
 
 def _derived_settings(study: Study, extreme: Mapping[str, tuple[int, int]]) -> list[_Setting]:
     """Parameter values to check before a sweep: episodes in which a derived parameter is smallest or largest."""
-    found = []
+    settings = []
     for path, episodes in extreme.items():
         for episode in dict.fromkeys(episodes):
             drawn = values(study, [episode])
             numbers = {name: float(drawn[name][0]) for name in study.paths}
             reached = f" reaches {numbers[path]:.6g}" if path in numbers else ""
-            found.append(_Setting(path, f'{study.source}: derived."{path}"{reached}', numbers))
-    return found
+            settings.append(_Setting(path, f'{study.source}: derived."{path}"{reached}', numbers))
+    return settings
 
 
 def fastest_plant(scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -> Scenario:
     """Scenario that requires the shortest integration steps within the ranges of the varied parameters.
 
     Args:
-        scenario: as it is.
+        scenario: scenario as it is.
         ends: path -> least and greatest number.
 
     Raises:
@@ -181,11 +180,11 @@ def _stiffest(source: str, scenario: Scenario, singles: Sequence[_Setting], deri
     for each in singles:
         if each.path.startswith((*PLANT, "changes.")):
             single = each.of(scenario)
-            found = _rate(each.where, single)
-            if found > rate:
+            single_rate = _rate(each.where, single)
+            if single_rate > rate:
                 worst |= each.numbers
-            if found > best_rate:
-                best, best_rate = single, found
+            if single_rate > best_rate:
+                best, best_rate = single, single_rate
     all_worst = _Setting("", "", worst)
     for each in (all_worst, *derived):
         try:
@@ -194,9 +193,9 @@ def _stiffest(source: str, scenario: Scenario, singles: Sequence[_Setting], deri
             if each is all_worst:  # extremes of several need not come together
                 continue
             raise
-        found = _rate(f"{source}: vary", together)
-        if found > best_rate:
-            best, best_rate = together, found
+        single_rate = _rate(f"{source}: vary", together)
+        if single_rate > best_rate:
+            best, best_rate = together, single_rate
     for each in (*singles, *derived):
         if each.path.startswith(STATED):
             best = min((best, each.of(best)), key=lambda changed: stated_step(changed) or math.inf)
@@ -223,10 +222,10 @@ def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path
     """Write a single episode of a study as a scenario file, whose flight has the metrics of the episode's row.
 
     Args:
-        path: of the .toml file to write.
-        study: from :func:`skyarm.studies.sweep.load_study`, beside whose file that of its scenario is.
-        label: of the controller.
-        episode: its number.
+        path: path of the .toml file to write.
+        study: study from :func:`skyarm.studies.sweep.load_study`, beside whose file that of its scenario is.
+        label: label of the controller.
+        episode: number of the episode.
 
     Raises:
         StudyError: one line: a label or an episode that the study does not have.
@@ -235,16 +234,16 @@ def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path
     """
     if label not in study.scenarios:
         raise StudyError(f"label = {shown(label)}: {must_be_one_of(study.scenarios, label)}")
-    known = whole(episode)
-    if known is None or not 0 <= known < study.episodes:
+    index = whole(episode)
+    if index is None or not 0 <= index < study.episodes:
         raise StudyError(f"episode = {shown(episode)}: must be a whole number from 0 to {study.episodes - 1}")
-    episode, drawn = known, values(study, [known])
+    episode, drawn = index, values(study, [index])
     scenario = at_episode(study, label, {name: column[0] for name, column in drawn.items()}, episode)
     windows = study.windows.of_flight(scenario.duration, scenario.windows)
-    found = dataclasses.replace(scenario, windows=record_from(Windows, Fields(windows.plain(), "windows")))
+    flight = dataclasses.replace(scenario, windows=record_from(Windows, Fields(windows.plain(), "windows")))
     named = study.document["scenario"]
     base = named if named in list_scenarios() else Path(study.source).parent / named
-    return save_scenario(path, found, base, label if study.document["controllers"] else None)
+    return save_scenario(path, flight, base, label if study.document["controllers"] else None)
 
 
 LOOKED_AT = 1000

@@ -26,7 +26,7 @@ class RowsThere:
     """Files of a sweep's folder that count.
 
     Attributes:
-        files: of each chunk with each controller. chunks: those that are there with all controllers, ascending.
+        files: files of each chunk with each controller. chunks: chunks that are there with all controllers, ascending.
         ignored: names of files that do not count. count: flights of those that do.
     """
 
@@ -40,8 +40,8 @@ def rows_there(folder: Path, manifest: Manifest, *, untrusted: Collection[str] |
     """Files of a sweep's folder that count: whole, undamaged and of this study.
 
     Args:
-        folder: of the sweep.
-        manifest: of it.
+        folder: folder of the sweep.
+        manifest: manifest of the sweep.
         untrusted: names of files that do not count, where all others have been looked at; None to look now.
 
     Raises:
@@ -101,8 +101,8 @@ def require_same_study(folder: Path, manifest: Manifest) -> None:
         if files:
             raise StudyError(f"{folder}: holds rows of no sweep; choose another --out")
         return  # a manifest without rows belongs to none
-    held = read_manifest(folder)
-    if held is None:
+    stored = read_manifest(folder)
+    if stored is None:
         if any(OLD_FILE.fullmatch(path.name) for path in (folder / ROWS).iterdir()):
             raise StudyError(f"{folder}: holds rows of skyarm 0.3 without a {MANIFEST}; choose another --out")
         for path in files:
@@ -112,12 +112,12 @@ def require_same_study(folder: Path, manifest: Manifest) -> None:
                     f"{folder}: holds rows of another study ({path.name}) without a {MANIFEST}; choose another --out"
                 )
         return
-    if held.old:
+    if stored.old:
         raise StudyError(
-            f"{folder}: holds rows of skyarm {held.versions['skyarm']}, which can be summed up and not continued; "
+            f"{folder}: holds rows of skyarm {stored.versions['skyarm']}, which can be summed up and not continued; "
             "choose another --out"
         )
-    for name, new, old in manifest.differences(held):
+    for name, new, old in manifest.differences(stored):
         raise StudyError(
             f"{name} = {shown(new)}: must be {shown(old)} as in the rows that {folder} holds; choose another --out"
         )

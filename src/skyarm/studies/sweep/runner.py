@@ -49,7 +49,7 @@ def fly_sweep(
     Args:
         study: the tables of a study's file (:mod:`skyarm.studies.sweep.study_file`), the path of one, the name of a
             shipped one, or a study that was loaded before.
-        folder: of the rows; one that holds some of this study is completed.
+        folder: folder of the rows; one that holds some of this study is completed.
         workers: threads or processes that fly; rows do not depend on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT".
         part: "K/N", one of the machines that share the folder.
@@ -82,7 +82,7 @@ def run_sweep(
     """Simulate the missing flights of a sweep; an interrupted sweep ends with the same files.
 
     Args:
-        study: from :func:`skyarm.studies.sweep.load_study`.
+        study: study from :func:`skyarm.studies.sweep.load_study`.
         out: folder of the rows; one that holds some of this study is completed.
         workers: threads or processes that fly; rows do not depend on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT".
@@ -106,9 +106,9 @@ def run_sweep(
             except StudyError as error:
                 raise StudyError(f"{study.source}: {error}") from None
             there = rows_there(folder, manifest)
-            found = there.count // controllers
+            present = there.count // controllers
             manifest.write(folder, there.count, len(there.chunks))
-            report(found, study.episodes)
+            report(present, study.episodes)
             works = (work for index in range(first, study.chunks, stride) for work in plan.works(index))
             try:
                 with Crew(on, workers, store) as crew:
@@ -122,14 +122,14 @@ def run_sweep(
         folder=folder,
         rows=there.count,
         flown=crew.flights // controllers,
-        found=found,
+        found=present,
         seconds=time.perf_counter() - begin,
     )
 
 
 def _part(text: str | None) -> tuple[int, int]:
     """First chunk of episodes and stride between chunks, for one machine's share "K/N" of a sweep."""
-    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", "1/1" if text is None else str(text))
-    if not found or not 1 <= int(found[1]) <= int(found[2]):
+    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", "1/1" if text is None else str(text))
+    if not match or not 1 <= int(match[1]) <= int(match[2]):
         raise StudyError(f"--part = {shown(text)}: must be K/N with K from 1 to N, such as 3/16")
-    return int(found[1]) - 1, int(found[2])
+    return int(match[1]) - 1, int(match[2])

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from skyarm.studies.sweep.intervals import bootstrap_mean, bootstrap_quantiles, 
 from skyarm.studies.sweep.manifest import MANIFEST, Manifest, read_manifest
 from skyarm.studies.sweep.rows import not_counted, rows_there
 from skyarm.studies.sweep.study import StudyError
-from skyarm.view.pages import image, render_template
+from skyarm.view.pages import Facts, image, render_template
 from skyarm.view.pages import page as plain_page
 
 FAILED = "failed"
@@ -37,11 +36,11 @@ class Rows:
     Only files count that are whole and of this study.
 
     Args:
-        folder: that ``skyarm sweep`` wrote.
+        folder: folder that ``skyarm sweep`` wrote.
         success: metric -> largest value of a successful episode; the study's own if left out.
 
     Attributes:
-        manifest: of the folder. count: rows that are there. planned: rows of the whole study.
+        manifest: manifest of the folder. count: rows that are there. planned: rows of the whole study.
         skipped: names of files that do not count.
 
     Raises:
@@ -105,29 +104,29 @@ class Rows:
 
     def succeeded(self, controller: str) -> Mask:
         """Success of each flight of a controller: completed, with all metrics within their limits."""
-        found = self.of(controller, "status") == "completed"
+        success = self.of(controller, "status") == "completed"
         for name, limit in self.limits.items():
-            found = found & (self.of(controller, name) <= limit)
-        return np.asarray(found)
+            success = success & (self.of(controller, name) <= limit)
+        return np.asarray(success)
 
     def episode(self, controller: str, which: str) -> int:
         """Number of a controller's first episode without success, or of that with the largest value of a metric.
 
         Args:
-            controller: its label.
+            controller: label of the controller.
             which: "failed", or the name of a metric.
 
         Raises:
             StudyError: the rows have no such metric; no episode failed; or no episode has a value of the metric.
         """
         if which == FAILED:
-            found = ~self.succeeded(controller)
+            matching = ~self.succeeded(controller)
         else:
             column = self.of(controller, which)
-            found = column == np.max(column, initial=-np.inf, where=~np.isnan(column))
-        if not found.any():
+            matching = column == np.max(column, initial=-np.inf, where=~np.isnan(column))
+        if not matching.any():
             raise StudyError(f"{which!r}: must be true of an episode of {controller} in {self.folder}; it is of none")
-        return int(self.of(controller, "episode")[int(found.argmax())])
+        return int(self.of(controller, "episode")[int(matching.argmax())])
 
 
 def parse_limits(texts: list[str]) -> dict[str, float]:
@@ -136,24 +135,24 @@ def parse_limits(texts: list[str]) -> dict[str, float]:
     Raises:
         StudyError: a text of another form.
     """
-    found = {}
+    limits = {}
     for text in texts:
         name, _, value = text.partition("=")
         try:
-            found[name.strip()] = number(float(value), name)
+            limits[name.strip()] = number(float(value), name)
         except ValueError:
             raise StudyError(
                 f"--success = {shown(text)}: must be METRIC=LARGEST, such as position_error_mean=0.2"
             ) from None
-    return found
+    return limits
 
 
-def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[str, Any]:
+def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> Facts:
     """Statistics of a sweep as plain data: success rates, quantiles and paired differences.
 
     Args:
-        rows: of the study.
-        seed: of the bootstrap.
+        rows: rows of the study.
+        seed: seed of the bootstrap.
         confidence: coverage of all intervals.
 
     Returns:
@@ -163,7 +162,7 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
     """
     wins = {controller: rows.succeeded(controller) for controller in rows.controllers}
     flew = {controller: rows.of(controller, "status") == "completed" for controller in rows.controllers}
-    found: dict[str, Any] = {
+    facts: Facts = {
         "schema": 1,
         "study": rows.manifest.name,
         "complete": rows.complete,
@@ -181,7 +180,7 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
     for controller in rows.controllers:
         counts = Counter(rows.of(controller, "status").tolist())
         won = int(wins[controller].sum())
-        found["controllers"][controller] = {
+        facts["controllers"][controller] = {
             "status": dict(sorted(counts.items())),
             "successes": won,
             "success_rate": won / rows.episodes,
@@ -190,30 +189,26 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
         }
     pairs = list(combinations(rows.controllers, 2))
     for one, other in pairs:
-        found["paired"][f"{one} - {other}"] = _success_difference(wins[one], wins[other], seed, confidence)
+        facts["paired"][f"{one} - {other}"] = _success_difference(wins[one], wins[other], seed, confidence)
     for metric in rows.metrics:
         columns = {controller: rows.of(controller, metric) for controller in rows.controllers}
         for controller, column in columns.items():
-            kept = column[flew[controller] & np.isfinite(column)]
-            found["controllers"][controller]["metrics"][metric] = _spread(kept, seed, confidence)
+            flown = column[flew[controller] & np.isfinite(column)]
+            facts["controllers"][controller]["metrics"][metric] = _spread(flown, seed, confidence)
         for one, other in pairs:
             difference = columns[one] - columns[other]
-            kept = difference[flew[one] & flew[other] & np.isfinite(difference)]
-            found["paired"][f"{one} - {other}"]["metrics"][metric] = _difference_statistics(kept, seed, confidence)
-    return _without_intervals(found) if rows.deterministic else found
+            flown = difference[flew[one] & flew[other] & np.isfinite(difference)]
+            facts["paired"][f"{one} - {other}"]["metrics"][metric] = _difference_statistics(flown, seed, confidence)
+    return _without_intervals(facts) if rows.deterministic else facts
 
 
-def _without_intervals(found: Any) -> Any:
+def _without_intervals(facts: Facts) -> Facts:
     """Statistics with every confidence interval set to None, for sweeps without random values."""
-    if not isinstance(found, dict):
-        return found
-    return {
-        key: None if key == "intervals" or key.endswith("_interval") else _without_intervals(each)
-        for key, each in found.items()
-    }
+    every = {key: _without_intervals(each) if isinstance(each, dict) else each for key, each in facts.items()}
+    return {key: None if key == "intervals" or key.endswith("_interval") else each for key, each in every.items()}
 
 
-def _spread(values: Array, seed: int, confidence: float) -> dict[str, Any] | None:
+def _spread(values: Array, seed: int, confidence: float) -> Facts | None:
     if not values.size:
         return None
     return {
@@ -224,7 +219,7 @@ def _spread(values: Array, seed: int, confidence: float) -> dict[str, Any] | Non
     }
 
 
-def _difference_statistics(difference: Array, seed: int, confidence: float) -> dict[str, Any] | None:
+def _difference_statistics(difference: Array, seed: int, confidence: float) -> Facts | None:
     """Mean and median of paired differences, and share of negative ones (ties count half)."""
     if not difference.size:
         return None
@@ -240,7 +235,7 @@ def _difference_statistics(difference: Array, seed: int, confidence: float) -> d
     }
 
 
-def _success_difference(one: Array, other: Array, seed: int, confidence: float) -> dict[str, Any]:
+def _success_difference(one: Array, other: Array, seed: int, confidence: float) -> Facts:
     counts = {
         "both": int((one & other).sum()),
         "only_first": int((one & ~other).sum()),
@@ -276,13 +271,13 @@ class Pictures:
         return written
 
 
-def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> str:
+def page(found: Facts, manifest: Manifest, pictures: Pictures) -> str:
     """HTML page of a sweep's statistics and robustness maps, in one self-contained file.
 
     Args:
-        found: from :func:`skyarm.studies.sweep.stats.statistics`.
-        manifest: of the study's folder.
-        pictures: of maps.
+        found: statistics from :func:`skyarm.studies.sweep.stats.statistics`.
+        manifest: manifest of the study's folder.
+        pictures: pictures of maps.
     """
     body = render_template(
         "studies/sweep/study.html",
@@ -299,10 +294,10 @@ def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> st
     return plain_page(manifest.title or manifest.name, facts, body)
 
 
-def summary(found: Mapping[str, Any]) -> list[str]:
+def summary(found: Facts) -> list[str]:
     """Text lines for a terminal: success rates of a sweep, and how many flights are missing."""
 
-    def interval(pair: Any, form: str) -> str:
+    def interval(pair: Sequence[float] | None, form: str) -> str:
         return "" if pair is None else f" [{pair[0]:{form}}, {pair[1]:{form}}]"
 
     lines = []
@@ -319,11 +314,11 @@ def summary(found: Mapping[str, Any]) -> list[str]:
     return lines + not_counted(found["files_not_counted"])
 
 
-def _rows_there(found: Mapping[str, Any]) -> str:
+def _rows_there(facts: Facts) -> str:
     """Text on how many rows and episodes are there."""
-    if found["complete"]:
-        return f"{found['rows']} rows of {found['episodes']} episodes"
-    return f"incomplete: {found['rows']} of {found['rows_planned']} rows, {found['episodes']} episodes so far"
+    if facts["complete"]:
+        return f"{facts['rows']} rows of {facts['episodes']} episodes"
+    return f"incomplete: {facts['rows']} of {facts['rows_planned']} rows, {facts['episodes']} episodes so far"
 
 
 def metric_label(metric: str) -> str:

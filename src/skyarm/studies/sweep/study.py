@@ -29,15 +29,15 @@ class Study:
     """Definition of a parameter sweep: scenario, controllers, distributions, metrics and seed.
 
     Attributes:
-        name: short name. title: one-line description. source: its name in messages.
+        name: short name. title: one-line description. source: name of the study in messages.
         scenarios: label of the controller -> scenario it flies; all of them fly the same draws.
         vary: dotted path -> its distribution, in the order of the file; or a name that is only derived from.
         derived: dotted path, or a name that is only written into the rows -> its expression of what stands before it.
         design: "random", "grid" or "sobol".
-        episodes: how many, numbered from 0. seed: of draws and noise. chunk: episodes of one file.
+        episodes: number of episodes, numbered from 0. seed: seed of draws and noise. chunk: episodes of one file.
         precision: "double", "single", or "bit_exact" (double without fused multiply-add: the same bits on every
             processor).
-        metrics: names and groups of those in the rows. windows: of the metrics.
+        metrics: names and groups of those in the rows. windows: windows of the metrics.
         success: metric -> largest value of a successful episode; it has to fly to its end in any case.
         document: the fields that the rows depend on, as plain values.
     """

@@ -79,7 +79,7 @@ def load_study(name_or_path: PathLike, controllers: Sequence[str] | None = None)
 
     Args:
         name_or_path: a name of :func:`list_studies`, or the path of a .toml file.
-        controllers: in place of the file's.
+        controllers: controllers in place of the file's.
 
     Raises:
         StudyError: one line, ``file: field = value: what is allowed``.
@@ -93,7 +93,7 @@ def load_study(name_or_path: PathLike, controllers: Sequence[str] | None = None)
         return study_from(changed, folder, source=text)
 
 
-def _require_no_file_law(controllers: Any) -> None:
+def _require_no_file_law(controllers: object) -> None:
     """Refuse controllers from code files in a study file."""
     for name in controllers if isinstance(controllers, list) else ():
         if is_law_of_file(name):
@@ -105,8 +105,8 @@ def study_from(document: Mapping[str, Any], folder: PathLike = "", *, source: st
 
     Args:
         document: plain tables, as read from TOML.
-        folder: where its scenario's path starts.
-        source: its name in messages.
+        folder: folder where its scenario's path starts.
+        source: name of the study in messages.
 
     Raises:
         StudyError: one line with field, value and what is allowed.
@@ -148,10 +148,10 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     windows = chosen["windows"].of_flight(first.duration, first.windows)
     success = _success(top, chosen["metrics"])
     top.done()
-    told = {key: top.table.get(key) for key in ("scenario", "controllers", "duration", "vary")}
-    if told["controllers"] is not None:
-        told["controllers"] = list(scenarios)
-    document = {"schema": 1, "name": name, **told, **chosen, "windows": windows.plain()}
+    stated = {key: top.table.get(key) for key in ("scenario", "controllers", "duration", "vary")}
+    if stated["controllers"] is not None:
+        stated["controllers"] = list(scenarios)
+    document = {"schema": 1, "name": name, **stated, **chosen, "windows": windows.plain()}
     if derived:
         document["derived"] = {path: each.text for path, each in derived.items()}
     return Study(
@@ -167,13 +167,13 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     )
 
 
-def _whole(at: str, value: Any, most: int) -> int:
+def _whole(at: str, value: object, most: int) -> int:
     if type(value) is not int or not 1 <= value <= most:
         raise ValueError(f"{at} = {shown(value)}: must be a whole number from 1 to {most}")
     return value
 
 
-def _vary(table: Any, design: str) -> dict[str, Distribution]:
+def _vary(table: object, design: str) -> dict[str, Distribution]:
     fields = Fields(table, "vary")
     vary = {path: distribution_from(value, f'vary."{path}"') for path, value in fields.table.items()}
     if design == "sobol" and not 1 <= len(vary) <= DIMENSIONS:
@@ -205,10 +205,10 @@ def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int
 
 def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
     """Names of the metrics that a study computes of every flight."""
-    wanted = top.take("metrics", ["standard", "rotor_jitter", "rotor_saturation"])
-    if not isinstance(wanted, list) or not wanted:
-        raise ValueError(f"metrics = {shown(wanted)}: must be a list of names")
-    return metric_names(wanted, scenario.plant.vehicle.n, scenario.commands_setpoints)
+    names = top.take("metrics", ["standard", "rotor_jitter", "rotor_saturation"])
+    if not isinstance(names, list) or not names:
+        raise ValueError(f"metrics = {shown(names)}: must be a list of names")
+    return metric_names(names, scenario.plant.vehicle.n, scenario.commands_setpoints)
 
 
 def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:
@@ -221,13 +221,13 @@ def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[
     if duration is not None:
         duration = number(duration, "duration", low=0.0, strict=True)
     file: PathLike = named if named in list_scenarios() else folder / named
-    found = {}
+    scenarios = {}
     for controller in controllers:
         scenario = load_scenario(file, controller=controller, duration=duration)
         if any(path.startswith("changes.") for path in paths) and controller is not None:
             _require_numbered_alike(scenario, load_scenario(file, duration=duration))
-        found[controller or scenario.controller.name] = _ready(scenario, paths, derived)
-    return found
+        scenarios[controller or scenario.controller.name] = _ready(scenario, paths, derived)
+    return scenarios
 
 
 def _require_numbered_alike(scenario: Scenario, own: Scenario) -> None:
@@ -262,10 +262,10 @@ def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Sc
     return scenario
 
 
-def _success(top: Fields, known: tuple[str, ...]) -> dict[str, float]:
+def _success(top: Fields, metrics: tuple[str, ...]) -> dict[str, float]:
     fields = Fields(top.take("success", {}), "success")
     for name in fields.table:
-        if name not in known:
-            there = f"{did_you_mean(name, known)}there are {', '.join(known)}"
+        if name not in metrics:
+            there = f"{did_you_mean(name, metrics)}there are {', '.join(metrics)}"
             raise ValueError(f"success.{name}: is no metric of this study; {there}")
     return {name: fields.number(name) for name in fields.table}

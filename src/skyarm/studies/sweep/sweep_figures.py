@@ -51,7 +51,7 @@ def plot_sweep(
     """Draw metrics of a sweep against a varied parameter or an expression of several.
 
     Args:
-        folder: that ``skyarm sweep`` wrote, or its rows.
+        folder: folder that ``skyarm sweep`` wrote, or its rows.
         metrics: one, or several above each other.
         over: a varied path, ``"sqrt(a * a + b * b)"`` or ``"length = sqrt(a * a + b * b)"``.
         file: written there too, as PNG, SVG or PDF by its suffix.
@@ -65,8 +65,8 @@ def plot_sweep(
     names = [metrics] if isinstance(metrics, str) else list(dict.fromkeys(metrics))
     if not 1 <= len(names) <= MOST_PANELS:
         raise StudyError(f"metrics = {len(names)}: must be 1 to {MOST_PANELS} in one picture")
-    found = [banded_curves(rows, name, over) for name in names]
-    figure = metric_figure(found)
+    curves = [banded_curves(rows, name, over) for name in names]
+    figure = metric_figure(curves)
     if file is not None:
         save_picture(figure, Path(file))
     return figure
@@ -106,9 +106,9 @@ def _short(words: str) -> str:
     return words if len(words) <= LONGEST else f"{words[: LONGEST - 1]}\N{HORIZONTAL ELLIPSIS}"
 
 
-def _axis_limits(found: BandedCurves) -> tuple[float, float]:
+def _axis_limits(drawn: BandedCurves) -> tuple[float, float]:
     """Limits of a metric's value axis, starting at zero if no value is negative."""
-    seen = np.concatenate([line for curve in found.curves for line in (curve.middle, curve.low, curve.high)])
+    seen = np.concatenate([line for curve in drawn.curves for line in (curve.middle, curve.low, curve.high)])
     return limits([seen], floor=not (seen < 0.0).any(), span=ROUNDING)
 
 

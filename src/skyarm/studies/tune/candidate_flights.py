@@ -17,7 +17,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.perturbed_plants import arm_length
 from skyarm.studies.flights import Crew, Rows, Work
 from skyarm.studies.tune.excitation import KINDS, Plants
-from skyarm.studies.tune.law_knobs import Knob
+from skyarm.studies.tune.law_knobs import GainKnob
 
 LARGEST_TILT = math.radians(80.0)
 """A flight that leans by more counts as lost, though it may come back."""
@@ -68,7 +68,7 @@ def shorten(own: Scenario) -> Scenario:
     """Scenario with a flight shortened for the gain search, to the first seconds of its steady window.
 
     Args:
-        own: as :func:`skyarm.studies.tune.excitation.tuning_flight` makes it.
+        own: flight as :func:`skyarm.studies.tune.excitation.tuning_flight` makes it.
     """
     steady = Windows().of_flight(own.duration, own.windows).steady
     start = min(steady.start, LATEST)
@@ -95,10 +95,11 @@ class CandidateFlights:
     one more kind; its reference may be of any shape, so that the plants that fly it are works of their own.
 
     Args:
-        scenario: as :func:`skyarm.studies.tune.excitation.tuning_flight` made it. knobs: of its law. plants: to fly.
+        scenario: flight as :func:`skyarm.studies.tune.excitation.tuning_flight` made it. knobs: gains of its law.
+        plants: plants to fly.
         crew: flies them; results do not depend on it.
         own: along the scenario's own motion, as :func:`shorten` made it; the plants are those of :func:`with_own`.
-        seed: of the noise; each plant has its own, which all candidates share.
+        seed: seed of the noise; each plant has its own, which all candidates share.
         gust: the flight has a window of a gust.
         saturation: measure it.
     """
@@ -106,7 +107,7 @@ class CandidateFlights:
     def __init__(
         self,
         scenario: Scenario,
-        knobs: Sequence[Knob],
+        knobs: Sequence[GainKnob],
         plants: Plants,
         crew: Crew,
         *,
@@ -145,8 +146,8 @@ class CandidateFlights:
         Args:
             stage: begins the labels of the works.
             logs: (candidates, knobs) logarithms of factors.
-            plants: how many; all if left out.
-            others: in place of its own plants, with the same numbers.
+            plants: number of plants; all if left out.
+            others: plants in place of its own plants, with the same numbers.
         """
         flown = self.plants if others is None else others
         flown = flown.select(np.arange(flown.count)[:plants])
@@ -303,5 +304,5 @@ def _error_quantile(errors: Array, kinds: IntArray) -> Array:
     One quantile over all would be that of the hardest kind alone.
     """
     each = [np.quantile(errors[:, kinds == kind], QUANTILE, axis=1, method="higher") for kind in np.unique(kinds)]
-    found: Array = np.exp(np.mean([np.log(np.maximum(one, SMALLEST)) for one in each], axis=0))
-    return found
+    combined: Array = np.exp(np.mean([np.log(np.maximum(one, SMALLEST)) for one in each], axis=0))
+    return combined

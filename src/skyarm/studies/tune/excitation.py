@@ -94,7 +94,7 @@ def draw_motions(vehicle: Vehicle, count: int, *, seed: int) -> tuple[dict[str, 
     """Draw reference motions for ``count`` plants: parameter path -> values, and the kind of each motion (count,).
 
     Args:
-        vehicle: whose joints swing.
+        vehicle: vehicle whose joints swing.
         count: plants; the first ones do not depend on it.
         seed: key.
     """
@@ -157,7 +157,7 @@ def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
     """Middle and amplitude of a joint's swing within its limits.
 
     Args:
-        joint: with its limits.
+        joint: joint with its limits.
         joints: number of joints of the arm; more than two share the amplitude of two, to limit the load on the base.
 
     A tenth of what the joint may do, about its rest or the nearest place that leaves as much room again; a joint that
@@ -214,7 +214,7 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
     """Tuning flight of a scenario, on which its gains are scored.
 
     Args:
-        scenario: its plant, nominal model, rates, sensors and air are used.
+        scenario: source of plant, nominal model, rates, sensors and air.
         own_motion: fly the scenario's own reference, for its own duration and windows.
         unseen: use the validation path; errors count after the gust.
     """
@@ -277,7 +277,7 @@ def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = Fals
     """Draw perturbed plants for a tuning flight.
 
     Args:
-        scenario: its truth is the middle of the spread; its last force is the wind that is drawn.
+        scenario: scenario whose plant is the middle of the spread; its last force is the wind that is drawn.
         count: plants; the first ones do not depend on it.
         seed: key.
         mixed: a motion for each plant; the scenario flies that of :func:`skyarm.studies.tune.excitation.motion`.

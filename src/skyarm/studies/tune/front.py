@@ -70,7 +70,7 @@ class Point:
         logs: (knobs,) logarithms of factors.
         error: m, 90 % quantile; the geometric mean of that in the gust and that along the scenario's own motion.
         tip: m, 90 % quantile along the latter. jitter: rad/s. effort: N m. lost, saturated: shares.
-        margins: in hover.
+        margins: margins in hover.
     """
 
     logs: tuple[float, ...]
@@ -126,11 +126,11 @@ def pareto_front(points: Sequence[Point]) -> list[Point]:
     """Pareto front in error and control activity of the points with fewest lost plants, from calm to stiff."""
     fewest = min(point.lost for point in points)
     left = sorted((point for point in points if point.lost <= fewest), key=lambda point: (point.activity, point.error))
-    found: list[Point] = []
+    front: list[Point] = []
     for point in left:
-        if not found or point.error < found[-1].error:
-            found.append(point)
-    return found
+        if not front or point.error < front[-1].error:
+            front.append(point)
+    return front
 
 
 def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required) -> tuple[list[Point], int]:

@@ -13,7 +13,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
 from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores
-from skyarm.studies.tune.law_knobs import LARGEST_FACTOR, Knob
+from skyarm.studies.tune.law_knobs import LARGEST_FACTOR, GainKnob
 
 try:
     from cmaes import CMA
@@ -46,8 +45,9 @@ class Effort:
     """Size of a gain search: numbers of candidates, rounds and perturbed plants.
 
     Attributes:
-        scatter: candidates of the first round. population: of each CMA-ES in each round. rounds: of them.
-        plants: that each candidate flies. first_plants: that one of the scatter flies.
+        scatter: candidates of the first round. population: population of each CMA-ES in each round.
+        rounds: number of rounds.
+        plants: plants that each candidate flies. first_plants: plants that one of the scatter flies.
     """
 
     scatter: int = 240
@@ -81,13 +81,13 @@ NOT_LOOKED_AT = 3.0
 
 
 def search(
-    knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int, starts: Array | None = None
+    knobs: Sequence[GainKnob], effort: Effort, judge: Judge, *, seed: int, starts: Array | None = None
 ) -> tuple[Array, list[Scores]]:
     """Search for gains from calm to stiff; returns all candidates and their scores.
 
     Args:
         knobs: tunable gains.
-        effort: how much is flown.
+        effort: size of the search.
         judge: scores of a round's candidates.
         seed: key of the search.
         starts: (starts, knobs) the first candidates; factors of one if left out.
@@ -96,15 +96,17 @@ def search(
         logarithms of the factors of every candidate (candidates, knobs), the starts first; scores by round.
     """
     asked = scatter(knobs, effort.scatter, seed, starts)
-    found = [judge(0, asked, effort.first_plants)]
+    rounds = [judge(0, asked, effort.first_plants)]
     logs = asked
-    strategies: list[Any] = []
+    strategies: list[CMA] = []
     begins = {1 + i * effort.rounds // len(STEPS): step for i, step in enumerate(STEPS)}
     for number in range(1, effort.rounds + 1):
         if number in begins:
             step = begins[number]
             strategies = [
-                _strategy(_best(logs, found, weight), step, effort.population, seed + 1000 * number + i, _bounds(knobs))
+                _strategy(
+                    _best(logs, rounds, weight), step, effort.population, seed + 1000 * number + i, _bounds(knobs)
+                )
                 for i, weight in enumerate(WEIGHTS)
             ]
         asked = np.array([each.ask() for each in strategies for _ in range(effort.population)])
@@ -113,27 +115,27 @@ def search(
             mine = slice(i * effort.population, (i + 1) * effort.population)
             strategy.tell(list(zip(asked[mine], scores.cost(weight)[mine].tolist(), strict=True)))
         logs = np.vstack([logs, asked])
-        found.append(scores)
-    return logs, found
+        rounds.append(scores)
+    return logs, rounds
 
 
 def with_margins(scores: Scores, asked: Array, groups: Sequence[tuple[float, slice, int]], short: Shortness) -> Scores:
     """Scores with a penalty for missing stability margins, computed for the best candidates only.
 
     Args:
-        scores: of a round, without margins.
-        asked: its candidates.
+        scores: scores of a round, without margins.
+        asked: candidates of the round.
         groups: (weight, candidates, number of the best ones that need margins).
         short: looks at the margins.
     """
-    known = np.full(len(asked), np.nan)
+    shortfalls = np.full(len(asked), np.nan)
     while True:
-        now = dataclasses.replace(scores, short=np.nan_to_num(known, nan=0.0))
+        now = dataclasses.replace(scores, short=np.nan_to_num(shortfalls, nan=0.0))
         leading = [_leaders(now.cost(weight), which, count) for weight, which, count in groups]
-        missing = np.unique([k for each in leading for k in each if np.isnan(known[k])]).astype(int)
+        missing = np.unique([k for each in leading for k in each if np.isnan(shortfalls[k])]).astype(int)
         if not len(missing):
-            return dataclasses.replace(scores, short=np.where(np.isnan(known), NOT_LOOKED_AT, known))
-        known[missing] = short(asked[missing])
+            return dataclasses.replace(scores, short=np.where(np.isnan(shortfalls), NOT_LOOKED_AT, shortfalls))
+        shortfalls[missing] = short(asked[missing])
 
 
 def _leaders(cost: Array, which: slice, count: int) -> list[int]:
@@ -146,15 +148,15 @@ def costs(found: Sequence[Scores], weight: float) -> Array:
     return np.concatenate([scores.cost(weight) for scores in found])
 
 
-def _best(logs: Array, found: Sequence[Scores], weight: float) -> Array:
+def _best(logs: Array, rounds: Sequence[Scores], weight: float) -> Array:
     """Gain candidate of least cost, among those simulated on all plants if there are any."""
-    every = costs(found, weight)
-    first = len(found[0].error) if len(found) > 1 else 0
+    every = costs(rounds, weight)
+    first = len(rounds[0].error) if len(rounds) > 1 else 0
     best: Array = logs[first + int(every[first:].argmin())]
     return best
 
 
-def scatter(knobs: Sequence[Knob], count: int, seed: int, starts: Array | None = None) -> Array:
+def scatter(knobs: Sequence[GainKnob], count: int, seed: int, starts: Array | None = None) -> Array:
     """First gain candidates: initial gains, gains scaled by bandwidth, and Sobol points about the initial gains.
 
     The first start are the gains that were given. They may be off by any factor: where others are known, nothing is
@@ -175,22 +177,22 @@ def scatter(knobs: Sequence[Knob], count: int, seed: int, starts: Array | None =
     reach = np.array(REACHES)[np.arange(rest) % len(REACHES)]
     around = centres[np.arange(rest) // len(REACHES) % len(centres)] + (2.0 * points - 1.0) * (BOX * reach[:, None])
     low, high = _bounds(knobs).T
-    found: Array = np.clip(np.vstack([begin, line, around]), low, high)
-    return found
+    candidates: Array = np.clip(np.vstack([begin, line, around]), low, high)
+    return candidates
 
 
-def exponent(knob: Knob) -> float:
+def exponent(knob: GainKnob) -> float:
     """Exponent of a gain's scaling with loop bandwidth: 2 for a stiffness, 1 for a damping or a filter."""
     stiff = ("1/s^2", "N/m", "N m/rad")
     return 2.0 if knob.unit.startswith(stiff) else 1.0
 
 
-def _bounds(knobs: Sequence[Knob]) -> Array:
+def _bounds(knobs: Sequence[GainKnob]) -> Array:
     """Bounds on the logarithm of each gain factor (gains, 2); a gain that is a fraction stays at most one."""
     mosts = [max(knob.values) if knob.path.endswith("share") else math.inf for knob in knobs]
     return np.array([[-BOX, (min(BOX, -math.log(most)) if most <= 1.0 else BOX) + 1e-9] for most in mosts])
 
 
-def _strategy(mean: Array, step: float, population: int, seed: int, bounds: Array) -> Any:
+def _strategy(mean: Array, step: float, population: int, seed: int, bounds: Array) -> CMA:
     inside = np.clip(mean, bounds[:, 0] + 1e-6, bounds[:, 1] - 1e-6)
     return CMA(mean=inside, sigma=step, bounds=bounds, seed=seed % 2**32, population_size=population)

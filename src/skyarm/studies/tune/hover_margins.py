@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -15,11 +15,12 @@ from skyarm.control.controller import Controller
 from skyarm.records.arrays import Array
 from skyarm.records.leaves import replace_at
 from skyarm.scenario.scenario_record import Scenario, with_words
-from skyarm.studies.stability.along import Instant, SettledHover
+from skyarm.simulate.loop_state import LoopState
 from skyarm.studies.stability.closed_loop import OpenLoop, radius
+from skyarm.studies.stability.flight_margins import LinearisedInstant, SettledHover
 from skyarm.studies.stability.frozen_scenario import LAGS
 from skyarm.studies.tune.front import LoopMargins, Required
-from skyarm.studies.tune.law_knobs import Knob
+from skyarm.studies.tune.law_knobs import GainKnob
 
 try:
     from threadpoolctl import threadpool_limits
@@ -45,18 +46,20 @@ RESERVE = 1.04
 """Factor on what is required, so that a candidate that just passes keeps passing where it is measured."""
 
 
-def one_blas_thread() -> Any:
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
     """Context manager that limits BLAS to one thread, faster for the small matrices of a loop."""
-    return threadpool_limits(1, user_api="blas")
+    with threadpool_limits(1, user_api="blas"):
+        yield
 
 
 def required_margins(scenario: Scenario) -> Required:
     """Stability margins that a scenario's gains must have."""
-    known = float(scenario.delays.measurement) + float(scenario.delays.command)
-    return Required(delay=max(DELAY_SHARE * known, PERIODS / scenario.rates.control), gain=GAIN)
+    nominal = float(scenario.delays.measurement) + float(scenario.delays.command)
+    return Required(delay=max(DELAY_SHARE * nominal, PERIODS / scenario.rates.control), gain=GAIN)
 
 
-def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[float]) -> Controller:
+def with_gains(controller: Controller, knobs: Sequence[GainKnob], logs: Sequence[float]) -> Controller:
     """Controller with the parameters of each tunable gain multiplied by the gain's factor."""
     numbers = {
         place: value * math.exp(log) for knob, log in zip(knobs, logs, strict=True) for place, value in knob.numbers
@@ -70,7 +73,7 @@ def calm(flight: Scenario) -> Scenario:
     return with_words(flight, delays=delays, forces=flight.forces[:-1])
 
 
-def margins_of(hover: Instant | None) -> LoopMargins:
+def margins_of(hover: LinearisedInstant | None) -> LoopMargins:
     """Stability margins of a linearised hover as tuning needs them; zero if the hover did not settle."""
     if hover is None:
         return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0))
@@ -85,7 +88,7 @@ class HoverMargins:
         threads: results do not depend on it.
     """
 
-    def __init__(self, scenario: Scenario, knobs: Sequence[Knob], threads: int = 1) -> None:
+    def __init__(self, scenario: Scenario, knobs: Sequence[GainKnob], threads: int = 1) -> None:
         numbers = [(place, value) for knob in knobs for place, value in knob.numbers]
         self._numbers = np.array([value for _, value in numbers])
         self._knob = np.array([i for i, knob in enumerate(knobs) for _ in knob.numbers])
@@ -95,9 +98,9 @@ class HoverMargins:
             self._loops = SettledHover(calm(scenario), [f"controller.{'.'.join(place)}" for place, _ in numbers])
         except ValueError as error:
             self._why_none = str(error)
-        wanted, step = required_margins(scenario), 1.0 / scenario.rates.physics
-        self._delay = math.ceil(RESERVE * wanted.delay / step - 1e-9) * step
-        self._gain = RESERVE * wanted.gain
+        required, step = required_margins(scenario), 1.0 / scenario.rates.physics
+        self._delay = math.ceil(RESERVE * required.delay / step - 1e-9) * step
+        self._gain = RESERVE * required.gain
 
     def _values(self, loops: SettledHover, logs: Array) -> dict[str, Array]:
         return dict(zip(loops.paths, self._numbers[:, None] * np.exp(logs.T[self._knob]), strict=True))
@@ -113,7 +116,7 @@ class HoverMargins:
             return np.zeros(len(logs))
         values = self._values(loops, logs)
 
-        def cost(settled: Any, numbers: Sequence[float]) -> float:
+        def cost(settled: LoopState | None, numbers: Sequence[float]) -> float:
             if settled is None:
                 return DIVERGED
             return max(failed_tests(loops.open_loop(settled, numbers, lag), self._delay, self._gain) for lag in LAGS)

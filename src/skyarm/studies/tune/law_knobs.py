@@ -17,7 +17,6 @@ import math
 import re
 import typing
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.arrays import Array
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, is_record, part, parts, replace_at, walk
+from skyarm.records.leaves import Place, Tree, is_record, part, parts, replace_at, walk
 from skyarm.records.units import NUMBER, Unit, declared_fields
 from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_record import Scenario
@@ -52,11 +51,11 @@ class KnobError(ValueError):
 
 
 @immutable
-class Knob:
+class GainKnob:
     """Tunable gain: one common factor on several parameter values of a controller.
 
     Attributes:
-        path: of the constants. unit: of the numbers, or nothing. numbers: place among the constants -> value.
+        path: path of the constants. unit: unit of the numbers, or nothing. numbers: place among the constants -> value.
     """
 
     path: str
@@ -78,12 +77,12 @@ def inner_place(controller: Controller) -> Place:
     return place
 
 
-def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | None = None) -> tuple[Knob, ...]:
+def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | None = None) -> tuple[GainKnob, ...]:
     """Find the tunable gains of a controller.
 
     Args:
-        controller: its parameters are searched, below its layers.
-        law: its name in the catalogue, if it has one.
+        controller: controller whose parameters are searched, below its layers.
+        law: name of the law in the catalogue, if it has one.
         chosen: paths of the knobs to take, or beginnings of them; all if left out.
 
     Raises:
@@ -92,10 +91,10 @@ def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | No
     layers = inner_place(controller)
     par = part(controller.par, layers)
     listed = tuned_factors().get(law)
-    found = [_knob_at(par, path) for path in listed] if listed else [*_gains_within(par, (), NUMBER, False)]
+    candidates = [_knob_at(par, path) for path in listed] if listed else [*_gains_within(par, (), NUMBER, False)]
     knobs = tuple(
         dataclasses.replace(each, numbers=tuple(((*layers, *at), value) for at, value in each.numbers))
-        for each in found
+        for each in candidates
         if each is not None
     )
     if not knobs:
@@ -113,7 +112,7 @@ def _is_meant(word: str, path: str) -> bool:
     return f"{path}.".startswith(f"{word}.")
 
 
-def _knob_at(par: Any, path: str) -> Knob | None:
+def _knob_at(par: Tree, path: str) -> GainKnob | None:
     place: Place = tuple(path.split("."))
     record, unit = par, NUMBER
     for name in place:
@@ -125,7 +124,7 @@ def _knob_at(par: Any, path: str) -> Knob | None:
     return _knob(place, record, unit)
 
 
-def _gains_within(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]:
+def _gains_within(record: Tree, place: Place, unit: Unit, fixed: bool) -> Iterator[GainKnob]:
     """Tunable gains in a nested dataclass of a controller's parameters, by the units of its fields."""
     if is_record(record) and not isinstance(record, Vec3):
         declared = declared_fields(type(record))
@@ -146,7 +145,7 @@ def _gains_within(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterato
         yield knob
 
 
-def _fixed_length(kind: Any) -> bool:
+def _fixed_length(kind: object) -> bool:
     """True if a field's annotation is a tuple of fixed length."""
     return typing.get_origin(kind) is tuple and Ellipsis not in typing.get_args(kind)
 
@@ -157,10 +156,10 @@ def _is_gain(unit: Unit) -> bool:
     return bool(GAIN.search(unit.unit)) and not BOUNDED.search(unit.meaning)
 
 
-def _knob(place: Place, record: Any, unit: Unit) -> Knob | None:
+def _knob(place: Place, record: Tree, unit: Unit) -> GainKnob | None:
     """Tunable gain made of all positive numbers in a parameter dataclass; None if all are zero."""
     numbers = tuple((at, value) for at, value in walk(record, place) if type(value) is float and value > 0.0)
-    return Knob(path=".".join(place), unit=unit.unit, numbers=numbers) if numbers else None
+    return GainKnob(path=".".join(place), unit=unit.unit, numbers=numbers) if numbers else None
 
 
 Numbers = list[tuple[float, ...]]
@@ -175,12 +174,12 @@ class Centred:
     """Tuning flight whose controller has the gains at the centre of the search.
 
     Attributes:
-        flight: with them. knobs: their factors are 1 there.
+        flight: flight with these gains. knobs: gains whose factors are 1 there.
         starts: name -> (knobs,) logarithms of factors: the given gains first, then those of the catalogue.
     """
 
     flight: Scenario
-    knobs: tuple[Knob, ...]
+    knobs: tuple[GainKnob, ...]
     starts: Mapping[str, tuple[float, ...]]
 
     @property
@@ -189,20 +188,20 @@ class Centred:
         return np.array(list(self.starts.values()))
 
 
-def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) -> Centred:
+def with_catalogue_gains(flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Centred:
     """Tuning flight centred at the catalogue's gains if there are any, else at its own.
 
     Args:
-        flight: with the given gains.
-        knobs: of its law.
+        flight: flight with the given gains.
+        knobs: gains of its law.
         label: name of the law as requested.
     """
-    known = _catalogue_gains(flight, knobs)
-    names = [name for name in (label, *known) if name in known]
-    if not names or not all(_same_shares(knob, at) for knob, at in zip(knobs, known[names[0]], strict=True)):
+    catalogue = _catalogue_gains(flight, knobs)
+    names = [name for name in (label, *catalogue) if name in catalogue]
+    if not names or not all(_same_shares(knob, at) for knob, at in zip(knobs, catalogue[names[0]], strict=True)):
         middle = [knob.values for knob in knobs]
     else:
-        middle = known[names[0]]
+        middle = catalogue[names[0]]
     moved = tuple(
         dataclasses.replace(knob, numbers=tuple((place, at[i]) for i, (place, _) in enumerate(knob.numbers)))
         for knob, at in zip(knobs, middle, strict=True)
@@ -212,14 +211,14 @@ def with_catalogue_gains(flight: Scenario, knobs: tuple[Knob, ...], label: str) 
     place = flight.with_controller(dataclasses.replace(law, par=replace_at(law.par, numbers)))
     starts = {GIVEN: _log_factors([knob.values for knob in knobs], middle)}
     for name in dict.fromkeys(names):
-        row = _log_factors(known[name], middle)
+        row = _log_factors(catalogue[name], middle)
         # the given gains do not count: with good ones and with bad ones a search asks for as many others
         if not any(np.allclose(row, other, atol=1e-9) for key, other in starts.items() if key != GIVEN):
             starts[name] = row
     return Centred(flight=place, knobs=moved, starts=starts)
 
 
-def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, Numbers]:
+def _catalogue_gains(scenario: Scenario, knobs: tuple[GainKnob, ...]) -> dict[str, Numbers]:
     """Known gains of a control law: name of default, tuned or preset gains -> their values.
 
     None for a law that the catalogue does not know; no numbers of a knob that a preset does not have.
@@ -229,7 +228,7 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, N
     names += [law] if law in LAWS else []
     model = plain_model(scenario.controller.par.model)
     facts = loop_facts(scenario.rates, scenario.delays)
-    found: dict[str, Numbers] = {}
+    gains: dict[str, Numbers] = {}
     for name in [*names, *PRESETS]:
         made = _make(name, model, facts)
         if made is None or made.name != law:
@@ -238,13 +237,13 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, N
             theirs = {knob.path: knob for knob in find_knobs(made, law)}
         except KnobError:
             continue
-        found[name] = [
+        gains[name] = [
             theirs[knob.path].values
             if knob.path in theirs and len(theirs[knob.path].numbers) == len(knob.numbers)
             else ()
             for knob in knobs
         ]
-    return found
+    return gains
 
 
 def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller | None:
@@ -255,7 +254,7 @@ def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller |
         return None
 
 
-def _same_shares(knob: Knob, numbers: tuple[float, ...]) -> bool:
+def _same_shares(knob: GainKnob, numbers: tuple[float, ...]) -> bool:
     """True if given values of a gain are its current values times one common factor."""
     if not numbers:
         return False

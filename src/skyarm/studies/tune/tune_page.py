@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from importlib import resources
-from typing import Any
 
 from skyarm.records.files.toml import toml_key, toml_value
 from skyarm.records.identity import identity
@@ -16,8 +15,8 @@ from skyarm.studies.tune.hover_margins import with_gains
 from skyarm.studies.tune.law_knobs import inner_place
 from skyarm.studies.tune.tuning import ASIDE, Aside, Tuning
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.pages import Facts, render_template
 from skyarm.view.pages import page as plain_page
-from skyarm.view.pages import render_template
 
 DIGITS = 6
 """Of a gain in a file."""
@@ -32,21 +31,21 @@ def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
     """Gains of one set of the Pareto front, as in a gain file: parameter path -> value or list."""
     controller = tuning.plan.flight.controller
     tuned = with_gains(controller, tuning.plan.knobs, point.logs)
-    below, found = inner_place(controller), {}
+    below, gains = inner_place(controller), {}
     for knob in tuning.plan.knobs:
         place = (*below, *knob.path.split("."))
         values = [_short(float(value)) for _, value in walk(part(tuned.par, place), place) if isinstance(value, float)]
-        found[knob.path] = values[0] if len(set(values)) == 1 else values
-    return found
+        gains[knob.path] = values[0] if len(set(values)) == 1 else values
+    return gains
 
 
-def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Mapping[str, Any]) -> str:
+def gains_text(tuning: Tuning, point: Point, words: Facts, kept: Facts) -> str:
     """Text of a TOML file of tuned gains, with their origin.
 
     Args:
         tuning: result.
-        point: of its front.
-        words: of the law, for [law].
+        point: point of its front.
+        words: facts of the law, for [law].
         kept: gains that stood in the file before and are no knobs.
     """
     plan = tuning.plan
@@ -73,7 +72,7 @@ def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Map
     return "\n".join(lines) + "\n"
 
 
-def about(tuning: Tuning) -> dict[str, Any]:
+def about(tuning: Tuning) -> Facts:
     """Origin of the tuned gains: scenario, vehicle, digests and search settings, as plain data."""
     plan = tuning.plan
     return {
@@ -90,7 +89,7 @@ def about(tuning: Tuning) -> dict[str, Any]:
     }
 
 
-def plain_point(point: Point) -> dict[str, Any]:
+def plain_point(point: Point) -> dict[str, float | str]:
     """Scores and margins of one set of gains, as plain data."""
     scores = {
         "error_m": point.error,
@@ -109,11 +108,11 @@ def plain_aside(aside: Aside) -> dict[str, float | bool]:
     return {**_with_few_digits(scores), "meets_constraints": aside.meets}
 
 
-def plain_margins(margins: LoopMargins) -> dict[str, Any]:
+def plain_margins(margins: LoopMargins) -> dict[str, float | str]:
     """Stability margins as plain data; margins beyond the examined range are omitted."""
     if margins.why_none:
         return {"no_margins": margins.why_none}
-    delay = {"delay_margin_s": _short(margins.delay)} if math.isfinite(margins.delay) else {}
+    delay: dict[str, float | str] = {"delay_margin_s": _short(margins.delay)} if math.isfinite(margins.delay) else {}
     return delay | {
         f"{name}_gain_{side}": _short(value)
         for name, pair in (("rotor", margins.rotors), ("joint", margins.joints))
@@ -122,11 +121,11 @@ def plain_margins(margins: LoopMargins) -> dict[str, Any]:
     }
 
 
-def _table(head: str, values: Mapping[str, Any]) -> Sequence[str]:
+def _table(head: str, values: Facts) -> Sequence[str]:
     return ["", f"[{head}]", *(f"{toml_key(name)} = {toml_value(value)}" for name, value in values.items())]
 
 
-def _with_few_digits(scores: Mapping[str, float]) -> dict[str, Any]:
+def _with_few_digits(scores: Mapping[str, float]) -> dict[str, float]:
     return {name: _short(value) for name, value in scores.items()}
 
 
@@ -169,7 +168,7 @@ def front_lines(found: Tuning, seconds: float) -> list[str]:
 
     Args:
         found: result.
-        seconds: that the tuning took.
+        seconds: duration of the tuning, s.
     """
     plan, vehicle = found.plan, found.plan.flight.plant.vehicle
     error = error_words(vehicle)
@@ -202,7 +201,7 @@ def _margins(margins: LoopMargins) -> tuple[str, str, str]:
     return f"{1e3 * margins.delay:.3g} ms", rotors, joints
 
 
-def plain_tuning(found: Tuning) -> dict[str, Any]:
+def plain_tuning(found: Tuning) -> Facts:
     """Result of a tuning as plain data."""
     return {
         "controller": found.plan.label,

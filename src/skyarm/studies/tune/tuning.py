@@ -14,7 +14,6 @@ import math
 from collections.abc import Sequence
 from contextlib import nullcontext
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -40,9 +39,10 @@ from skyarm.studies.tune.excitation import KINDS, Plants, draw_plants, of_vehicl
 from skyarm.studies.tune.front import POINTS, Point, Required, finalists, front_of, is_allowed
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
 from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread, required_margins, with_gains
-from skyarm.studies.tune.law_knobs import Knob, find_knobs, with_catalogue_gains
+from skyarm.studies.tune.law_knobs import GainKnob, find_knobs, with_catalogue_gains
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.view.pages import Facts
 
 LEADERS = 3
 """Of the scatter, for each weight: candidates whose margins are looked at."""
@@ -64,27 +64,27 @@ PICKED = "pick"
 
 
 @immutable(slots=False)
-class Plan:
+class TuningPlan:
     """Settings of a gain tuning: flights, tunable gains, size of the search, seed.
 
     Attributes:
         flight: scores candidates. check: scores the front, with another motion. aside: validates the result, along
             a path not used in tuning. own: scores candidates along the scenario's own motion, where it has one.
-        knobs: tunable gains. effort: size of the search. seed: of plants, noise and search.
+        knobs: tunable gains. effort: size of the search. seed: seed of plants, noise and search.
         label: name of the law as requested.
     """
 
     flight: Scenario
     check: Scenario
     aside: Scenario
-    knobs: tuple[Knob, ...]
+    knobs: tuple[GainKnob, ...]
     effort: Effort
     seed: int
     label: str
     own: Scenario | None = None
     unseen: int = UNSEEN
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Facts:
         """Settings that determine a tuning's result besides scenario and controller, as plain data."""
         return {
             **{name: text for name, text in versions("cmaes").items() if name != "python"},
@@ -117,13 +117,13 @@ class Tuning:
     """Result of a gain tuning: Pareto front of gains, selected gains, validation scores.
 
     Attributes:
-        plan: of the tuning, its knobs about the centre of the search.
-        before: the given gains, flown as the front was. points: from calm to stiff.
-        picked: index of the selected point. required: margins. plants: of the search.
+        plan: plan of the tuning, its knobs about the centre of the search.
+        before: the given gains, flown as the front was. points: points of the front from calm to stiff.
+        picked: index of the selected point. required: required margins. plants: plants of the search.
         aside: name -> validation scores of the selected point and of every initial set of gains.
     """
 
-    plan: Plan
+    plan: TuningPlan
     before: Point
     points: tuple[Point, ...]
     picked: int
@@ -151,11 +151,11 @@ class Tuner:
     """Evaluator of gain candidates in all stages of a tuning, from search to validation.
 
     Args:
-        plan: of the tuning. plants: of the search.
+        plan: plan of the tuning. plants: plants of the search.
         crew: flies them; results do not depend on it. progress: called after every round.
     """
 
-    def __init__(self, plan: Plan, plants: Plants, crew: Crew, progress: Progress) -> None:
+    def __init__(self, plan: TuningPlan, plants: Plants, crew: Crew, progress: Progress) -> None:
         self._plan, self._crew = plan, crew
         self._plants = with_own(plants) if plan.own else plants
         self._progress, self._done = progress, 0
@@ -181,12 +181,12 @@ class Tuner:
         """Simulate and score the gain candidates of one search round."""
         others = self._search_plants if number else None
         flown = scores(self._flights.fly(f"round_{number:03d}", asked, plants, others))
-        found = with_margins(flown, asked, self._candidates_for_margins(number, len(asked)), self._margins.costs)
+        judged = with_margins(flown, asked, self._candidates_for_margins(number, len(asked)), self._margins.costs)
         if number == 0:
-            self._first = (asked, found)
+            self._first = (asked, judged)
         self._done += len(asked) * plants
         self._progress(self._done, self._total, f"round {number} of {self._plan.effort.rounds}")
-        return found
+        return judged
 
     @cached_property
     def _search_plants(self) -> Plants:
@@ -195,8 +195,8 @@ class Tuner:
         A search that loses one plant in fifty does not see it on two dozen.
         """
         assert self._first is not None
-        asked, found = self._first
-        leaders = list(dict.fromkeys(int(found.cost(weight).argmin()) for weight in WEIGHTS))
+        asked, first_scores = self._first
+        leaders = list(dict.fromkeys(int(first_scores.cost(weight).argmin()) for weight in WEIGHTS))
         pool = self._drawn(POOL * self._plants.count, self._plan.seed)
         return with_lost(pool, self._plants.count, self._flights.fly("pool", asked[leaders], others=pool).lost)
 
@@ -243,13 +243,13 @@ class Tuner:
 
     def fly_aside(self, points: dict[str, Point]) -> dict[str, Aside]:
         """Validate the selected and the initial gains on plants and a reference path not used in tuning."""
-        wanted = required_margins(self._plan.flight)
+        required = required_margins(self._plan.flight)
         self._progress(self._total, self._total, "plants and a path kept aside")
         rows = np.array([each.logs for each in points.values()])
         flown = scores(self._flown_once("aside", self._plan.aside, ASIDE, 3, rows))
         tables = zip(points.items(), flown.tip, flown.jitter, flown.lost, strict=True)
         return {
-            name: Aside(tip=float(tip), jitter=float(jitter), lost=float(lost), meets=is_allowed(point, wanted))
+            name: Aside(tip=float(tip), jitter=float(jitter), lost=float(lost), meets=is_allowed(point, required))
             for (name, point), tip, jitter, lost in tables
         }
 
@@ -303,7 +303,7 @@ def tune(
         candidates: sets of gains that are tried.
         plants: perturbed plants that each of them flies.
         knobs: paths of the constants of the law that may change; all gains if left out.
-        seed: of plants, noise and search.
+        seed: seed of plants, noise and search.
         workers: threads or processes that fly; results do not depend on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT".
         folder: keeps the rows of all flights where pyarrow is installed, so that an interrupted search goes on.
@@ -327,20 +327,20 @@ def tune(
 
 def plan_of(
     scenario: Scenario, moves: bool, label: str, knobs: Sequence[str] | None, effort: Effort, seed: int
-) -> Plan:
+) -> TuningPlan:
     """Plan of a tuning for a scenario.
 
     Args:
-        scenario: its law is tuned.
+        scenario: scenario whose law is tuned.
         moves: whether its own reference is flown, too.
         label: name of the law.
         knobs: paths of the constants that may change; all gains for None.
         effort: size of the search.
-        seed: of plants, noise and search.
+        seed: seed of plants, noise and search.
     """
     scenario.controller.require_compiled("skyarm tune")
     flight, own = tuning_flight(scenario), tuning_flight(scenario, own_motion=True)
-    return Plan(
+    return TuningPlan(
         flight=flight,
         check=own if moves else flight,
         own=shorten(own) if moves else None,
@@ -353,7 +353,7 @@ def plan_of(
 
 
 def tune_plan(
-    plan: Plan,
+    plan: TuningPlan,
     *,
     workers: int = 1,
     on: str = LOCAL,
@@ -363,7 +363,7 @@ def tune_plan(
     """Tune the gains of a controller; a search that was interrupted takes what its folder holds.
 
     Args:
-        plan: of the tuning.
+        plan: plan of the tuning.
         workers: threads, or processes of ``on``; results do not depend on it.
         on: "local", "processes", "ray" or "ray:HOST:PORT".
         folder: keeps the rows of all flights, if pyarrow is there; None keeps none.
@@ -378,7 +378,7 @@ def tune_plan(
         return _tune(plan, crew, progress or (lambda *_: None))
 
 
-def _tune(plan: Plan, crew: Crew, progress: Progress) -> Tuning:
+def _tune(plan: TuningPlan, crew: Crew, progress: Progress) -> Tuning:
     """Tune the gains of a controller with a crew."""
     start = with_catalogue_gains(plan.flight, plan.knobs, plan.label)
     law = start.flight.controller
@@ -392,24 +392,24 @@ def _tune(plan: Plan, crew: Crew, progress: Progress) -> Tuning:
     )
     plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
     tuner = Tuner(plan, plants, crew, progress)
-    logs, found = search(plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows)
+    logs, rounds = search(plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows)
     # of the scatter nobody flew all plants; the starts come along
-    best = len(found[0].error) + np.array(finalists(found[1:], SEMIFINALISTS))
+    best = len(rounds[0].error) + np.array(finalists(rounds[1:], SEMIFINALISTS))
     count = len(start.starts)
     asked = logs[[*range(count), *best]]
     again, drawn = tuner.again(asked)
     last = [*range(count), *(count + k for k in finalists([again.part(slice(count, None))]))]
     points = tuner.check(asked[last], drawn.part(last))
-    wanted = required_margins(plan.flight)
-    front, picked = front_of(points[:count], points[count:], wanted)
-    known = dict(zip(start.starts, points, strict=False))
-    aside = tuner.fly_aside({**known, PICKED: front[picked]})
+    required = required_margins(plan.flight)
+    front, picked = front_of(points[:count], points[count:], required)
+    starting = dict(zip(start.starts, points, strict=False))
+    aside = tuner.fly_aside({**starting, PICKED: front[picked]})
     return Tuning(
         plan=plan,
         before=points[0],
         points=tuple(front),
         picked=picked,
-        required=wanted,
+        required=required,
         plants=plants,
         aside=aside,
     )

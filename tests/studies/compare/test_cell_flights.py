@@ -12,7 +12,7 @@ from skyarm.log.metrics.windows import Windows
 from skyarm.scenario.paths import LATE
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate import Delays, Window
-from skyarm.studies.compare.cells import SUCCESS_METRIC, Cell, Flights, summary
+from skyarm.studies.compare.cell_flights import SUCCESS_METRIC, Cell, CellFlights, summary
 from skyarm.studies.compare.comparison import comparison_report
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
@@ -44,7 +44,7 @@ def _cache(tmp_path_factory):
 
 
 def flights(condition=NOISY, **changes):
-    return Flights(entrant=ENTRANTS["paper_ct"], case=SHORT, condition=condition, seed=5, **changes)
+    return CellFlights(entrant=ENTRANTS["paper_ct"], case=SHORT, condition=condition, seed=5, **changes)
 
 
 WHOLE = dataclasses.replace(WRONG, spread=Spread(delay=0.0))

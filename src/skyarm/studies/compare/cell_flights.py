@@ -63,7 +63,7 @@ class Cell:
     """Metrics of all episodes of one controller in one case under one condition.
 
     Attributes:
-        metrics: by name; NaN where the episode ended before their window.
+        metrics: columns by name; NaN where the episode ended before their window.
         status: "completed", or why it ended.
     """
 
@@ -94,11 +94,12 @@ class Cell:
 
 
 @immutable
-class Flights:
+class CellFlights:
     """Description of the flights of one controller in one case and condition.
 
     Attributes:
-        entrant: controller. case, condition: of the flights. plant: kind of simulated plant. seed: of plants and noise.
+        entrant: controller. case, condition: case and condition of the flights. plant: kind of simulated plant.
+        seed: seed of plants and noise.
     """
 
     entrant: Entrant
@@ -238,7 +239,7 @@ def _spread(values: Array) -> Document | None:
 
 def table(cells: Mapping[tuple[str, str, str], Cell]) -> Document:
     """Nested dictionary of flight statistics by condition, case and controller."""
-    found: Document = {}
+    summaries: Document = {}
     for (condition, case, entrant), cell in cells.items():
-        found.setdefault(condition, {}).setdefault(case, {})[entrant] = summary(cell)
-    return found
+        summaries.setdefault(condition, {}).setdefault(case, {})[entrant] = summary(cell)
+    return summaries

@@ -34,12 +34,12 @@ SETTLING = 5.0
 
 
 @immutable
-class Instant:
+class LinearisedInstant:
     """Stability margins of the loop linearised at one time of a flight, for rising and falling rotor speeds.
 
     Attributes:
         hover: True for the flight that only hovers. time: s.
-        by_lag: with the rotors' time constant upward and with that downward.
+        by_lag: margins with the rotors' time constant upward and with that downward.
         swings: s of further dead time from which on small swings grow, with the lag between both that a swing meets.
     """
 
@@ -64,7 +64,9 @@ class Instant:
         return max(lows), min(highs)
 
 
-def instant_at(open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float, measured: bool = True) -> Instant:
+def instant_at(
+    open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float, measured: bool = True
+) -> LinearisedInstant:
     """Compute the stability margins of the loop linearised at one time of a flight.
 
     Args:
@@ -74,7 +76,7 @@ def instant_at(open_loop: Callable[[str], OpenLoop], *, hover: bool, time: float
         measured: cut the loop at the measurement too.
     """
     by_lag = {lag: margins_of_loop(open_loop(lag), measured=measured) for lag in LAGS}
-    return Instant(hover=hover, time=time, by_lag=by_lag, swings=delay_margin(open_loop("between")))
+    return LinearisedInstant(hover=hover, time=time, by_lag=by_lag, swings=delay_margin(open_loop("between")))
 
 
 @immutable
@@ -88,7 +90,7 @@ class Evidence:
 
     controller: str
     scenario: str
-    instants: tuple[Instant, ...]
+    instants: tuple[LinearisedInstant, ...]
     completed: bool
     left_out: tuple[str, ...] = ()
 
@@ -145,21 +147,21 @@ def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int
         flights.append((False, nominal(scenario), instants))
     total = sum(count for _, _, count in flights)
 
-    def told(done: int) -> None:
+    def report(done: int) -> None:
         if progress is not None:
             progress(done, total)
 
-    found: list[Instant] = []
-    told(0)
+    linearised: list[LinearisedInstant] = []
+    report(0)
     for hover, flight, count in flights:
         for frozen in frozen_instants(flight, count):
-            found.append(instant_at(frozen.open_loop, hover=hover, time=frozen.time))
-            told(len(found))
+            linearised.append(instant_at(frozen.open_loop, hover=hover, time=frozen.time))
+            report(len(linearised))
     return Evidence(
         controller=scenario.controller.name,
         scenario=scenario.name,
-        instants=tuple(found),
-        completed=len(found) == total,
+        instants=tuple(linearised),
+        completed=len(linearised) == total,
         left_out=disturbances(scenario),
     )
 
@@ -169,7 +171,8 @@ class Frozen:
     """State of a closed-loop flight at one time, ready to be linearised.
 
     Attributes:
-        time: s. differentiator: of the flight. carry: its loop state. row: leaves of the inputs of the instant.
+        time: s. differentiator: differentiator of the flight. carry: state of its loop.
+        row: leaves of the inputs of the instant.
     """
 
     time: float
@@ -216,7 +219,7 @@ class Locus:
     """Nyquist locus of one control loop, with its disk margin.
 
     Attributes:
-        margin: its disk margin. L: its open-loop response under negative feedback, by ascending frequency.
+        margin: disk margin of the loop. L: open-loop response under negative feedback, by ascending frequency.
     """
 
     margin: LoopMargin
@@ -225,8 +228,8 @@ class Locus:
 
 def hover_loci(scenario: Scenario) -> list[Locus]:
     """Nyquist loci of a scenario in hover: the weakest loop of each kind; empty if the vehicle crashes."""
-    found = frozen_hover(scenario)
-    return [] if found is None else loci(found.open_loop("down"))
+    hover = frozen_hover(scenario)
+    return [] if hover is None else loci(hover.open_loop("down"))
 
 
 def loci(loop: OpenLoop) -> list[Locus]:
@@ -262,8 +265,8 @@ class SettledHover:
     What a law adapts slowly is held, as in all margins.
 
     Args:
-        scenario: its hover is simulated first, with the same parameters.
-        paths: of those numbers (:mod:`skyarm.scenario.numbers`), as ``controller.gains.position.x``.
+        scenario: scenario whose hover is simulated first, with the same parameters.
+        paths: paths of those numbers (:mod:`skyarm.scenario.numbers`), as ``controller.gains.position.x``.
 
     Raises:
         ScenarioError: the loop has a memory that its linearisation does not know.
@@ -280,21 +283,21 @@ class SettledHover:
         self._row = inputs.rows[flight.steps - 1].tolist()
         self._time = float(self._row[0])
 
-    def margins(self, values: Mapping[str, Array]) -> list[Instant | None]:
+    def margins(self, values: Mapping[str, Array]) -> list[LinearisedInstant | None]:
         """Stability margins for each parameter set, cut at the commands alone; None if its hover diverged.
 
         Args:
             values: path -> (sets,); every path.
         """
-        found: list[Instant | None] = []
+        instants: list[LinearisedInstant | None] = []
         sets = np.array([values[path] for path in self.paths], dtype=float).T.tolist()
         for settled, numbers in zip(self.settle(values), sets, strict=True):
             if settled is None:
-                found.append(None)
+                instants.append(None)
                 continue
             loops = partial(self.open_loop, settled, numbers)
-            found.append(instant_at(loops, hover=True, time=self._time, measured=False))
-        return found
+            instants.append(instant_at(loops, hover=True, time=self._time, measured=False))
+        return instants
 
     def settle(self, values: Mapping[str, Array], threads: int = 1) -> list[LoopState | None]:
         """Simulate hover for each parameter set; returns final simulation states, None where hover was not reached."""
