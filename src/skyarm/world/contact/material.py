@@ -18,7 +18,7 @@ Source: Hunt, Crossley 1975 (normal force); Dahl 1968 and Canudas de Wit, Olsson
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, divide, exp, maximum, minimum, same, sqrt, where
@@ -54,11 +54,11 @@ _STILL = 1e-24
 """m^2/s^2, N^2 or m^2 under a root: its derivative at rest is 0 instead of NaN; m in a denominator."""
 
 
-def euler_step_of(square: Any, decay: Any) -> Scalar:
+def euler_step_of(square: Scalar, decay: Scalar) -> Scalar:
     """Semi-implicit Euler step (s) for a damped oscillator: three quarters of the stability limit.
 
     Args:
-        square: of its angular frequency, 1/s^2.
+        square: square of its angular frequency, 1/s^2.
         decay: damping by inertia, 1/s.
     """
     return divide(3.0, decay + sqrt(decay * decay + 4.0 * square + _STILL))
@@ -84,7 +84,7 @@ class Material:
     bristle_length: Annotated[Scalar, Unit("m", "slip at which friction is whole", low=0.0, strict=True)] = 2e-4
 
     @property
-    def largest_step(self) -> Any:
+    def largest_step(self) -> Scalar:
         """Longest stable integration step (s) of contact between the vehicle and this material."""
         return self.step_of(LIGHTEST)
 
@@ -141,6 +141,6 @@ class Material:
         most = self.friction * normal_force
         largest = BRISTLE_DAMPING if mass is LIGHTEST else BRISTLE_DAMPING * sqrt(mass / LIGHTEST)
         damping = minimum(largest * normal_force, largest)
-        wanted = bristle * (most * (1.0 / self.bristle_length)) + bristle_rate * damping
-        size = sqrt(wanted.dot(wanted) + _STILL)
-        return wanted * -minimum(divide(most, size), 1.0)
+        friction = bristle * (most * (1.0 / self.bristle_length)) + bristle_rate * damping
+        size = sqrt(friction.dot(friction) + _STILL)
+        return friction * -minimum(divide(most, size), 1.0)
