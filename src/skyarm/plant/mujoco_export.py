@@ -33,7 +33,7 @@ START = "start"
 
 
 HEIGHT = 1.0
-"""m above the floor, where nobody says where to start."""
+"""Height of the start above the floor where none is given, m."""
 
 
 @immutable(kw_only=False)

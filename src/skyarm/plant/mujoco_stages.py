@@ -33,11 +33,12 @@ STAGES = (
     (1.0, 1.0 / 3.0, 0.0, 1.0),
     (1.0 / 6.0, 0.0, 1.0, 1.0),
 )
-"""Of each stage, in steps: share of its slope in the next state, in the sum of slopes, that of the sum in the next
+"""Row of each stage, in steps: share of its slope in the next state, in the sum of slopes, that of the sum in the next
 state, and the time of the next state. What follows the last stage is the state after the step."""
 
 
 Numbers = tuple[Scalar, ...]
+"""Numbers of a record in a row, over any scalar type."""
 
 
 @immutable

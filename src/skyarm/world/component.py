@@ -106,7 +106,7 @@ class Component(Generic[Memory]):
     __slots__ = ()
 
     rigid: bool = False
-    """Whether it is a rigid load on a body of the vehicle, part of the plant's inertia; it then has ``body``."""
+    """True for a rigid load on a body of the vehicle, part of the plant's inertia; it then has ``body``."""
 
     @property
     def uniforms(self) -> int:
@@ -137,7 +137,7 @@ class Component(Generic[Memory]):
         return None
 
     coupled: bool = False
-    """Whether its memory goes on within a control period, with the plant. A property will do."""
+    """True if its memory goes on within a control period, with the plant. A property will do."""
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Memory:
         """Initial internal state of the environment model, a dataclass or tuple of scalars; an empty tuple for none.

@@ -55,7 +55,7 @@ NO_SIGNALS = SignalVector()
 
 
 DEVIATIONS = ("force", "torque", "velocity")
-"""What noise may be of."""
+"""Quantities that may have noise."""
 
 
 @immutable

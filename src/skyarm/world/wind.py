@@ -191,7 +191,7 @@ class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
 
 
 Turbulence = DrydenMemory | tuple[()]
-"""Of smooth air ()."""
+"""Internal state of moving air; () for smooth air."""
 
 
 @immutable

@@ -155,7 +155,7 @@ class Carrier(Generic[Memory]):
         return ()
 
     columns: tuple[Column, ...] = ()
-    """As :attr:`skyarm.world.component.Component.columns`."""
+    """Columns of a log, as in :attr:`skyarm.world.component.Component.columns`."""
 
     def logged(self, memory: Memory) -> tuple[Scalar, ...]:
         """Numbers of the movable body that the flight log records in every control period."""

@@ -61,9 +61,10 @@ MUCH_SHORTER = 2.0
 """Steps of the vehicle alone over those of the contact from which on a warning says so."""
 
 VERLET_SHARE = 0.75
-"""Of a semi-implicit Euler step in one of the Stoermer-Verlet method. An elastic bounce of a limp vehicle on its tip
-then errs by 0.006 % of its energy at any phase of the steps, and by 0.014 % at a share of 1 (measured); sticking holds
-up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bristle has it, where a share of 1 leaves 7 N."""
+"""Share of a semi-implicit Euler step in one of the Stoermer-Verlet method. An elastic bounce of a limp vehicle on its
+tip then errs by 0.006 % of its energy at any phase of the steps, and by 0.014 % at a share of 1 (measured); sticking
+holds up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bristle has it, where a share of 1 leaves
+7 N."""
 
 
 @immutable

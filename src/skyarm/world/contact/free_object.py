@@ -38,7 +38,7 @@ the bend at its skin, which goes with (speed * step)^2, does not cancel. So 24 t
 a ball of 30 g to 3 kg, and six of 3 g, gain less than 0.1 % of energy (measured; 0.15 % at a share of 1)."""
 
 REST = Vec3(0.0, 0.0, 0.0)
-"""Of what a start leaves out: zeros that may be varied, not structure."""
+"""Value of vectors that a start leaves out: zeros that may be varied, not structure."""
 
 LOGGED = (
     ("position", "xyz", "m", "middle, world axes,"),

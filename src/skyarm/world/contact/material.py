@@ -30,7 +30,7 @@ BRISTLE_DAMPING = 5.0
 """N s/m at one newton and more; 1/m times the force below. It damps the vibration of a tip that sticks."""
 
 RECOVERY = 500.0
-"""1/s, at which a bristle stands up without contact."""
+"""Decay rate, 1/s, at which a bristle stands up without contact."""
 
 LIGHTEST = 0.02
 """kg that a contact moves at least, by which steps are chosen: 23 g is the least that the tips of the library's arms
@@ -41,14 +41,14 @@ NORMAL_STEP = 0.85
 then loses at most 0.1 % of its energy and gains none (measured)."""
 
 LONGEST = 2.5e-3
-"""s, of a step in contact, however soft it is."""
+"""Longest step in contact, s, however soft it is."""
 
 BRISTLE_STEP = 1.5
-"""The same of a bristle that is bent under the force of ``PRESSED``. Runge-Kutta's method is stable to 2.78, of 20 g
+"""The same product of a bristle that is bent under the force of ``PRESSED``. Runge-Kutta is stable to 2.78, of 20 g
 that is 17 N; semi-implicit Euler to 1.77 with the bristle's damping, 7 N: far beyond, a tip that light chatters."""
 
 PRESSED = 1e-3
-"""m of penetration at which the stiffness of bristles is taken: 5 N at 5000 N/m."""
+"""Penetration, m, at which the stiffness of bristles is taken: 5 N at 5000 N/m."""
 
 _STILL = 1e-24
 """m^2/s^2, N^2 or m^2 under a root: its derivative at rest is 0 instead of NaN; m in a denominator."""
@@ -65,10 +65,10 @@ def euler_step_of(square: Scalar, decay: Scalar) -> Scalar:
 
 
 DULLEST = 1000.0
-"""s/m: nothing rebounds that comes with more than 1 mm/s."""
+"""Largest dissipation, s/m: nothing rebounds that comes with more than 1 mm/s."""
 
 ROUGHEST = 100.0
-"""Coefficient of friction; rubber has 1 to 4."""
+"""Largest coefficient of friction; rubber has 1 to 4."""
 
 
 @immutable

@@ -31,17 +31,17 @@ from skyarm.world.contact.meetings import Meeting, meetings_of
 Residual = Callable[[Array], Array]
 
 STEP, LOWEST, ABOVE = 0.002, 3.0, 0.05
-"""m, by which a vehicle is lowered until it stands, how far anything is lowered, and how far above its position a
-vehicle begins: a reference that presses it to the ground lies a little below where it stands."""
+"""Distances, m: steps in which a vehicle is lowered until it stands, way that anything is lowered, and height above its
+position at which a vehicle begins: a reference that presses it to the ground lies a little below where it stands."""
 
 LIFT, FINEST = 0.002, 1e-4
-"""m: out of how deep inside of something an object is taken, and the smallest way down."""
+"""Depth, m, inside of something out of which an object is taken, and the smallest way down."""
 
 DEEPER = 0.1
 """Share of its depth by which an object is pressed deeper at a time, once that is more than ``FINEST``."""
 
 OTHER = 0.2
-"""m or rad from where an object touches first, beyond which an equilibrium is another one, after it tipped over."""
+"""Distance, m or rad, from where an object touches first, beyond which an equilibrium is another: it tipped over."""
 
 NEAR = 1e-7
 """Difference by which the stiffness is found, m and rad."""

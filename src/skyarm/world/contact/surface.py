@@ -230,7 +230,7 @@ def _nearest_edge(faces: tuple[Face, ...], height: Scalar, normal: Vec3) -> Face
 
 
 SHORTEST = 1e-6
-"""m, of any of them: a slip of units, and squares of less vanish."""
+"""Least length of a hole, m: less is a slip of units, and its square vanishes."""
 
 
 _SMALL = 1e-24

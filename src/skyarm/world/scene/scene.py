@@ -22,7 +22,7 @@ from skyarm.world.scene.shapes import RGBA, Shape, Solid
 from skyarm.world.scene.vehicle_shapes import Poses, body_poses
 
 PATCH = 1.0
-"""m: half the width of the patch that stands for a plane."""
+"""Half the width of the patch that stands for a plane, m."""
 
 LINE: RGBA = (0.25, 0.25, 0.28, 1.0)
 
@@ -30,7 +30,7 @@ OBSTACLES = ("surface", "object")
 """Roles of what stands about the vehicle."""
 
 WAY = np.linspace(0.03, 3.0, 100)
-"""m from a place towards the eye at which something may be in the way."""
+"""Distances, m, from a place towards the eye at which something may be in the way."""
 
 
 @immutable(kw_only=False)

@@ -24,7 +24,7 @@ UPRIGHT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 KINDS = "ellipsoid", "capsule", "cylinder", "sphere", "box", "patch", "hole", "mesh"
 
 ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "surface", "object")
-"""What a shape stands for; who draws it chooses a colour by it."""
+"""Things that a shape stands for, by which its colour is chosen."""
 
 
 @immutable(kw_only=False)

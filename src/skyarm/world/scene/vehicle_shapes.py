@@ -25,7 +25,7 @@ from skyarm.vehicle.vehicle_records import Look, Vehicle
 from skyarm.world.scene.shapes import Shape, Vector, floats, own_mesh, shape_between, turn_onto
 
 LEAST_REACH = 0.1
-"""m: scale of what has no rotors."""
+"""Scale of a vehicle without rotors, m."""
 
 PAYLOAD_DENSITY = 2000.0
 """kg/m^3: a payload is drawn as a ball of this density, between water's and aluminium's."""
