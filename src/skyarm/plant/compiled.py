@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from skyarm.algebra import Vec3
-from skyarm.algebra.scalars import data, floor, where
+from skyarm.algebra.scalars import Scalar, data, floor, where
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
+from skyarm.compile.tracing.program import Flat as FlatFunction
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -56,13 +56,13 @@ class Steps(NamedTuple):
 
 
 def hold(
-    world: Truth, integrator: str, count: Steps, now: Moved, command: Command, around: Surroundings, seconds: Any
+    world: Truth, integrator: str, count: Steps, now: Moved, command: Command, around: Surroundings, seconds: Scalar
 ) -> Moved:
     """Integrate vehicle and contact states over an interval (s) with a constant command."""
     near = VERLET if count.verlet else integrator
 
     there, motion = around.with_coupled(now[1]), PointMotion(world.vehicle, now[0])
-    steps: Any = float(count.near)
+    steps: Scalar = float(count.near)
     if count.most > 1:
         memories, finer = there.hurry(motion, seconds)
         now, steps = (now[0], memories), -floor(-steps * finer)
@@ -70,7 +70,7 @@ def hold(
     def step(both: Moved) -> Moved:
         return COUPLED_STEP[near](world, both[0], command, around.with_coupled(both[1]), seconds / steps)
 
-    far: Any = count.far > 0 and there.far(motion, seconds)
+    far: Scalar = count.far > 0 and there.far(motion, seconds)
     if far is False and count.most == 1:
         return repeat(count.near, step, now)
 
@@ -105,7 +105,7 @@ class RigidBodyPlant:
         self._world, self.around, self._integrator, self._physics_step = world, around, integrator, physics_step
         sizes = world.vehicle.sizes
         self._examples = (example_state(*sizes), example_command(*sizes), around)
-        self._programs: dict[float, Callable[[Any], tuple[float, ...]]] = {}
+        self._programs: dict[float, FlatFunction] = {}
         euler = integrator == "euler"
         self._largest = largest_step(around, euler=euler)
         self._largest_far = largest_step(around, coupled=False, euler=euler)
@@ -131,9 +131,9 @@ class RigidBodyPlant:
             return Steps(near, most=most)
         rounds = math.ceil(near / far)
         if self._verlet is not None:
-            held = max(divisions(seconds, self._verlet), math.ceil(seconds * self._rate / HELD_FRICTION_STEP))
-            if held < near * STAGES:
-                return Steps(held, far, rounds, verlet=True, most=most)
+            verlet_steps = max(divisions(seconds, self._verlet), math.ceil(seconds * self._rate / HELD_FRICTION_STEP))
+            if verlet_steps < near * STAGES:
+                return Steps(verlet_steps, far, rounds, verlet=True, most=most)
         return Steps(near, far, rounds, most=most)
 
     def _count(self, seconds: float, largest: float | None) -> int:
@@ -145,8 +145,10 @@ class RigidBodyPlant:
         """Vehicle state, then contact states, after ``seconds`` with a constant command."""
         if seconds not in self._programs:
 
-            def interval(_: Any, __: Any, given: Any, ___: Any) -> tuple[tuple[()], Moved]:
-                state, command, around = given
+            def interval(
+                _: tuple[()], __: tuple[()], inputs: tuple[State, Command, Surroundings], ___: tuple[Scalar, ...]
+            ) -> tuple[tuple[()], Moved]:
+                state, command, around = inputs
                 now, count = (state, around.coupled_memories()), self.substeps(seconds)
                 return (), hold(self._world, self._integrator, count, now, command, around, seconds)
 

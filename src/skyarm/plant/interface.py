@@ -33,16 +33,16 @@ class Truth:
     def path_names(self) -> Names:
         """Names of the fields, of loads, of numbers that [plant] joints sets for all joints, and of drives by joint."""
         vehicle = self.vehicle
-        found = field_paths(self) | {"payload": vehicle.load_names()}
-        found["joints"] = {
+        paths = field_paths(self) | {"payload": vehicle.load_names()}
+        paths["joints"] = {
             name: tuple(("vehicle", "links", str(i), "joint", name) for i in range(vehicle.n))
             for name in JOINT_NUMBERS
             if vehicle.n
         }
         if vehicle.drives:
             drives = enumerate(vehicle.drives)
-            found["drives"] = {each.name: (("vehicle", "drives", str(i), "drive"),) for i, each in drives}
-        return found
+            paths["drives"] = {each.name: (("vehicle", "drives", str(i), "drive"),) for i, each in drives}
+        return paths
 
 
 def require_gravity(value: object, field: str) -> float:

@@ -23,10 +23,10 @@ SAMPLES = 64
 """Arm configurations that are looked at; the effective inertia of a joint changes with the others' angles."""
 
 FASTEST = 1e4
-"""1/s. A faster friction would need over 80 integration steps per control period of 5 ms."""
+"""Fastest decay rate, 1/s. A faster friction would need over 80 integration steps per control period of 5 ms."""
 
 REACH = {"revolute": math.pi, "prismatic": 1.0}
-"""How far from zero a joint is looked at, rad or m, where its limits let it go that far."""
+"""Distance from zero up to which a joint is looked at, rad or m, where its limits let it go that far."""
 
 
 def friction_rate(vehicle: Vehicle) -> float:
@@ -100,7 +100,7 @@ but a step that enters or leaves it sees the bend of its force at four instants 
 to 8 % (measured); at 2.2 it gained 63 % at worst."""
 
 STIFFEST = 3e4
-"""rad/s. A stiffer stop would need over 140 integration steps per control period of 5 ms."""
+"""Highest frequency, rad/s. A stiffer stop would need over 140 integration steps per control period of 5 ms."""
 
 
 def joint_rate(vehicle: Vehicle) -> float:

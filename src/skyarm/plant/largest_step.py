@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.actuators.drive import Drive
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.surroundings import AnyComponent, Surroundings
 from skyarm.records import coerce
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
@@ -15,14 +16,14 @@ from skyarm.records.leaves import leaves
 from skyarm.world.component import MOST_STEPS
 
 INTEGRATORS = ("rk4", "euler", "rk4_staged")
-"""On the rigid-body plant the third is the first: loads are evaluated at each stage anyway."""
+"""Names of the integrators. On the rigid-body plant the third is the first: it evaluates loads at each stage anyway."""
 
 FRICTION_STEP = 0.6
 """Largest product of friction's decay rate and an RK4 step with loads at each stage (stable to 2.78; error 6e-4 of the
 fastest mode)."""
 
 HELD_FRICTION_STEP = 0.1
-"""The same with loads held for a step: friction is of first order then, 5 % off at 0.1."""
+"""The same product with loads held for a step: friction is of first order then, 5 % off at 0.1."""
 
 VERLET = "verlet"
 """The method of the rigid-body plant in the place of its Runge-Kutta steps near to what is coupled to the vehicle: no
@@ -43,7 +44,7 @@ def largest_step(around: Surroundings, *, coupled: bool = True, euler: bool = Fa
     return _least((*own, *(drive.largest_step for drive in around.drives)))
 
 
-def largest_stable_step(record: Any, *, euler: bool) -> Any:
+def largest_stable_step(record: AnyComponent | Drive, *, euler: bool) -> Scalar | None:
     """Longest step (s) of an environment model or joint drive that is stable with all integrators in use."""
     verlet = getattr(record, "largest_verlet_step", None)
     if not euler and verlet is None:
@@ -54,7 +55,8 @@ def largest_stable_step(record: Any, *, euler: bool) -> Any:
 
 def lanes_step(around: Surroundings, *, euler: bool) -> float | None:
     """Longest step (s) that is stable in every SIMD lane of a batch; None for no limit."""
-    return _least(largest_stable_step(each, euler=euler) for each in (*around.components, *around.drives))
+    records: tuple[AnyComponent | Drive, ...] = (*around.components, *around.drives)
+    return _least(largest_stable_step(each, euler=euler) for each in records)
 
 
 def verlet_step(around: Surroundings) -> float | None:
@@ -68,7 +70,7 @@ def verlet_step(around: Surroundings) -> float | None:
     return None if None in steps else _least(steps)
 
 
-def _least(steps: Iterable[Any]) -> float | None:
+def _least(steps: Iterable[Scalar | None]) -> float | None:
     return min((float(step) for step in steps if step is not None), default=None)
 
 
@@ -88,11 +90,11 @@ def divisions(seconds: float, largest: float | None) -> int:
     return 1 if largest is None else max(1, math.ceil(seconds / largest - 1e-9))
 
 
-def check_largest_step(records: Iterable[tuple[str, Any]], period: float) -> None:
+def check_largest_step(records: Iterable[tuple[str, AnyComponent | Drive]], period: float) -> None:
     """Refuse a longest stable integration step that is not positive, or below a thousandth of the control period.
 
     Args:
-        records: (where it stands, air, force or drive).
+        records: place and air, force or drive of each.
         period: control period, s.
 
     Raises:

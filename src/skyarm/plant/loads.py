@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import TypeGuard
 
 from skyarm.algebra import ZERO3, Force, Vec3
 from skyarm.algebra.scalars import Scalar, add, data, mul
@@ -15,20 +15,25 @@ from skyarm.dynamics.body_drag import body_drag
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
-from skyarm.plant.surroundings import Surroundings
+from skyarm.plant.surroundings import AnyComponent, Surroundings
+from skyarm.records.leaves import Tree
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.world import Effectiveness, WindSample, Wrench
+from skyarm.world import Effectiveness, PayloadMemory, TimedPayload, WindSample, Wrench
 
 LOCKED = 1e12
 """kg m^2 or kg: inertia of a stuck joint's motion. A torque of 1 N m moves it by 5e-13 rad in a second, less than what
 rounding leaves of a joint's angle, and both plants solve for the other accelerations as if the joint were not there."""
 
 
-def rigid_loads(around: Surroundings) -> list[tuple[Any, Any]]:
+def rigid_loads(around: Surroundings) -> list[tuple[TimedPayload, PayloadMemory]]:
     """Rigid payloads of the scenario, each with its internal state."""
-    pairs = zip(around.components, around.memories, strict=True)
-    return [(each, memory) for each, memory in pairs if each.rigid]
+    return [pair for pair in zip(around.components, around.memories, strict=True) if _is_rigid(pair)]
+
+
+def _is_rigid(pair: tuple[AnyComponent, Tree]) -> TypeGuard[tuple[TimedPayload, PayloadMemory]]:
+    """True if a component, given with its internal state, is a rigid load on a body of the vehicle."""
+    return pair[0].rigid
 
 
 def stuck_of(around: Surroundings) -> Sequence[Scalar]:
@@ -62,16 +67,16 @@ def applied_force(
     command: Command,
     around: Surroundings,
     step: Scalar | None = None,
-) -> tuple[Force, tuple[Any, ...]]:
+) -> tuple[Force, tuple[Scalar, ...]]:
     """Force and torque on the base (about its origin, base axes) and joint torques, without gravity.
 
     Args:
-        vehicle: the truth.
-        state: of the vehicle, with its rotor speeds and the angles of rotors that tilt.
+        vehicle: true vehicle.
+        state: state of the vehicle, with its rotor speeds and the angles of rotors that tilt.
         command: setpoints of the joints' drives, torques or forces unless the drive defines another quantity, and
             rotor speeds that the rotors accelerate to, rad/s; empty for rotors at constant speed.
         around: air, forces, faults and drives of the period.
-        step: s, of a method that takes forces once in the middle of its step; None of others.
+        step: step (s) of a method that takes forces once in the middle of its step; None for others.
     """
     vehicle = turn_rotors(vehicle, state.tilts)
     motion = PointMotion(vehicle, state, around.air_velocity, step=step)

@@ -10,7 +10,6 @@ import math
 import threading
 import warnings
 from itertools import pairwise
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -81,8 +80,10 @@ def _with_loads_at_stages(integrator: str, vehicle: Vehicle, around: Surrounding
     return "rk4_staged" if integrator == "rk4" and springs else integrator
 
 
-NOTHING = (None, None)
-"""What stands where MuJoCo and the loads read it: no state, no surroundings."""
+Written = tuple[Flat | None, Flat | None]
+"""State and surroundings that stand where MuJoCo and the loads read them."""
+
+NOTHING: Written = (None, None)
 
 
 class MujocoPlant:
@@ -140,7 +141,7 @@ class MujocoPlant:
         self._coupled = [*places_in(around)]
         self._around = self._loads.inputs[layout.end + layout.driven + world.vehicle.n :]
         self._commanded = self._loads.inputs[layout.end :][: layout.driven + world.vehicle.n]
-        self._written: tuple[Any, Any] = NOTHING
+        self._written = NOTHING
         dofs = joint_addresses(world.vehicle, self.model)[1]
         # followers are held from step to step; without them nothing is
         self._forward = mujoco.mj_forward
@@ -160,7 +161,7 @@ class MujocoPlant:
         x: tuple[Scalar, ...],
         commanded: tuple[Scalar, ...],
         setpoints: tuple[Scalar, ...],
-        angles: Any,
+        angles: tuple[Scalar, ...],
         around: Surroundings,
     ) -> tuple[Scalar, ...]:
         """Generalised forces for MuJoCo, and rotor, tilt and contact states after an integration step."""
@@ -200,7 +201,7 @@ class MujocoPlant:
                 qpos[:], qvel[:], speeds[:] = self._qpos, self._qvel, turned
                 if coupled:
                     given[coupled] = remembered
-        ours: tuple[float, ...] = self._layout.to_ours(self._loads.inputs[: self._layout.end].tolist())
+        ours = self._layout.to_ours(self._loads.inputs[: self._layout.end].tolist())
         return (*ours, *given[coupled].tolist()) if coupled else ours
 
     def _in_stages(
@@ -209,8 +210,8 @@ class MujocoPlant:
         """Vehicle and contact state after several Runge-Kutta steps with forces evaluated at each stage."""
         self._loads.step()
         with QUIET:
-            held = [around[place] for place in self._coupled]
-            x, memory = staged.advance(self._layout.to_mujoco(state), held, self._pushed, (*command, *around), count)
+            memory = [around[place] for place in self._coupled]
+            x, memory = staged.advance(self._layout.to_mujoco(state), memory, self._pushed, (*command, *around), count)
         return (*self._layout.to_ours(x), *memory)
 
     def _set(self, state: Flat, command: Flat, around: Flat) -> None:
@@ -236,7 +237,7 @@ class MujocoPlant:
         self._qpos[:] = x[:nq]
         with QUIET:
             velocities = self._carried.velocity_after(np.array(x[nq : nq + nv]), around)
-        ours: tuple[float, ...] = self._layout.to_ours((*x[:nq], *velocities.tolist(), *x[nq + nv :]))
+        ours = self._layout.to_ours((*x[:nq], *velocities.tolist(), *x[nq + nv :]))
         self._written = NOTHING
         return ours
 

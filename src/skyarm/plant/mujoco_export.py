@@ -10,7 +10,6 @@ MuJoCo's own writer keeps six.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -22,6 +21,7 @@ from skyarm.dynamics.kinematics import every_joint
 from skyarm.dynamics.state import State
 from skyarm.dynamics.workspace import nearest_to_zero
 from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor, unused_name
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle, require_plant
 
@@ -33,7 +33,7 @@ START = "start"
 
 
 HEIGHT = 1.0
-"""m above the floor, where nobody says where to start."""
+"""Height of the start above the floor where none is given, m."""
 
 
 @immutable(kw_only=False)
@@ -50,7 +50,7 @@ def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, t
     """Export a vehicle to MJCF; return the text and counts of its contents.
 
     Args:
-        vehicle: with concrete numbers; a planar model is refused.
+        vehicle: vehicle with concrete numbers; a planar model is refused.
         gravity: m/s^2.
         start: state of the keyframe ``start``; None for level, 1 m up, joints at zero or at the limit next to it.
         timestep: s.
@@ -76,7 +76,7 @@ def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, t
     return Exported(f"<!-- {HEADER} -->\n{spec.to_xml()}", len(vehicle.bodies), len(vehicle.moving), names)
 
 
-def _finish_joint(joint: Any, vehicle: Vehicle) -> None:
+def _finish_joint(joint: mujoco.MjsJoint, vehicle: Vehicle) -> None:
     """Set friction and limits of a joint in the exported MuJoCo model."""
     ours = next((link.joint for link in vehicle.moving if link.joint.name == joint.name), None)
     if ours is None or joint.type == mujoco.mjtJoint.mjJNT_FREE:
@@ -93,16 +93,16 @@ def _finish_joint(joint: Any, vehicle: Vehicle) -> None:
     joint.range = [max(lower, -far), min(upper, far)]
 
 
-def _like(held: Any, value: float) -> Any:
+def _like(field: float | Array, value: float) -> float | Array:
     """Format a value as a MuJoCo field expects: a number, or a vector of coefficients."""
-    if np.ndim(held) == 0:
+    if np.ndim(field) == 0:
         return value
-    found = np.zeros(np.shape(held))
-    found[0] = value
-    return found
+    coefficients = np.zeros(np.shape(field))
+    coefficients[0] = value
+    return coefficients
 
 
-def _tie(spec: Any, follower: str, leader: str, offset: float, ratio: float) -> None:
+def _tie(spec: mujoco.MjSpec, follower: str, leader: str, offset: float, ratio: float) -> None:
     tie = spec.add_equality(name=f"{follower} follows {leader}", type=mujoco.mjtEq.mjEQ_JOINT)
     tie.objtype, tie.name1, tie.name2 = mujoco.mjtObj.mjOBJ_JOINT, follower, leader
     data = np.zeros(np.shape(tie.data))
@@ -110,7 +110,7 @@ def _tie(spec: Any, follower: str, leader: str, offset: float, ratio: float) -> 
     tie.data = data
 
 
-def _add_actuators(spec: Any, vehicle: Vehicle) -> tuple[str, ...]:
+def _add_actuators(spec: mujoco.MjSpec, vehicle: Vehicle) -> tuple[str, ...]:
     """Add actuators for rotors (control: thrust, N) and driven joints (N m or N); return their names."""
     names: list[str] = []
     for rotor, site in zip(vehicle.rotors, site_of_rotor(vehicle), strict=True):
@@ -135,13 +135,15 @@ def _thrust(rotor: Rotor, speed: float) -> float:
     return float(rotor.thrust_coefficient) * float(push(rotor, speed)) if math.isfinite(speed) else math.inf
 
 
-def _bound(actuator: Any, low: float, high: float) -> None:
+def _bound(actuator: mujoco.MjsActuator, low: float, high: float) -> None:
     actuator.set_to_motor()
     if math.isfinite(high):
         actuator.ctrllimited, actuator.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, [low, high]
 
 
-def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gravity: float) -> None:
+def _add_start(
+    spec: mujoco.MjSpec, vehicle: Vehicle, model: mujoco.MjModel, start: State | None, gravity: float
+) -> None:
     """Add the initial state with hover thrusts to the exported model as a keyframe."""
     positions = start.joints if start is not None else (nearest_to_zero(link.joint) for link in vehicle.links)
     joints = tuple(map(float, positions))

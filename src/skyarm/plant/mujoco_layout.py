@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from operator import itemgetter
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar
@@ -17,14 +17,23 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.records.leaves import rebuild
 from skyarm.vehicle.vehicle_records import Vehicle
 
+Number = TypeVar("Number")
+
+
+class Reordering(Protocol):
+    """Protocol of functions that bring the numbers of a state into another order."""
+
+    def __call__(self, numbers: Sequence[Number], /) -> tuple[Number, ...]:
+        """Numbers of a state in the other order."""
+
 
 class Layout:
     """Index maps between this library's and MuJoCo's orders of the vehicle's state variables.
 
     Attributes:
-        nq, nv, rotors, tilts: how many numbers of each kind. end: of all.
-        driven: numbers of rotor speeds and tilt angles together.
-        to_mujoco, to_ours: a state's numbers in the other order, as tuples.
+        nq, nv, rotors, tilts: count of the numbers of each kind. end: count of all.
+        driven: count of rotor speeds and tilt angles together.
+        to_mujoco, to_ours: reordering of a state's numbers, as tuples.
     """
 
     def __init__(self, vehicle: Vehicle, model: Any) -> None:
@@ -40,11 +49,11 @@ class Layout:
         moving, speeds = range(self.nq, self.nq + 6), range(self.nq + self.nv, self.end)
         ours = (*range(7), *moving, *q[:n], *(self.nq + i for i in v[:n]), *speeds)
         whole = (*range(7), *moving, *q, *(self.nq + i for i in v), *speeds)
-        self._theirs: Any = itemgetter(*sorted(range(len(whole)), key=whole.__getitem__))
-        self.to_mujoco: Any = self._with_followers if vehicle.followers else self._theirs
-        self.to_ours: Any = itemgetter(*ours)
+        self._theirs: Reordering = itemgetter(*sorted(range(len(whole)), key=whole.__getitem__))
+        self.to_mujoco: Reordering = self._with_followers if vehicle.followers else self._theirs
+        self.to_ours: Reordering = itemgetter(*ours)
 
-    def _with_followers(self, numbers: Sequence[Any]) -> Any:
+    def _with_followers(self, numbers: Sequence[Any]) -> tuple[Any, ...]:
         """State variables in MuJoCo's order, including the follower joints."""
         n = self.vehicle.n
         joints = every_joint(self.vehicle, numbers[13 : 13 + n])
@@ -55,7 +64,7 @@ class Layout:
         """State dataclass from state variables in MuJoCo's order."""
         return rebuild(example_state(*self.vehicle.sizes), iter(self.to_ours(x)))
 
-    def accelerations(self, qacc: Sequence[Scalar]) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
+    def accelerations(self, qacc: Sequence[Scalar]) -> tuple[Vec3, Vec3, tuple[Scalar, ...]]:
         """Accelerations of base (world axes) and joints, from MuJoCo's generalised accelerations."""
         return Vec3(*qacc[0:3]), Vec3(*qacc[3:6]), tuple(qacc[i] for i in self._dofs)
 
@@ -65,7 +74,7 @@ class Layout:
         The dual of a free joint's velocity is the force at the base origin in world axes and the torque in base axes.
         """
         force, torques = applied_force(self.vehicle, state, command, around)
-        generalized: list[Any] = [*state.quaternion.rotation().apply(force.force), *force.torque, *torques]
+        generalized: list[Scalar] = [*state.quaternion.rotation().apply(force.force), *force.torque, *torques]
         # what acts on a follower acts on its leader already
         generalized += [0] * len(self.vehicle.followers)
         place = [*range(6), *self._every]

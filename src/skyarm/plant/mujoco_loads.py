@@ -13,27 +13,27 @@ when a joint gets stuck, come from MuJoCo's mass matrices before and after.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
 
-from skyarm.algebra.scalars import data
+from skyarm.algebra.scalars import Scalar, data
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.plant.interface import Flat
 from skyarm.plant.loads import LOCKED, rigid_loads, stuck_of
 from skyarm.plant.mujoco_model import load_name
 from skyarm.plant.surroundings import Surroundings
+from skyarm.records.arrays import Array
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
-def own_to_mujoco(vehicle: Vehicle, model: Any, dofs: Sequence[int]) -> Any:
+def own_to_mujoco(vehicle: Vehicle, model: mujoco.MjModel, dofs: Sequence[int]) -> Array:
     """Matrix (nv, 6 + joints) that maps base and joint velocities to MuJoCo's generalised velocities.
 
     Args:
-        vehicle: with or without followers.
-        model: MuJoCo's.
-        dofs: of links and followers, in ``model``.
+        vehicle: vehicle with or without followers.
+        model: MuJoCo's model.
+        dofs: addresses of links and followers in ``model``.
     """
     G = np.zeros((int(model.nv), 6 + vehicle.n))
     G[:6, :6] = np.eye(6)
@@ -48,16 +48,17 @@ class Coupling:
     """Constraint that moves a vehicle's follower joints with their leading joints in MuJoCo's data.
 
     Args:
-        vehicle: with followers. model, data: MuJoCo's. dofs: of links and followers, in ``model``.
+        vehicle: vehicle with followers. model, data: MuJoCo's.
+        dofs: addresses of links and followers in ``model``.
     """
 
-    def __init__(self, vehicle: Vehicle, model: Any, data: Any, dofs: Sequence[int]) -> None:
+    def __init__(self, vehicle: Vehicle, model: mujoco.MjModel, data: mujoco.MjData, dofs: Sequence[int]) -> None:
         self._G = own_to_mujoco(vehicle, model, dofs)
         self._columns = np.ascontiguousarray(self._G.T)
         self._moved = np.zeros(self._columns.shape)
         self._force, self._bias = data.qfrc_applied, data.qfrc_bias
 
-    def forward(self, model: Any, data: Any) -> None:
+    def forward(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Compute MuJoCo's forward dynamics including the constraint forces of follower joints."""
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
@@ -77,33 +78,40 @@ class Loads:
     """Payloads and stuck joints in a MuJoCo model, updated every control period.
 
     Args:
-        vehicle: without loads. model, data: MuJoCo's, made with bodies for the loads of ``around``.
-        around: surroundings as an example. dofs: of links and followers in ``model``.
+        vehicle: vehicle without loads. model, data: MuJoCo's, made with bodies for the loads of ``around``.
+        around: surroundings as an example. dofs: addresses of links and followers in ``model``.
     """
 
-    def __init__(self, vehicle: Vehicle, model: Any, data: Any, around: Surroundings, dofs: Sequence[int]) -> None:
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        around: Surroundings,
+        dofs: Sequence[int],
+    ) -> None:
         self._model, self._data, self._dofs = model, data, np.array(dofs[: vehicle.n], dtype=int)
         self._bodies = [model.body(load_name(i)).id for i in range(len(rigid_loads(around)))]
         self._armature = model.dof_armature.copy()
         self._numbers = Quick(_numbers, around)
         self._given: tuple[float, ...] = ()
-        self._set: Any = None
+        self._set: tuple[bytes, bytes] | None = None
         self._G = own_to_mujoco(vehicle, model, dofs)
 
-    def _of(self, around: Flat) -> tuple[Any, Any]:
+    def _of(self, around: Flat) -> tuple[Array, Array]:
         """Mass, moments of inertia and grasp flag of each payload, and stuck flags of the joints."""
         self._numbers.inputs[:] = around
         self._numbers.step()
-        found = np.array(self._numbers.outputs)
+        numbers = np.array(self._numbers.outputs)
         ends = OF_A_LOAD * len(self._bodies)
-        return found[:ends].reshape(-1, OF_A_LOAD), found[ends:]
+        return numbers[:ends].reshape(-1, OF_A_LOAD), numbers[ends:]
 
     def carry(self, around: Flat) -> None:
         """Set payload inertias and stuck joints in MuJoCo's model for a control period."""
         loads, stuck = self._of(around)
         self._put(loads[:, :4], stuck)
 
-    def _put(self, loads: Any, stuck: Any) -> None:
+    def _put(self, loads: Array, stuck: Array) -> None:
         key = (loads.tobytes(), stuck.tobytes())
         if key == self._set:
             return
@@ -115,7 +123,7 @@ class Loads:
         if len(stuck):
             model.dof_armature[self._dofs] += LOCKED * stuck
 
-    def velocity_after(self, qvel: Any, around: Flat) -> Any:
+    def velocity_after(self, qvel: Array, around: Flat) -> Array:
         """Generalised velocities right after the impulse of a grasp or of a joint that gets stuck."""
         loads, stuck = self._of(around)
         if not (loads[:, 4].any() or stuck.any()):
@@ -126,7 +134,7 @@ class Loads:
         own = np.concatenate([qvel[:6], qvel[self._dofs]])
         return self._G @ np.linalg.solve(after, before @ own)
 
-    def _mass_matrix(self, loads: Any, stuck: Any) -> Any:
+    def _mass_matrix(self, loads: Array, stuck: Array) -> Array:
         """Mass matrix of base and joint coordinates, computed from MuJoCo's."""
         model, data = self._model, self._data
         self._put(loads, stuck)
@@ -137,9 +145,9 @@ class Loads:
         return self._G.T @ whole @ self._G
 
 
-def _numbers(around: Surroundings) -> tuple[Any, ...]:
+def _numbers(around: Surroundings) -> tuple[Scalar, ...]:
     """Mass, moments of inertia and grasp flag of each payload, then the stuck flags of the joints."""
-    found: list[Any] = []
+    numbers: list[Scalar] = []
     for load, memory in rigid_loads(around):
-        found += [load.mass * memory.held, *(each * memory.held for each in load.inertia), memory.caught]
-    return tuple(data(value) for value in (*found, *stuck_of(around)))
+        numbers += [load.mass * memory.held, *(each * memory.held for each in load.inertia), memory.caught]
+    return tuple(data(value) for value in (*numbers, *stuck_of(around)))

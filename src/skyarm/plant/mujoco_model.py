@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,6 +11,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.records.arrays import Array
 from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world import TimedPayload
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 
 INTEGRATORS = {
@@ -19,7 +19,7 @@ INTEGRATORS = {
     "euler": mujoco.mjtIntegrator.mjINT_EULER,
     "rk4_staged": mujoco.mjtIntegrator.mjINT_RK4,
 }
-"""MuJoCo's own of each of ours; in "rk4_staged" MuJoCo only tells accelerations."""
+"""MuJoCo's integrator of each of ours; in "rk4_staged" MuJoCo only computes accelerations."""
 
 BASE_NAME = "base"
 """Body and free joint of the airframe; a link may have any name of its own."""
@@ -33,7 +33,7 @@ KINDS = {
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
 }
-"""MuJoCo's own of each kind of shape; it measures lengths by their halves."""
+"""MuJoCo's geometry of each kind of shape; it measures lengths by their halves."""
 
 _GREY, _DARK, _BLUE = (0.6, 0.6, 0.62, 1.0), (0.2, 0.2, 0.22, 1.0), (0.25, 0.45, 0.75, 1.0)
 
@@ -49,8 +49,13 @@ COLORS = {
 
 
 def build_spec(
-    vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, integrator: str = "rk4", loads: Sequence[Any] = ()
-) -> Any:
+    vehicle: Vehicle,
+    gravity: float,
+    *,
+    timestep: float = 0.001,
+    integrator: str = "rk4",
+    loads: Sequence[TimedPayload] = (),
+) -> mujoco.MjSpec:
     """MuJoCo model specification (``mujoco.MjSpec``) of a vehicle.
 
     Contacts, constraints, implicit damping and MuJoCo's own reset of a diverged state are off; joints have neither
@@ -58,11 +63,11 @@ def build_spec(
     (:mod:`skyarm.plant.mujoco_loads`).
 
     Args:
-        vehicle: with concrete numbers.
+        vehicle: vehicle with concrete numbers.
         gravity: m/s^2, positive downwards.
         timestep: s.
         integrator: "rk4", "euler" or "rk4_staged".
-        loads: rigid ones with a time, each a body without mass, welded to the link that may hold it.
+        loads: timed rigid payloads, each a body without mass, welded to the link that may hold it.
     """
     spec = mujoco.MjSpec()
     spec.modelname = vehicle.name
@@ -103,7 +108,7 @@ def load_name(index: int) -> str:
     return f"load {index}"
 
 
-def joint_addresses(vehicle: Vehicle, model: Any) -> tuple[list[int], list[int]]:
+def joint_addresses(vehicle: Vehicle, model: mujoco.MjModel) -> tuple[list[int], list[int]]:
     """Addresses of the joints in MuJoCo's qpos and qvel, in the order of the vehicle's links."""
     joints = [model.joint(link.joint.name) for link in vehicle.moving]
     return [int(joint.qposadr[0]) for joint in joints], [int(joint.dofadr[0]) for joint in joints]
@@ -111,10 +116,10 @@ def joint_addresses(vehicle: Vehicle, model: Any) -> tuple[list[int], list[int]]
 
 def site_of_rotor(vehicle: Vehicle) -> list[str]:
     """Name of the site at each rotor's hub."""
-    taken, found = [frame.name for frame in vehicle.frames], list[str]()
+    taken, sites = [frame.name for frame in vehicle.frames], list[str]()
     for rotor in vehicle.rotors:
-        found.append(unused_name(rotor.name, [*taken, *found]))
-    return found
+        sites.append(unused_name(rotor.name, [*taken, *sites]))
+    return sites
 
 
 def unused_name(name: str, taken: list[str]) -> str:
@@ -130,13 +135,13 @@ def body_name(vehicle: Vehicle, link: int) -> str:
     return unused_name(BASE_NAME, names) if link == BASE else names[link]
 
 
-def _add_joint(body: Any, joint: Joint) -> None:
+def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
     """Add a joint without friction, limits or springs."""
     kinds = {"revolute": mujoco.mjtJoint.mjJNT_HINGE, "prismatic": mujoco.mjtJoint.mjJNT_SLIDE}
     body.add_joint(name=joint.name, type=kinds[joint.kind], axis=_array(joint.axis), armature=float(joint.armature))
 
 
-def _give_inertia(body: Any, source: Body) -> None:
+def _give_inertia(body: mujoco.MjsBody, source: Body) -> None:
     """Set the inertia of a body about its centre of mass, as principal moments and axes.
 
     MuJoCo's own diagonalisation of ``fullinertia`` stops at an absolute 1e-12 kg m^2, which small links would feel.
@@ -152,7 +157,7 @@ def _give_inertia(body: Any, source: Body) -> None:
     body.ipos, body.inertia, body.iquat = _array(source.com), moments, _mat2quat(axes)
 
 
-def _add_sites(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
+def _add_sites(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody]) -> None:
     """Add a site for each frame and each rotor hub (z along the thrust)."""
     for frame in vehicle.frames:
         bodies[frame.link].add_site(
@@ -162,7 +167,7 @@ def _add_sites(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
         bodies[BASE].add_site(name=name, pos=_array(rotor.position), quat=_along(rotor.axis), size=[0.005] * 3)
 
 
-def _add_shapes(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
+def _add_shapes(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody]) -> None:
     """Add the visual shapes of the vehicle, without mass and contact."""
     for shape in vehicle_shapes(vehicle, meshes=False):
         kind, half_length = KINDS[shape.kind], shape.kind in ("capsule", "cylinder")

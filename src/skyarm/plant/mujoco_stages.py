@@ -7,10 +7,9 @@ Source: Munthe-Kaas 1999, Runge-Kutta methods on Lie groups; tableau of Kutta 19
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import accumulate, pairwise
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -24,7 +23,9 @@ from skyarm.plant.interface import Truth
 from skyarm.plant.loads import with_lag
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.surroundings import Surroundings, places_in, slopes_of
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.arrays import Array
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import leaves, parts, rebuild
 
 STAGES = (
     (1.0 / 2.0, 1.0 / 6.0, 0.0, 0.5),
@@ -32,24 +33,58 @@ STAGES = (
     (1.0, 1.0 / 3.0, 0.0, 1.0),
     (1.0 / 6.0, 0.0, 1.0, 1.0),
 )
-"""Of each stage, in steps: share of its slope in the next state, in the sum of slopes, that of the sum in the next
+"""Row of each stage, in steps: share of its slope in the next state, in the sum of slopes, that of the sum in the next
 state, and the time of the next state. What follows the last stage is the state after the step."""
+
+
+Numbers = tuple[Scalar, ...]
+"""Numbers of a record in a row, over any scalar type."""
+
+
+@immutable
+class RungeKuttaInputs:
+    """Numbers from which a stage is computed, beside command and surroundings; states are in MuJoCo's order.
+
+    Attributes:
+        start, first: state and memories of the coupled components at the beginning of the step.
+        now, memory: state and memories of the stage.
+        turn: rotation vector of the stage from the first attitude.
+        total, rates: sums of the slopes of earlier stages, of the state and of the memories.
+        acceleration: MuJoCo's generalised acceleration. weights: row of ``STAGES``.
+    """
+
+    start: Numbers
+    first: Numbers
+    now: Numbers
+    memory: Numbers
+    turn: Numbers
+    total: Numbers
+    rates: Numbers
+    acceleration: Numbers
+    weights: Numbers
 
 
 class StagedRungeKutta:
     """Fourth-order Runge-Kutta integrator that takes accelerations from MuJoCo and forces from this library.
 
     Args:
-        layout: of the vehicle. model, data: MuJoCo's; a step works in ``data``.
+        layout: layout of the vehicle. model, data: MuJoCo's; a step works in ``data``.
         around: surroundings as an example. dt: length of a step, s.
         forward: MuJoCo's forward dynamics, or with the forces that hold followers.
-        gravity: m/s^2, of what moves beside the vehicle.
+        gravity: m/s^2, on bodies that move beside the vehicle.
     """
 
     def __init__(
-        self, layout: Layout, model: Any, data: Any, around: Surroundings, dt: float, forward: Any = mujoco.mj_forward,
-        *, gravity: Scalar = 0,
-    ) -> None:  # fmt: skip
+        self,
+        layout: Layout,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        around: Surroundings,
+        dt: float,
+        forward: Callable[[mujoco.MjModel, mujoco.MjData], None] = mujoco.mj_forward,
+        *,
+        gravity: Scalar = 0,
+    ) -> None:
         self._truth = Truth(vehicle=layout.vehicle, gravity=gravity)
         self._layout, self._model, self._data, self._forward = layout, model, data, forward
         self._qpos, self._qvel, self._force, self._qacc = data.qpos, data.qvel, data.qfrc_applied, data.qacc
@@ -57,14 +92,19 @@ class StagedRungeKutta:
         own = 6 + layout.vehicle.n  # velocities but the followers'
         state, slopes = (0.0,) * layout.end, (0.0,) * (2 * own)
         self._coupled = (0.0,) * len(places_in(around))
-        inputs = (*(state, self._coupled) * 2, (0.0,) * 3, slopes, self._coupled, (0.0,) * nv, (0.0,) * 4)
-        given = (0.0,) * layout.rotors, (0.0,) * layout.vehicle.n, (0.0,) * layout.tilts
-        self._program = Quick(self._stage, *inputs, *given, around)
-        ends = accumulate((len(part) for part in inputs), initial=0)
-        parts = [self._program.inputs[a:b] for a, b in pairwise(ends)]
-        self._start, self._first, self._now, self._memory, self._turn, self._sum, self._rates = parts[:7]
-        self._acceleration, self._weights = parts[7:]
-        self._given = self._program.inputs[sum(len(part) for part in inputs) :]
+        inputs = RungeKuttaInputs(
+            start=state, first=self._coupled, now=state, memory=self._coupled, turn=(0.0,) * 3, total=slopes,
+            rates=self._coupled, acceleration=(0.0,) * nv, weights=(0.0,) * 4,
+        )  # fmt: skip
+        command = Command(
+            rotor_speeds=(0.0,) * layout.rotors, efforts=(0.0,) * layout.vehicle.n, tilts=(0.0,) * layout.tilts
+        )  # fmt: skip
+        self._program = Quick(self._stage, inputs, command, around)
+        ends = accumulate((len(part) for part in parts(inputs).values()), initial=0)
+        views = [self._program.inputs[a:b] for a, b in pairwise(ends)]
+        self._start, self._first, self._now, self._memory, self._turn, self._sum, self._rates = views[:7]
+        self._acceleration, self._weights = views[7:]
+        self._given = self._program.inputs[len(leaves(inputs)) :]
         # state, memories, rotation vector and sums stand side by side among inputs and outputs: one copy
         before = layout.end + len(self._coupled)
         width = before + 3 + 2 * own + len(self._coupled)
@@ -75,28 +115,26 @@ class StagedRungeKutta:
         # a share of a sum of slopes that hold a step's length already
         self._tableau[:, 2] = [row[2] for row in STAGES]
 
-    def _stage(
-        self, start: Any, kept: Any, now: Any, memory: Any, u: Any, total: Any, rates: Any, qacc: Any, weights: Any,
-        speeds: Any, setpoints: Any, angles: Any, around: Surroundings,
-    ) -> tuple[Scalar, ...]:  # fmt: skip
+    def _stage(self, inputs: RungeKuttaInputs, command: Command, around: Surroundings) -> Numbers:
         """Compute one Runge-Kutta stage: the next state, its rotation vector, sums of slopes and forces."""
-        first, x, (own, share, earlier, time) = self._layout.state(start), self._layout.state(now), weights
-        held = around.coupled_memories()
-        there = around.with_coupled(rebuild(held, iter(memory)))
+        first, x = self._layout.state(inputs.start), self._layout.state(inputs.now)
+        own, share, earlier, time = inputs.weights
+        shape = around.coupled_memories()
+        there = around.with_coupled(rebuild(shape, iter(inputs.memory)))
         faster = leaves(slopes_of(self._truth, x, there))
-        memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in zip(kept, rates, faster, strict=True)]
-        rates = [add(s, mul(share, k)) for s, k in zip(rates, faster, strict=True)]
-        around = around.with_coupled(rebuild(held, iter(memory)))
-        slope = self._slope(x, Vec3(*u), qacc)
-        change = [add(mul(earlier, s), mul(own, k)) for s, k in zip(total, slope, strict=True)]
-        command = Command(rotor_speeds=speeds, efforts=setpoints, tilts=angles)
+        rows = list(zip(inputs.first, inputs.rates, faster, strict=True))
+        memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in rows]
+        rates = [add(s, mul(share, k)) for _, s, k in rows]
+        around = around.with_coupled(rebuild(shape, iter(memory)))
+        slope = self._slope(x, Vec3(*inputs.turn), inputs.acceleration)
+        change = [add(mul(earlier, s), mul(own, k)) for s, k in zip(inputs.total, slope, strict=True)]
         following = _move_state(with_lag(self._layout.vehicle, first, command, time, around), change)
-        sums = [add(s, mul(share, k)) for s, k in zip(total, slope, strict=True)]
+        sums = [add(s, mul(share, k)) for s, k in zip(inputs.total, slope, strict=True)]
         loads = self._layout.generalized_forces(following, command, around)
         numbers = self._layout.to_mujoco(leaves(following))
         return tuple(data(value) for value in (*numbers, *memory, *change[3:6], *sums, *rates, *loads))
 
-    def _slope(self, x: State, u: Vec3, qacc: tuple[Scalar, ...]) -> list[Scalar]:
+    def _slope(self, x: State, u: Vec3, qacc: Numbers) -> list[Scalar]:
         """Time derivatives of position, rotation vector, joint positions and velocities."""
         linear, angular, joints = self._layout.accelerations(qacc)
         across = u.cross(x.rate)
@@ -104,16 +142,16 @@ class StagedRungeKutta:
         return [*x.velocity, *turning, *x.joint_rates, *linear, *angular, *joints]
 
     def advance(
-        self, x: Sequence[float], memory: Sequence[float], forces: Any, given: Sequence[float], steps: int
+        self, x: Sequence[float], memory: Sequence[float], forces: Array, given: Sequence[float], steps: int
     ) -> tuple[list[float], list[float]]:
         """Vehicle state in MuJoCo's order and contact states after several Runge-Kutta steps.
 
         Args:
             x: state now, in MuJoCo's order.
             memory: numbers of the coupled memories now.
-            forces: generalised forces on it.
+            forces: generalised forces on the state.
             given: rotor commands, setpoints, angles and numbers of the surroundings.
-            steps: how many.
+            steps: count of the steps.
         """
         model, data, program, forward = self._model, self._data, self._program.step, self._forward
         self._now[:], self._memory[:], self._given[:], self._loads[:] = x, memory, given, forces

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Motion, Quaternion, Vec3
@@ -55,7 +54,7 @@ class Rate:
     joint_rates: tuple[Scalar, ...]
 
 
-def accelerate(world: Truth, state: State, command: Command, around: Surroundings) -> tuple[Motion, tuple[Any, ...]]:
+def accelerate(world: Truth, state: State, command: Command, around: Surroundings) -> tuple[Motion, tuple[Scalar, ...]]:
     """Proper acceleration of the base (base axes) and joint accelerations."""
     force, torques = applied_force(world.vehicle, state, command, around)
     moving = loaded_vehicle(world.vehicle, around)
@@ -80,7 +79,7 @@ Moved = tuple[State, Memories]
 """A state, and the memories of the coupled components, after a step."""
 
 
-def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> Moved:
+def coupled_rk4(world: Truth, state: State, command: Command, around: Surroundings, dt: Scalar) -> Moved:
     """Vehicle and contact state after one classical fourth-order Runge-Kutta step.
 
     The attitude is integrated as four numbers and normalised after the step, which keeps the order. The memories of
@@ -122,7 +121,7 @@ def _move_state(state: State, rate: Rate, dt: Scalar) -> State:
     )
 
 
-def coupled_euler(world: Truth, state: State, command: Command, around: Surroundings, dt: float) -> Moved:
+def coupled_euler(world: Truth, state: State, command: Command, around: Surroundings, dt: Scalar) -> Moved:
     """Vehicle and contact state after one semi-implicit Euler step: velocities first, then positions.
 
     The attitude moves by the exponential of the new rate, as MuJoCo's manifold update does, so that both plants make
@@ -195,15 +194,15 @@ def _drift(state: State, dt: Scalar) -> State:
 
 
 def far_step(
-    name: str, world: Truth, now: Moved, command: Command, around: Surroundings, dt: Any, rounds: int
+    name: str, world: Truth, now: Moved, command: Command, around: Surroundings, dt: Scalar, rounds: int
 ) -> Moved:
     """Vehicle and contact state after one integration step while no contact can occur.
 
     Args:
-        name: of the integrator.
+        name: integrator's name.
         world: true vehicle and gravity.
         now: state, and memories of the coupled components.
-        command: held for the period.
+        command: command of the period.
         around: surroundings of the period.
         dt: s.
         rounds: steps that the coupled components need in its place.
@@ -227,16 +226,16 @@ def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
     Source: Featherstone 2008, section 11.7 (impulsive dynamics), the load being part of the body that grasps it.
 
     Args:
-        vehicle: without loads.
-        state: when the period begins.
-        around: of the period.
+        vehicle: vehicle without loads.
+        state: state at the beginning of the period.
+        around: surroundings of the period.
     """
     if not changes_inertia(around):
         return state
     motion, total = PointMotion(vehicle, state), Force(ZERO3, ZERO3)
     pushed: list[Scalar] = [0] * vehicle.n
-    for held, memory in rigid_loads(around):
-        link, load = held.body(vehicle, memory.caught)
+    for payload, memory in rigid_loads(around):
+        link, load = payload.body(vehicle, memory.caught)
         spin = load.inertia.apply(motion.angular_velocity(link))
         impulse = motion.velocity(load.com, link) * load.mass
         force, efforts = motion.generalized_force(-impulse, -motion.to_world(spin, link), load.com, link)

@@ -17,6 +17,9 @@ from skyarm.records.leaves import Tree, leaves
 from skyarm.vehicle.vehicle_records import Rotor
 from skyarm.world import Component, Effectiveness, Wrench
 
+AnyComponent = Component[Any]
+"""Environment model with an internal state of any type, which it alone knows."""
+
 Memories = tuple[Tree, ...]
 """Internal states of environment models or of joint drives, in their order, each of its model's own type."""
 
@@ -26,13 +29,14 @@ class Surroundings:
     """Environment models, actuator faults and joint drives with their internal states, for one control period.
 
     Attributes:
-        components: air and forces, in the order in which they add up. memories: theirs.
-        time: s, of the period's beginning.
-        effectiveness: what faults leave of the actuators; None for whole ones.
-        drives: of the joints, in order; empty where all take torques. drive_memories: theirs.
+        components: air and forces, in the order in which they add up. memories: internal states of the components.
+        time: beginning of the period, s.
+        effectiveness: share of the actuators that faults leave; None for whole ones.
+        drives: drives of the joints, in order; empty where all take torques.
+        drive_memories: internal states of the drives.
     """
 
-    components: tuple[Component[Any], ...] = ()
+    components: tuple[AnyComponent, ...] = ()
     memories: Memories = ()
     time: Scalar = 0.0
     effectiveness: Effectiveness | None = None
@@ -48,10 +52,10 @@ class Surroundings:
 
     def wrenches(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> list[Wrench]:
         """Forces and torques of all environment models on the vehicle's bodies."""
-        found: list[Wrench] = []
+        wrenches: list[Wrench] = []
         for component, memory in zip(self.components, self.memories, strict=True):
-            found += component.wrenches(memory, self.time, motion, rotor_speeds)
-        return found
+            wrenches += component.wrenches(memory, self.time, motion, rotor_speeds)
+        return wrenches
 
     def rotor_commands(self, rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Sequence[Scalar]:
         """Rotor speed commands (rad/s) limited by the battery."""
@@ -73,10 +77,10 @@ class Surroundings:
         places = self.coupled
         if not places:
             return self
-        held = list(self.memories)
+        every = list(self.memories)
         for place, memory in zip(places, memories, strict=True):
-            held[place] = memory
-        return replace(self, memories=tuple(held))
+            every[place] = memory
+        return replace(self, memories=tuple(every))
 
     def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Scalar]) -> Memories:
         """Time derivatives of the contact models' internal states."""
@@ -84,24 +88,24 @@ class Surroundings:
 
     def far(self, motion: PointMotion, seconds: Scalar) -> Scalar:
         """True if no contact can occur within ``seconds``."""
-        found: Scalar = True
+        far: Scalar = True
         for i in self.coupled:
             there = self.components[i].far(self.memories[i], motion, seconds)
-            found = there if found is True else logical_and(found, there)
-        return found
+            far = there if far is True else logical_and(far, there)
+        return far
 
     def hurry(self, motion: PointMotion, seconds: Scalar) -> tuple[Memories, Scalar]:
         """Internal states of the contact models, and number of integration substeps for the next ``seconds``."""
-        found = [self.components[i].hurry(self.memories[i], motion, seconds) for i in self.coupled]
+        pairs = [self.components[i].hurry(self.memories[i], motion, seconds) for i in self.coupled]
         finer: Scalar = 1.0
-        for _, steps in found:
+        for _, steps in pairs:
             finer = maximum(finer, steps)
-        return tuple(memory for memory, _ in found), finer
+        return tuple(memory for memory, _ in pairs), finer
 
     def without_coupled(self) -> Surroundings:
         """Copy of the plant inputs without the contact models."""
-        kept = [i for i, component in enumerate(self.components) if not component.coupled]
-        components, memories = tuple(self.components[i] for i in kept), tuple(self.memories[i] for i in kept)
+        alone = [i for i, component in enumerate(self.components) if not component.coupled]
+        components, memories = tuple(self.components[i] for i in alone), tuple(self.memories[i] for i in alone)
         return replace(self, components=components, memories=memories)
 
     def alone(self, seconds: Scalar, rounds: int, gravity: Scalar) -> Memories:
@@ -133,7 +137,7 @@ def before_euler_step(world: Truth, state: State, around: Surroundings, dt: Scal
 def bend_coupled(around: Surroundings, slopes: Memories, dt: Scalar) -> Surroundings:
     """Copy of the plant inputs with the contact friction bristles advanced by ``dt`` (s)."""
     going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
-    return around.with_coupled([around.components[i].before_euler_step(held, rate, dt) for i, held, rate in going])
+    return around.with_coupled([around.components[i].before_euler_step(memory, rate, dt) for i, memory, rate in going])
 
 
 def after_euler_step(around: Surroundings, slopes: Memories, dt: Scalar) -> Memories:
@@ -145,7 +149,7 @@ def after_euler_step(around: Surroundings, slopes: Memories, dt: Scalar) -> Memo
 def drift_coupled(around: Surroundings, dt: Scalar) -> Surroundings:
     """Copy of the plant inputs with movable bodies advanced by ``dt`` (s) at constant velocities."""
     going = zip(around.coupled, around.coupled_memories(), strict=True)
-    return around.with_coupled([around.components[i].drift(held, dt) for i, held in going])
+    return around.with_coupled([around.components[i].drift(memory, dt) for i, memory in going])
 
 
 def push_coupled(around: Surroundings, felt: Surroundings, motion: PointMotion, dt: Scalar) -> Surroundings:
@@ -153,7 +157,7 @@ def push_coupled(around: Surroundings, felt: Surroundings, motion: PointMotion, 
     speeds = motion.state.rotor_speeds
     going = zip(around.coupled, around.coupled_memories(), felt.coupled_memories(), strict=True)
     return around.with_coupled(
-        [around.components[i].push(held, around.time, motion, speeds, dt, now) for i, held, now in going]
+        [around.components[i].push(memory, around.time, motion, speeds, dt, now) for i, memory, now in going]
     )
 
 
@@ -165,10 +169,10 @@ def places_in(around: Surroundings) -> tuple[int, ...]:
 
 def places_among(memories: Memories, coupled: Sequence[int]) -> tuple[int, ...]:
     """Indices of the contact states among the internal states of all environment models."""
-    found, first = list[int](), 0
+    places, first = list[int](), 0
     for i, memory in enumerate(memories):
         count = len(leaves(memory))
         if i in coupled:
-            found += range(first, first + count)
+            places += range(first, first + count)
         first += count
-    return tuple(found)
+    return tuple(places)

@@ -32,7 +32,7 @@ class GroundEffect(Force[tuple[()]]):
     below the body is left out. The thrust is that of a whole rotor.
 
     Attributes:
-        others: whether the images of the other rotors count.
+        others: True if the images of the other rotors count.
     Source: Cheeseman, Bennett 1955 (a rotor alone); Sanchez-Cuevas, Heredia, Ollero 2017 (several, by their images).
     """
 
@@ -44,7 +44,7 @@ class GroundEffect(Force[tuple[()]]):
         self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> Sequence[Wrench]:
         """Additional upward force at each rotor due to the ground effect, as wrenches on the base."""
-        found, rotors = [], motion.vehicle.rotors
+        wrenches, rotors = [], motion.vehicle.rotors
         for i, (rotor, speed) in enumerate(zip(rotors, rotor_speeds, strict=True)):
             z = maximum(motion.position(rotor.position).z, self.lowest * self.radius)
             ratio: Scalar = self.radius * self.radius / (16.0 * z * z)
@@ -55,8 +55,8 @@ class GroundEffect(Force[tuple[()]]):
                     ratio = ratio + 0.5 * self.radius * self.radius * z / (square * sqrt(square))
             push = speed * speed if rotor.table is None else rotor.table.push(speed)
             extra = rotor.thrust_coefficient * push * (ratio / (1.0 - ratio))
-            found.append(Wrench(force_W=motion.rotation.apply(rotor.axis * extra), point=rotor.position))
-        return found
+            wrenches.append(Wrench(force_W=motion.rotation.apply(rotor.axis * extra), point=rotor.position))
+        return wrenches
 
 
 @immutable
@@ -84,12 +84,12 @@ class LinkDrag(Force[tuple[()]]):
         self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> Sequence[Wrench]:
         """Aerodynamic drag force on every arm link, as a list of wrenches."""
-        found = []
+        wrenches = []
         for i, (link, area) in enumerate(zip(motion.vehicle.links, self.area, strict=True)):
             v: Vec3 = motion.velocity(link.body.com, i) - motion.air_velocity(link.body.com, i)
             factor: Scalar = -0.5 * self.air_density * area * sqrt(v.dot(v) + _STILL)
-            found.append(Wrench(force_W=v * factor, point=link.body.com, body=i))
-        return found
+            wrenches.append(Wrench(force_W=v * factor, point=link.body.com, body=i))
+        return wrenches
 
 
 @immutable
@@ -110,12 +110,12 @@ class RotorDrag(Force[tuple[()]]):
         self, memory: tuple[()], t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
     ) -> Sequence[Wrench]:
         """Additional thrust force at each rotor hub, as wrenches on the base."""
-        found = []
+        wrenches = []
         for rotor, speed in zip(motion.vehicle.rotors, rotor_speeds, strict=True):
             v = motion.velocity(rotor.position) - motion.air_velocity(rotor.position)
             axis = motion.rotation.apply(rotor.axis)
             along = v.dot(axis)
             across = v - axis * along
             extra: Scalar = self.lift * across.dot(across) - self.inflow * speed * along
-            found.append(Wrench(force_W=axis * extra, point=rotor.position))
-        return found
+            wrenches.append(Wrench(force_W=axis * extra, point=rotor.position))
+        return wrenches

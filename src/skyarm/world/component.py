@@ -106,7 +106,7 @@ class Component(Generic[Memory]):
     __slots__ = ()
 
     rigid: bool = False
-    """Whether it is a rigid load on a body of the vehicle, part of the plant's inertia; it then has ``body``."""
+    """True for a rigid load on a body of the vehicle, part of the plant's inertia; it then has ``body``."""
 
     @property
     def uniforms(self) -> int:
@@ -120,16 +120,16 @@ class Component(Generic[Memory]):
             ValueError: one line that begins with a field of the component.
         """
 
-    largest_step: float | None = None
+    largest_step: Scalar | None = None
     """Longest stable integration step, s; None for any. May be a field, or a property of the other numbers."""
 
     @property
-    def largest_euler_step(self) -> float | None:
+    def largest_euler_step(self) -> Scalar | None:
         """Longest stable integration step (s) of the model under semi-implicit Euler; None for no limit."""
         return self.largest_step
 
     @property
-    def largest_verlet_step(self) -> float | None:
+    def largest_verlet_step(self) -> Scalar | None:
         """Longest stable integration step (s) of the model under Stoermer-Verlet; None excludes that method.
 
         None keeps the plant's own method.
@@ -137,13 +137,13 @@ class Component(Generic[Memory]):
         return None
 
     coupled: bool = False
-    """Whether its memory goes on within a control period, with the plant. A property will do."""
+    """True if its memory goes on within a control period, with the plant. A property will do."""
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Memory:
         """Initial internal state of the environment model, a dataclass or tuple of scalars; an empty tuple for none.
 
         Args:
-            period: of ``advance``, s.
+            period: control period of ``advance``, s.
             draws: uniform numbers, twice ``uniforms`` of them. :func:`skyarm.algebra.scalars.philox.normals` makes
                 normal ones of them.
         """
@@ -161,10 +161,10 @@ class Component(Generic[Memory]):
         """Internal state of the model after discrete events at the start of a control period, such as a grasp.
 
         Args:
-            memory: of the period.
+            memory: internal state in the period.
             t: s; of a reference whose phases wait for the flight its own time.
             dt: control period, s.
-            motion: of the vehicle at the instant.
+            motion: motion of the vehicle at the instant.
         """
         return memory
 
@@ -182,9 +182,9 @@ class Component(Generic[Memory]):
         """Forces and torques of the environment model on the vehicle's bodies at an instant.
 
         Args:
-            memory: of the period.
+            memory: internal state in the period.
             t: s.
-            motion: where every point of the vehicle is and how it moves.
+            motion: places and velocities of all points of the vehicle.
             rotor_speeds: rad/s.
         """
         return ()
@@ -229,12 +229,12 @@ class Component(Generic[Memory]):
         What goes on by its rate alone, and not in ``drift`` nor ``before_euler_step``, does so here.
 
         Args:
-            memory: before.
-            t: as of ``slope``.
-            motion: the same.
-            rotor_speeds: the same.
+            memory: internal state before.
+            t: time as in ``slope``.
+            motion: motion as in ``slope``.
+            rotor_speeds: rad/s.
             dt: s.
-            felt: with the velocities at which forces are taken; those before if left out.
+            felt: internal state with the velocities at which forces are taken; that before if left out.
         """
         return moved_by(memory, self.slope(memory if felt is None else felt, t, motion, rotor_speeds), dt)
 
@@ -253,7 +253,7 @@ class Component(Generic[Memory]):
         """Internal state of a model such as a contact after ``seconds`` in which it exerted no force.
 
         Args:
-            memory: before.
+            memory: internal state before.
             seconds: s.
             rounds: number of parts of the time, each as short as the component needs.
             gravity: m/s^2, along -z.
@@ -289,7 +289,7 @@ class Component(Generic[Memory]):
         """Warnings about suspicious or computationally expensive parameters of the environment model.
 
         Args:
-            vehicle: of the plant.
+            vehicle: vehicle of the plant.
             step: integration step without the component, s.
         """
         return ()

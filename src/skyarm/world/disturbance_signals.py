@@ -71,7 +71,7 @@ class Disturbance(NoisyComponent, Force[Numbers]):
     """Force and torque on one body of the vehicle as functions of time, with optional coloured noise.
 
     Attributes:
-        frame: at whose origin the force acts; empty for the base's origin.
+        frame: frame at whose origin the force acts; empty for the base's origin.
         axes: "world", or "frame" for those of the frame, which turn with it.
     """
 
@@ -129,5 +129,5 @@ class AirSignals(NoisyComponent, Air[Numbers]):
 
     def velocity(self, memory: Numbers, t: Scalar, position_W: Vec3) -> Vec3:
         """Air velocity (m/s, world axes): time signals plus noise."""
-        found = self.velocity_W.at(t)
-        return found if self.noise is None else found + scale_noise(self.noise.velocity, memory)
+        velocity = self.velocity_W.at(t)
+        return velocity if self.noise is None else velocity + scale_noise(self.noise.velocity, memory)

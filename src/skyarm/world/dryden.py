@@ -18,7 +18,7 @@ calm day would freeze one draw for the whole episode). V and the altitude are co
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import E_X, E_Z, Vec3
 from skyarm.algebra.scalars import Scalar, divide, exp, log, maximum, sqrt
@@ -99,7 +99,7 @@ def start(first: Vec3, second: Vec3, dt: Scalar, *, par: Dryden) -> DrydenMemory
 
     Args:
         first: standard normal numbers.
-        second: more of them, independent of the first (second.x is not used).
+        second: further numbers, independent of the first (second.x is not used).
         dt: step of the sequence, s.
         par: the turbulence.
     """
@@ -168,6 +168,6 @@ def _second_order(d: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     return a, b, gain, divide((1.0 - a) * (small - b), gain)
 
 
-def _within(name: str, value: Any, low: float, high: float, unit: str) -> None:
+def _within(name: str, value: Scalar, low: float, high: float, unit: str) -> None:
     if concrete(value) and not low <= value <= high:
         raise ValueError(f"{name} = {value!r}: must be from {low:g} to {high:g} {unit}")

@@ -11,8 +11,8 @@ class Effectiveness:
     """Remaining share of each rotor's thrust and of each joint drive's effort, and the stuck joints.
 
     Attributes:
-        rotors: of thrust and drag torque, one per rotor.
-        joints: of the drive's effort, one per joint; friction stays.
+        rotors: share of thrust and drag torque, one per rotor.
+        joints: share of the drive's effort, one per joint; friction stays.
         stuck: 1 for a joint that is held where it is, one number per joint; empty where none can be.
     """
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra.scalars import Scalar, clip, maximum, mul, where
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import Fields, shown
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_entry
@@ -24,11 +26,11 @@ class Fault:
 
     Attributes:
         rotor: name of the rotor, or joint: name of the joint whose drive it is; exactly one of them.
-        effectiveness: from 0 (none) to 1 (all). A rotor keeps its speed and its lag.
+        effectiveness: share from 0 (none) to 1 (all). A rotor keeps its speed and its lag.
         start: at least 0: the flight begins at 0, and so does a fault that was there before.
         stuck: the joint is held where it is from ``start`` on, exactly (:mod:`skyarm.plant.loads`); its drive
             then has no share of its effort to lose.
-        signal: of time, times the effectiveness, within 0 and 1; None for a share that does not change.
+        signal: signal of time, times the effectiveness, within 0 and 1; None for a share that does not change.
     """
 
     rotor: str = ""
@@ -51,13 +53,13 @@ class Fault:
 
     registered_as = "fault"
 
-    def to_entry(self) -> dict[str, Any]:
+    def to_entry(self) -> Mapping[str, Entry | Scalar]:
         """Table of a file, in which a share that changes is the effectiveness itself."""
-        found = record_entry(self)
-        return found | {"effectiveness": found.pop("signal", self.effectiveness)} if not self.stuck else found
+        table = record_entry(self)
+        return table | {"effectiveness": table.pop("signal", self.effectiveness)} if not self.stuck else table
 
     @staticmethod
-    def short_spellings(fields: Fields) -> dict[str, Any]:
+    def short_spellings(fields: Fields) -> dict[str, Signal | float]:
         """Effectiveness from a table: a number, or a signal of time; left out of a joint that is stuck."""
         if "signal" in fields.table:
             given = shown(fields.take("signal"))
@@ -78,11 +80,11 @@ class Fault:
     def check(self, vehicle: Vehicle) -> None:
         """Raise ValueError if the vehicle lacks the actuator."""
         rotors, joints = [r.name for r in vehicle.rotors], [link.joint.name for link in vehicle.links]
-        for kind, value, known in (("rotor", self.rotor, rotors), ("joint", self.joint, joints)):
-            if value and value not in known:
-                raise ValueError(f"{kind} = {value!r}: must be one of {', '.join(known) or 'none'}")
+        for kind, value, names in (("rotor", self.rotor, rotors), ("joint", self.joint, joints)):
+            if value and value not in names:
+                raise ValueError(f"{kind} = {value!r}: must be one of {', '.join(names) or 'none'}")
 
-    def share(self, t: Scalar) -> Any:
+    def share(self, t: Scalar) -> Scalar:
         """Remaining share of the actuator's force at time t (s); 1 before the fault starts."""
         left = self.effectiveness
         if self.signal is not None:
@@ -97,14 +99,14 @@ def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Scalar) -> 
     """
     if not faults:
         return None
-    rotors: dict[str, Any] = {rotor.name: 1 for rotor in vehicle.rotors}
-    joints: dict[str, Any] = {link.joint.name: 1 for link in vehicle.links}
-    stuck: dict[str, Any] = dict.fromkeys(joints, 0)
+    rotors: dict[str, Scalar] = {rotor.name: 1 for rotor in vehicle.rotors}
+    joints: dict[str, Scalar] = {link.joint.name: 1 for link in vehicle.links}
+    stuck: dict[str, Scalar] = dict.fromkeys(joints, 0)
     for fault in faults:
         if fault.stuck:
             stuck[fault.joint] = maximum(stuck[fault.joint], where(t >= fault.start, 1.0, 0.0))
             continue
         shares = rotors if fault.rotor else joints
         shares[fault.name] = mul(shares[fault.name], fault.share(t))
-    held = tuple(stuck.values()) if any(fault.stuck for fault in faults) else ()
-    return Effectiveness(tuple(rotors.values()), tuple(joints.values()), held)
+    flags = tuple(stuck.values()) if any(fault.stuck for fault in faults) else ()
+    return Effectiveness(tuple(rotors.values()), tuple(joints.values()), flags)

@@ -12,7 +12,7 @@ Source: spherical pendulum on an elastic cord; staggered coupling as in Felippa,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, maximum, mul, sqrt, where
@@ -24,7 +24,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import Column, Wrench, require_frame, select
-from skyarm.world.timed_payload import TimedPayload
+from skyarm.world.timed_payload import PayloadMemory, TimedPayload
 
 SUBSTEPS = 20
 """Steps of the load in a control period."""
@@ -44,18 +44,14 @@ class Swing:
 
 
 @immutable
-class HangingMemory:
-    """Internal state of a hanging payload: held or not, load position and velocity, cord force.
+class HangingMemory(PayloadMemory):
+    """Internal state of a hanging payload: that of a payload, load position and velocity, cord force.
 
     Attributes:
-        held, caught, gone, place: as :class:`skyarm.world.timed_payload.PayloadMemory`.
-        position, velocity: of the load, m and m/s, world axes. pull: mean force of the cord on the frame, N.
+        position, velocity: position and velocity of the load, m and m/s, world axes.
+        pull: mean force of the cord on the frame, N.
     """
 
-    held: Scalar
-    caught: Scalar
-    gone: Scalar
-    place: Vec3
     position: Vec3
     velocity: Vec3
     pull: Vec3
@@ -68,7 +64,7 @@ class HangingPayload(TimedPayload):
     It is picked up at rest, straight below the frame, with the cord as long as its weight makes it.
 
     Attributes:
-        stretch: of the cord under the load's weight, by its length: it determines the cord's stiffness.
+        stretch: extension of the cord under the load's weight, by its length: it determines the cord's stiffness.
     """
 
     cord: Annotated[Scalar, Unit("m", "length without load", low=0.0, strict=True)] = 0.5
@@ -88,7 +84,7 @@ class HangingPayload(TimedPayload):
         """Always false: the hanging payload moves relative to the vehicle."""
         return False
 
-    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Any) -> None:
+    def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
         """Refuse a vehicle without the frame, and a cord that is too stiff for the control period."""
         require_frame(vehicle, self.frame)
         if not concrete(self.cord, self.stretch, gravity):
@@ -97,7 +93,7 @@ class HangingPayload(TimedPayload):
         if self.stretch < least:
             raise ValueError(f"stretch = {self.stretch!r}: must be at least {least:.3g} at this control rate")
 
-    def start(self, period: float, draws: Any) -> Any:
+    def start(self, period: float, draws: Sequence[Scalar]) -> HangingMemory:
         """Initial internal state of the hanging payload, which is not held yet."""
         rest = TimedPayload.start(self, period, draws)
         still = Vec3(0.0, 0.0, 0.0)
@@ -106,11 +102,13 @@ class HangingPayload(TimedPayload):
             pull=still,
         )  # fmt: skip
 
-    def act(self, memory: Any, t: Any, dt: float, motion: PointMotion) -> Any:
+    def act(  # type: ignore[override]
+        self, memory: HangingMemory, t: Scalar, dt: float, motion: PointMotion
+    ) -> HangingMemory:
         """Internal state of the hanging payload for a control period, with the mean cord force on the vehicle."""
         at = motion.frame(self.frame or None)
         holder, speed = motion.position(*at), motion.velocity(*at)
-        held, caught, gone, place = self.next_status(memory, t, holder)
+        grasped, caught, gone, place = self.next_status(memory, t, holder)
         below = holder + Vec3(0.0, 0.0, -1.0) * (self.cord * (1.0 + self.stretch))
         nothing = Vec3(0.0, 0.0, 0.0)
         first = select(caught > 0.5, below, memory.position)
@@ -119,10 +117,10 @@ class HangingPayload(TimedPayload):
         step = dt / SUBSTEPS
         swing = repeat(SUBSTEPS, lambda now: self._advance_swing(now, speed, motion.gravity, step), swing)
         return HangingMemory(
-            held=held, caught=caught, gone=gone, place=place,
-            position=select(held > 0.5, swing.position, memory.position),
-            velocity=select(held > 0.5, swing.velocity, memory.velocity),
-            pull=select(held > 0.5, swing.pull * (1.0 / SUBSTEPS), nothing),
+            held=grasped, caught=caught, gone=gone, place=place,
+            position=select(grasped > 0.5, swing.position, memory.position),
+            velocity=select(grasped > 0.5, swing.velocity, memory.velocity),
+            pull=select(grasped > 0.5, swing.pull * (1.0 / SUBSTEPS), nothing),
         )  # fmt: skip
 
     @property
@@ -132,11 +130,13 @@ class HangingPayload(TimedPayload):
         axes = (Column("payload_position", f"{begin}{axis}", "m", "on its cord, world axes") for axis in "xyz")
         return (*TimedPayload.columns.fget(self), *axes)  # type: ignore[attr-defined]
 
-    def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
+    def logged(  # type: ignore[override]
+        self, memory: HangingMemory, motion: PointMotion
+    ) -> tuple[Scalar, ...]:
         """Held mass (kg) and load position (m) for the log."""
         return (*TimedPayload.logged(self, memory, motion), *memory.position)
 
-    def _advance_swing(self, now: Swing, speed: Vec3, gravity: Any, dt: Any) -> Swing:
+    def _advance_swing(self, now: Swing, speed: Vec3, gravity: Scalar, dt: Scalar) -> Swing:
         """Advance the load by one substep under cord tension and gravity, independent of its mass."""
         to_tip = now.holder - now.position
         length = sqrt(to_tip.dot(to_tip) + 1e-24)
@@ -151,7 +151,9 @@ class HangingPayload(TimedPayload):
             pull=now.pull - along * mul(tension, self.mass),
         )  # fmt: skip
 
-    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+    def wrenches(  # type: ignore[override]
+        self, memory: HangingMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
+    ) -> Sequence[Wrench]:
         """Wrench of the cord's tension on the frame."""
         point, body = motion.frame(self.frame or None)
         return (Wrench(force_W=memory.pull, torque_W=ZERO3, point=point, body=body),)

@@ -24,9 +24,10 @@ class LaunchStand(Force[tuple[()]]):
     share of the weight that the stand carries, N / (m g), at most 1: a vehicle that lifts is free.
 
     Attributes:
-        place: of the base origin where the stand begins to push; it rests g / w^2 below.
-        yaw: at which it holds the base.
-        mass: of the vehicle. inertia: of its base, about any axis: the least of the three keeps the stand soft.
+        place: place of the base origin where the stand begins to push; it rests g / w^2 below.
+        yaw: angle at which it holds the base.
+        mass: mass of the vehicle.
+        inertia: moment of its base, about any axis: the least of the three keeps the stand soft.
         frequency: w.
     """
 

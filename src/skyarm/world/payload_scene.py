@@ -20,24 +20,24 @@ def payload_scene(seen: Instants, *, name: str, mass: float, frame: str, com: Ve
 
     Args:
         seen: the instants, with the logged numbers of the payload.
-        name: of the payload; may be empty.
+        name: payload's name; may be empty.
         mass: kg.
-        frame: of the vehicle, which holds it; empty for the tip.
+        frame: frame of the vehicle that holds it; empty for the tip.
         com: centre of mass, m, axes of the frame.
-        rigid: whether it is fixed to the frame; else it hangs on a cord.
+        rigid: True if it is fixed to the frame; else it hangs on a cord.
     """
     masses = seen.numbers["payload_mass"][:, 0]
-    held = masses > HELD * mass
-    if not held.any() or not (frame or seen.vehicle.end_effector):
+    carried = masses > HELD * mass
+    if not carried.any() or not (frame or seen.vehicle.end_effector):
         return Scene()
-    (instants,) = np.nonzero(held)
+    (instants,) = np.nonzero(carried)
     # the last instant at which it was held, and before the first that one
-    at = instants[np.maximum(np.searchsorted(instants, np.arange(len(held)), side="right") - 1, 0)]
+    at = instants[np.maximum(np.searchsorted(instants, np.arange(len(carried)), side="right") - 1, 0)]
     shape = payload_shape(seen.vehicle, mass, frame, com)
     ending, holder = f"/{name}" if name else "", seen.place(shape.position, shape.body)
     named, rotation = replace(shape, name=f"payload{ending}"), seen.poses[shape.body][0]
     if rigid:
         return Scene(solids=(Solid(named, holder[at], rotation[at]),))
     places = seen.numbers["payload_position"]
-    cord = np.where(held[:, None, None], np.stack([holder, places], axis=1), np.nan)
+    cord = np.where(carried[:, None, None], np.stack([holder, places], axis=1), np.nan)
     return Scene(solids=(Solid(named, places[at], rotation[at]),), lines=(Line(f"cord{ending}", cord),))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.scalars import Scalar, exp, mul, sqrt
@@ -12,6 +12,7 @@ from skyarm.algebra.scalars.philox import normals
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import checked
 from skyarm.records.files import shown
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant, Signal, signal_from
@@ -29,12 +30,12 @@ class SignalVector:
     y: Signal = NONE
     z: Signal = NONE
 
-    def to_entry(self) -> list[Any]:
+    def to_entry(self) -> list[Entry]:
         """Entry of a file: a list of three signals."""
         return [self.x.to_entry(), self.y.to_entry(), self.z.to_entry()]
 
     @classmethod
-    def from_table(cls, entry: Any, where: str) -> SignalVector:
+    def from_table(cls, entry: Entry, where: str) -> SignalVector:
         """Read a vector of three time signals from a value of a scenario file."""
         if not isinstance(entry, list) or len(entry) != 3:
             raise ValueError(f"{where} = {shown(entry)}: must be a list of three signals of time, x, y and z")
@@ -45,7 +46,7 @@ class SignalVector:
         return Vec3(*(signal.derivatives(t)[0] for signal in (self.x, self.y, self.z)))
 
 
-def _signal(entry: Scalar, where: str) -> Signal:
+def _signal(entry: Entry, where: str) -> Signal:
     """Time signal from a value of a scenario file; an exact zero becomes a constant of compiled code."""
     return NONE if type(entry) in (int, float) and entry == 0.0 else signal_from(entry, where)
 
@@ -54,7 +55,7 @@ NO_SIGNALS = SignalVector()
 
 
 DEVIATIONS = ("force", "torque", "velocity")
-"""What noise may be of."""
+"""Quantities that may have noise."""
 
 
 @immutable

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from skyarm.algebra import ZERO3, Sym3, Vec3
 from skyarm.algebra.scalars import Scalar, logical_and, mul, where
@@ -23,6 +23,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.read_table import record_entry
@@ -57,7 +58,7 @@ class PayloadMemory:
 
     Attributes:
         held: 1 while it is held. caught: 1 in the control period in which it is grasped. gone: 1 once it was let go.
-        place: where it lies, m, world axes: before the grasp where it is to be grasped, after it where it was let go.
+        place: resting place, m, world axes: before the grasp where it is to be grasped, after it where it was let go.
     """
 
     held: Scalar
@@ -74,9 +75,9 @@ class TimedPayload(Component[PayloadMemory]):
     period that does not begin before: a load is held for whole control periods.
 
     Attributes:
-        name: for logs and pictures; empty for its number.
-        frame: that holds it; empty for the vehicle's tip.
-        pick_place, drop_place: where the frame must be; None for anywhere.
+        name: name in logs and pictures; empty for its number.
+        frame: frame that holds it; empty for the vehicle's tip.
+        pick_place, drop_place: place that the frame must reach; None for anywhere.
         believed: True if the law's model includes the payload while the task carries it, at the reference's time.
     """
 
@@ -93,18 +94,19 @@ class TimedPayload(Component[PayloadMemory]):
 
     registered_as = "payload"
 
-    def to_entry(self) -> dict[str, Any]:
+    def to_entry(self) -> dict[str, Entry]:
         """Table of a file, with the pick-up in any case, and instants beside the places from which they count."""
-        found: dict[str, Any] = record_entry(self, ("pick",))
+        table = record_entry(self, ("pick",))
         for name in ("pick", "drop"):
-            if isinstance(found.get(name), dict):
-                found[name] |= {"after": getattr(self, name)}
-        return found
+            place = table.get(name)
+            if isinstance(place, dict):
+                table[name] = place | {"after": getattr(self, name)}
+        return table
 
     @staticmethod
-    def short_spellings(fields: Fields) -> dict[str, Any]:
+    def short_spellings(fields: Fields) -> dict[str, Reach | float | None]:
         """Pick-up and set-down from a table: an instant (s), or ``{ within, of, after }``: arrival at a place."""
-        values: dict[str, Any] = {}
+        values: dict[str, Reach | float | None] = {}
         for name in ("pick", "drop"):
             if not isinstance(fields.table.get(name), dict):
                 values[f"{name}_place"] = None
@@ -147,15 +149,15 @@ class TimedPayload(Component[PayloadMemory]):
         """Refuse a vehicle that lacks the frame that holds the payload."""
         require_frame(vehicle, self.frame)
 
-    def start(self, period: float, draws: Sequence[Scalar]) -> Any:
+    def start(self, period: float, draws: Sequence[Scalar]) -> PayloadMemory:
         """Initial internal state of the payload, which is not held yet."""
         place = (0.0, 0.0, 0.0) if self.pick_place is None else tuple(1.0 * c for c in self.pick_place.of)
         return PayloadMemory(held=0.0, caught=0.0, gone=0.0, place=Vec3(*place))
 
     def act(self, memory: PayloadMemory, t: Scalar, dt: float, motion: PointMotion) -> PayloadMemory:
         """Internal state of the payload after a possible pick-up or set-down at a control instant."""
-        held, caught, gone, place = self.next_status(memory, t, motion.position(*motion.frame(self.frame or None)))
-        return PayloadMemory(held=held, caught=caught, gone=gone, place=place)
+        grasped, caught, gone, place = self.next_status(memory, t, motion.position(*motion.frame(self.frame or None)))
+        return PayloadMemory(held=grasped, caught=caught, gone=gone, place=place)
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
@@ -176,10 +178,10 @@ class TimedPayload(Component[PayloadMemory]):
 
     def next_status(self, memory: PayloadMemory, t: Scalar, position_W: Vec3) -> tuple[Scalar, Scalar, Scalar, Vec3]:
         """Next internal state of the payload: held, just grasped, set down (1 or 0 each), and resting position."""
-        held, gone = memory.held > 0.5, memory.gone > 0.5
+        carried, gone = memory.held > 0.5, memory.gone > 0.5
         pick, drop = self.events_reached(t, position_W)
-        caught = where(held, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
-        dropped = where(held, where(drop, 1.0, 0.0), 0.0)
+        caught = where(carried, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
+        dropped = where(carried, where(drop, 1.0, 0.0), 0.0)
         now = where(dropped > 0.5, 0.0, where(caught > 0.5, 1.0, memory.held))
         place = select(dropped > 0.5, position_W, memory.place)
         return now, caught, where(dropped > 0.5, 1.0, memory.gone), place

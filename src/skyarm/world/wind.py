@@ -55,7 +55,7 @@ class WindSample(Component[tuple[()]]):
         force_W: force on the base, world axes, N.
         point_B: point of the base where it acts, base frame, m.
         air_velocity_W: velocity of the air that rotors and body drag see, world axes, m/s.
-        numbers: of all components for the log, in the order of their ``columns``.
+        numbers: numbers of all components for the log, in the order of their ``columns``.
     """
 
     force_W: Vec3 = ZERO3
@@ -74,6 +74,10 @@ class WindSample(Component[tuple[()]]):
         return (Wrench(force_W=self.force_W, point=self.point_B),)
 
 
+WindValue = Gust | tuple[Gust, ...] | Dryden | None
+"""Value of a field of a wind that a table spells in short."""
+
+
 class GustyWind(Component[Memory]):
     """Base of winds with gusts."""
 
@@ -86,12 +90,12 @@ class GustyWind(Component[Memory]):
     """A file's word for the peak of a gust."""
 
     @classmethod
-    def short_spellings(cls, fields: Fields) -> dict[str, Any]:
+    def short_spellings(cls, fields: Fields) -> dict[str, WindValue]:
         """Short spellings of a table: gusts whose peak is called by what blows."""
         return cls.gusts_from(fields)
 
     @classmethod
-    def gusts_from(cls, fields: Fields) -> dict[str, Any]:
+    def gusts_from(cls, fields: Fields) -> dict[str, WindValue]:
         """Gusts from a table: one, or a list of several that add up."""
         entry, at = fields.take("gust", None), fields.at("gust")
         if isinstance(entry, list):
@@ -106,15 +110,15 @@ class GustyWind(Component[Memory]):
         """
         if self.gust is not None and self.gusts:
             raise TypeError("gust and gusts: must not be stated both; the same wind has all of them in gusts")
-        found: dict[str, Any] = record_entry(self)
-        found.pop("gust", None)
+        table: dict[str, Any] = record_entry(self)
+        table.pop("gust", None)
         gusts = [
             {self.blows: list(each.peak), "start": each.start, "duration": each.duration, "shape": each.shape}
             for each in self.all_gusts
         ]
         if gusts:
-            found["gust"] = gusts if self.gust is None else gusts[0]
-        return found
+            table["gust"] = gusts if self.gust is None else gusts[0]
+        return table
 
     @classmethod
     def _gust(cls, entry: object, where: str) -> Gust:
@@ -187,7 +191,7 @@ class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
 
 
 Turbulence = DrydenMemory | tuple[()]
-"""Of smooth air ()."""
+"""Internal state of moving air; () for smooth air."""
 
 
 @immutable
@@ -196,7 +200,7 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
     """Wind as an air velocity, which acts on the vehicle only through rotor drag and body drag.
 
     Attributes:
-        gust: additional air velocity. gusts: more of them, which add up.
+        gust: additional air velocity. gusts: further gusts, which add up.
         turbulence: parameters of the Dryden model; None for smooth air.
     """
 
@@ -210,7 +214,7 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
     blows: ClassVar[str] = "velocity"
 
     @classmethod
-    def short_spellings(cls, fields: Fields) -> dict[str, Any]:
+    def short_spellings(cls, fields: Fields) -> dict[str, WindValue]:
         """Gusts, and turbulence by altitude and wind speed, from a table."""
         values = cls.gusts_from(fields)
         table = fields.table.get("turbulence")
@@ -270,8 +274,8 @@ def wind_from(table: object, where: str) -> Component[Any]:
     Exact zeros of its vectors are structure and fold away.
 
     Args:
-        table: as read from TOML.
-        where: its path, put before the field in messages.
+        table: table as read from TOML.
+        where: path of the table, put before the field in messages.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -280,8 +284,7 @@ def wind_from(table: object, where: str) -> Component[Any]:
     if fields.choice("mode", ("none", *names("force"), *names("air"))) == "none":
         fields.done()
         return NO_WIND
-    found: Component[Any] = registered_from("air force", Component, table, where, word="mode", folds=True)
-    return found
+    return registered_from("air force", Component, table, where, word="mode", folds=True)
 
 
 Wind = ForceWind | MovingAir

@@ -19,13 +19,13 @@ Source: Gottschalk, Lin, Manocha 1996, OBBTree, section 5; Ericson 2005, Real-ti
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import reduce
 from itertools import product
-from typing import Any
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.algebra.scalars import absolute, clip, divide, maximum, minimum, sqrt, where
+from skyarm.algebra.scalars import Scalar, absolute, clip, divide, maximum, minimum, sqrt, where
 from skyarm.records.immutable import immutable
-from skyarm.world.contact.carrier import NOBODY, CarriedFrame, Carrier
+from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame
 from skyarm.world.contact.surface import Surface
 
 EDGE_PAIRS = 36
@@ -53,10 +53,10 @@ class PlacedBox:
 
     middle: Vec3
     rotation: Mat3
-    halves: tuple[Any, Any, Any]
+    halves: tuple[Scalar, Scalar, Scalar]
 
 
-def box_of(surface: Surface, frame: CarriedFrame | None, clock: Any) -> PlacedBox:
+def box_of(surface: Surface, frame: CarriedFrame | None, clock: Scalar) -> PlacedBox:
     """Box of a surface of the world, or of a movable body in its frame, at a time (s)."""
     x, y, z = (0.5 * each for each in surface.size)
     if frame is None:
@@ -66,7 +66,7 @@ def box_of(surface: Surface, frame: CarriedFrame | None, clock: Any) -> PlacedBo
 
 
 def pairs_with_edges(
-    surfaces: Sequence[tuple[int, Surface]], carriers: Sequence[Carrier]
+    surfaces: Sequence[tuple[int, Surface]], carriers: Sequence[AnyCarrier]
 ) -> Iterator[tuple[int, Surface, int]]:
     """Boxes whose edges may touch: carrier and surface of one, carrier of the other; each two of them once."""
     for by, carrier in enumerate(carriers):
@@ -76,22 +76,26 @@ def pairs_with_edges(
                 yield of, surface, by
 
 
-def face_overlap(a: PlacedBox, b: PlacedBox) -> Any:
+def face_overlap(a: PlacedBox, b: PlacedBox) -> Scalar:
     """Least overlap (m) of two boxes along the normals of their faces; negative if one of these parts them."""
-    between, least = a.middle - b.middle, None
+    return reduce(minimum, _face_overlaps(a, b))
+
+
+def _face_overlaps(a: PlacedBox, b: PlacedBox) -> Iterator[Scalar]:
+    """Overlap (m) of two boxes along the normal of each face of either."""
+    between = a.middle - b.middle
     for one, other in ((a, b), (b, a)):
         for i in range(3):
             axis = one.rotation.column(i)
             reach = one.halves[i] - absolute(between.dot(axis))
             for j in range(3):
                 reach = reach + absolute(axis.dot(other.rotation.column(j))) * other.halves[j]
-            least = reach if least is None else minimum(least, reach)
-    return least
+            yield reach
 
 
-def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Any, Vec3]]:
+def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec3]]:
     """Place (m), depth (m, negative apart) and unit normal from b to a of each pair of edges, world axes."""
-    between, overlap, found = a.middle - b.middle, face_overlap(a, b), list[_Crossing]()
+    between, overlap, crossings = a.middle - b.middle, face_overlap(a, b), list[_Crossing]()
     for i, j in product(range(3), range(3)):
         u, v = a.rotation.column(i), b.rotation.column(j)
         across, cosine = u.cross(v), u.dot(v)
@@ -112,8 +116,8 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Any, Vec3]]
             # of edges nearly parallel it is far away, where a turning body is swift
             on_a, on_b = (clip(x, -half, half) for x, half in ((s, a.halves[i]), (t, b.halves[j])))
             place = (a.middle + off + u * on_a + b.middle + to + v * on_b) * 0.5
-            found.append(_Crossing(place, depth, minimum(depth, inside), n))
-    for each in found:
+            crossings.append(_Crossing(place, depth, minimum(depth, inside), n))
+    for each in crossings:
         behind = 3.0 * overlap - each.depth
         # apart, a quarter of it: as boxes near each other, both go
         behind = where(overlap > 0.0, behind, 0.25 * behind)
@@ -125,12 +129,12 @@ class _Crossing:
     """Two edges: place between them (m), depth along their common normal (m), the same at most inside both, normal."""
 
     place: Vec3
-    depth: Any
-    inside: Any
+    depth: Scalar
+    inside: Scalar
     normal: Vec3
 
 
-def _facing(box: PlacedBox, along: int, way: Vec3) -> tuple[tuple[Vec3, Any], tuple[Vec3, Any]]:
+def _facing(box: PlacedBox, along: int, way: Vec3) -> tuple[tuple[Vec3, Scalar | None], tuple[Vec3, Scalar | None]]:
     """Middle (m, from that of the box) of two edges of a box that face a way, and how deep (m) the second may touch."""
     first, second = (box.rotation.column((along + k) % 3) for k in (1, 2))
     one, other = first.dot(way), second.dot(way)

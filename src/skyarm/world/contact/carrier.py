@@ -9,15 +9,15 @@ carriers, touch the surfaces that it carries.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Generic
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, divide
 from skyarm.records.immutable import immutable
-from skyarm.world.component import Column, moved_by
+from skyarm.world.component import Column, Memory, moved_by
 from skyarm.world.contact.surface import Surface
 
-Spot = tuple[Vec3, Any]
+Spot = tuple[Vec3, Scalar]
 """A ball of a carrier that touches surfaces: its middle (m, world axes) and its radius (m; an int of 0 is a point)."""
 
 
@@ -26,8 +26,8 @@ class CarriedFrame:
     """Position, rotation, velocity and angular velocity of a movable body (free object or mechanism) in the world.
 
     Attributes:
-        position: of the origin, m. rotation: carrier's axes to world axes.
-        velocity: of the origin, m/s, world axes. turning: angular velocity, rad/s, world axes.
+        position: origin of the carrier's axes, m. rotation: carrier's axes to world axes.
+        velocity: velocity of the origin, m/s, world axes. turning: angular velocity, rad/s, world axes.
     """
 
     position: Vec3
@@ -39,14 +39,17 @@ class CarriedFrame:
         """Velocity (m/s, world axes) of the material point of the movable body at a world position (m)."""
         return self.velocity + self.turning.cross(place_W - self.position)
 
-    def depth(self, surface: Surface, point_W: Vec3, radius: Scalar) -> tuple[Any, Vec3]:
+    def depth(self, surface: Surface, point_W: Vec3, radius: Scalar) -> tuple[Scalar, Vec3]:
         """Penetration depth (m) and outward normal of a ball at a surface that the movable body carries."""
         depth, normal = surface.depth(self.rotation.apply_T(point_W - self.position), radius, 0.0)
         return depth, self.rotation.apply(normal)
 
 
-class Carrier:
-    """Base class of movable bodies with contact surfaces: free objects and mechanisms such as doors."""
+class Carrier(Generic[Memory]):
+    """Base class of movable bodies with contact surfaces: free objects and mechanisms such as doors.
+
+    ``Carrier[M]`` has states of the type ``M``: a dataclass or tuple of scalars.
+    """
 
     __slots__ = ()
 
@@ -66,16 +69,16 @@ class Carrier:
         raise NotImplementedError(f"{type(self).__name__} must define mobility()")
 
     @property
-    def largest_step(self) -> Any:
+    def largest_step(self) -> Scalar | None:
         """Longest stable integration step (s) of the movable body's springs and friction; None without any."""
         return None
 
     @property
-    def largest_euler_step(self) -> Any:
+    def largest_euler_step(self) -> Scalar | None:
         """Longest stable semi-implicit Euler step (s) of the body's springs and friction, or None."""
         return self.largest_step
 
-    def mobility_at(self, reach: Scalar) -> Any:
+    def mobility_at(self, reach: Scalar) -> Scalar:
         """Largest inverse effective mass, 1/kg, at a point up to ``reach`` (m) from the body's surface."""
         return self.mobility
 
@@ -94,42 +97,42 @@ class Carrier:
         """True if the movable body is a box, whose edges may touch those of other boxes."""
         return False
 
-    def start(self) -> Any:
+    def start(self) -> Memory:
         """Initial state of the movable body, a dataclass or tuple of floats."""
         raise NotImplementedError(f"{type(self).__name__} must define start()")
 
-    def advance(self, memory: Any) -> Any:
+    def advance(self, memory: Memory) -> Memory:
         """State of the movable body at the start of a control period, with its attitude quaternion normalised."""
         return memory
 
-    def frame(self, memory: Any) -> CarriedFrame:
+    def frame(self, memory: Memory) -> CarriedFrame:
         """Pose and velocity of the movable body for a given state."""
         raise NotImplementedError(f"{type(self).__name__} must define frame()")
 
-    def slope(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> Any:
+    def slope(self, memory: Memory, force_W: Vec3, torque_W: Vec3, gravity: Scalar) -> Memory:
         """Time derivative of the movable body's state under an external force (N) and torque (N m).
 
         Args:
-            memory: now.
-            force_W: sum of what touches it, N, world axes.
-            torque_W: of that about the origin of its axes, N m, world axes.
+            memory: present state.
+            force_W: sum of the contact forces, N, world axes.
+            torque_W: torque of these about the origin of its axes, N m, world axes.
             gravity: m/s^2, along -z.
         """
         raise NotImplementedError(f"{type(self).__name__} must define slope()")
 
-    def before_euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
+    def before_euler_step(self, memory: Memory, slope: Memory, dt: Scalar) -> Memory:
         """State from which a semi-implicit Euler step evaluates forces: friction bristles are advanced first."""
         return memory
 
-    def kick(self, memory: Any, slope: Any, dt: Scalar) -> Any:
+    def kick(self, memory: Memory, slope: Memory, dt: Scalar) -> Memory:
         """State of the movable body after an acceleration for ``dt`` (s): only velocities change."""
         raise NotImplementedError(f"{type(self).__name__} must define kick()")
 
-    def drift(self, memory: Any, dt: Any) -> Any:
+    def drift(self, memory: Memory, dt: Scalar) -> Memory:
         """State of the movable body after ``dt`` (s) with constant velocities: only positions change."""
         raise NotImplementedError(f"{type(self).__name__} must define drift()")
 
-    def after_push(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Scalar, dt: Scalar) -> Any:
+    def after_push(self, memory: Memory, force_W: Vec3, torque_W: Vec3, gravity: Scalar, dt: Scalar) -> Memory:
         """State of the movable body after a force (N) and torque (N m) acted for ``dt`` (s): only velocities change.
 
         By one iteration of the implicit midpoint rule, which is of second order.
@@ -138,7 +141,7 @@ class Carrier:
         middle = self.kick(memory, slope, 0.5 * dt)
         return self.kick(memory, self.slope(middle, force_W, torque_W, gravity), dt)
 
-    def euler_step(self, memory: Any, slope: Any, dt: Scalar) -> Any:
+    def euler_step(self, memory: Memory, slope: Memory, dt: Scalar) -> Memory:
         """State of the movable body after a semi-implicit Euler step of ``dt`` (s)."""
         return self.drift(self.kick(memory, slope, dt), dt)
 
@@ -152,17 +155,21 @@ class Carrier:
         return ()
 
     columns: tuple[Column, ...] = ()
-    """As :attr:`skyarm.world.component.Component.columns`."""
+    """Columns of a log, as in :attr:`skyarm.world.component.Component.columns`."""
 
-    def logged(self, memory: Any) -> tuple[Any, ...]:
+    def logged(self, memory: Memory) -> tuple[Scalar, ...]:
         """Numbers of the movable body that the flight log records in every control period."""
         return ()
 
 
-def untouched_after(carrier: Carrier, memory: Any, dt: Scalar, rounds: int, gravity: Scalar) -> Any:
+AnyCarrier = Carrier[Any]
+"""Movable body with a state of any type, which it alone knows."""
+
+
+def untouched_after(carrier: Carrier[Memory], memory: Memory, dt: Scalar, rounds: int, gravity: Scalar) -> Memory:
     """State of a movable body that nothing touches, after several Runge-Kutta steps of ``dt`` (s)."""
 
-    def slope(at: Any) -> Any:
+    def slope(at: Memory) -> Memory:
         return carrier.slope(at, ZERO3, ZERO3, gravity)
 
     for _ in range(rounds):
@@ -179,6 +186,6 @@ NOBODY = -1
 """Number of a carrier that stands for the world, of a surface, or for the vehicle, of a point."""
 
 
-def both(a: Any, b: Any) -> Any:
+def both(a: Scalar, b: Scalar) -> Scalar:
     """Reduced mass (kg) of two bodies in contact: 1 / (1 / a + 1 / b)."""
     return divide(1.0, divide(1.0, a) + divide(1.0, b))

@@ -27,7 +27,7 @@ from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.component import MOST_STEPS, Column, Force, Wrench, moved_by
 from skyarm.world.contact.box_edges import EDGE_PAIRS, pairs_with_edges
-from skyarm.world.contact.carrier import NOBODY, Carrier, untouched_after
+from skyarm.world.contact.carrier import NOBODY, AnyCarrier, untouched_after
 from skyarm.world.contact.contact_point import ContactPoint, Touch, moving_points, wrenches_on
 from skyarm.world.contact.contact_steps import least_of, steps_of_carriers
 from skyarm.world.contact.free_object import FreeObject
@@ -61,9 +61,10 @@ MUCH_SHORTER = 2.0
 """Steps of the vehicle alone over those of the contact from which on a warning says so."""
 
 VERLET_SHARE = 0.75
-"""Of a semi-implicit Euler step in one of the Stoermer-Verlet method. An elastic bounce of a limp vehicle on its tip
-then errs by 0.006 % of its energy at any phase of the steps, and by 0.014 % at a share of 1 (measured); sticking holds
-up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bristle has it, where a share of 1 leaves 7 N."""
+"""Share of a semi-implicit Euler step in one of the Stoermer-Verlet method. An elastic bounce of a limp vehicle on its
+tip then errs by 0.006 % of its energy at any phase of the steps, and by 0.014 % at a share of 1 (measured); sticking
+holds up to 13 N on a tip of 20 g at a friction of 0.6, as stability of the bristle has it, where a share of 1 leaves
+7 N."""
 
 
 @immutable
@@ -75,11 +76,11 @@ class ContactMemory:
         clock: s, of surfaces that move; empty where none does.
         bristles: deflection of each pair's bristle, m, world axes, in the order of
             :func:`skyarm.world.contact.meetings.meetings_of`.
-        carried: memories of the carriers. grips: of the grippers.
+        carried: memories of the carriers. grips: memories of the grippers.
     """
 
-    finer: tuple[Any, ...]
-    clock: tuple[Any, ...]
+    finer: tuple[Scalar, ...]
+    clock: tuple[Scalar, ...]
     bristles: tuple[Vec3, ...]
     carried: tuple[Any, ...] = ()
     grips: tuple[Grip, ...] = ()
@@ -90,9 +91,9 @@ class Contact(Force[ContactMemory]):
     """Contact model: surfaces, movable bodies, grippers and the points of the vehicle that may touch them.
 
     Attributes:
-        points: left out for the vehicle's tip.
+        points: contact points of the vehicle; left out for its tip.
         objects: bodies that nothing holds. mechanisms: bodies with one degree of freedom.
-        grippers: what the vehicle takes hold of them with.
+        grippers: grippers of the vehicle.
     """
 
     registered_as = "world"
@@ -129,7 +130,7 @@ class Contact(Force[ContactMemory]):
         return True
 
     @property
-    def carriers(self) -> tuple[Carrier, ...]:
+    def carriers(self) -> tuple[AnyCarrier, ...]:
         """All movable bodies with contact surfaces: free objects, then mechanisms."""
         return (*self.objects, *self.mechanisms)
 
@@ -145,7 +146,7 @@ class Contact(Force[ContactMemory]):
         return Grasps(grippers=self.grippers, carriers=self.carriers)
 
     @property
-    def steps(self) -> tuple[tuple[str, Any], ...]:
+    def steps(self) -> tuple[tuple[str, Scalar], ...]:
         """Longest stable integration step (s) of each contact, grasp and mechanism, with a text that names it."""
         carriers = self.carriers
         touched = self.surfaces if self.points or not carriers else ()
@@ -159,19 +160,19 @@ class Contact(Force[ContactMemory]):
         )
 
     @property
-    def largest_step(self) -> Any:  # type: ignore[override]
+    def largest_step(self) -> Scalar | None:  # type: ignore[override]
         """Longest stable integration step (s) of the whole contact model; None without contact."""
         return least_of(step for _, step in self.steps)
 
     @property
-    def largest_euler_step(self) -> Any:
+    def largest_euler_step(self) -> Scalar | None:
         """Longest stable semi-implicit Euler step (s) of the whole contact model; None without contact."""
         grasped = [step for _, step in self.grasps.steps(euler=True)]
         inner = [each.largest_euler_step for each in self.carriers if each.largest_euler_step is not None]
         return least_of((*(step for _, step in self.steps), *grasped, *inner))
 
     @property
-    def largest_verlet_step(self) -> Any:
+    def largest_verlet_step(self) -> Scalar | None:
         """Longest stable Stoermer-Verlet step (s) of the whole contact model; None without contact."""
         step = self.largest_euler_step
         return None if step is None else VERLET_SHARE * step
@@ -238,7 +239,7 @@ class Contact(Force[ContactMemory]):
             if not step >= least:
                 raise RecordError(f"world: {what} asks for integration steps of {step:.2g} s in contact: {allowed}")
 
-    def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
+    def start(self, period: float, draws: Sequence[Scalar]) -> ContactMemory:
         """Initial internal state: undeflected friction bristles, initial states of movable bodies and grippers."""
         return ContactMemory(
             finer=(1.0,) if self.hit_steps > 1 else (),
@@ -248,11 +249,13 @@ class Contact(Force[ContactMemory]):
             grips=tuple(gripper.start() for gripper in self.grippers),
         )
 
-    def advance(self, memory: ContactMemory, t: Scalar, dt: float, state: State, draws: Sequence[Any]) -> Any:
+    def advance(
+        self, memory: ContactMemory, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]
+    ) -> ContactMemory:
         """Internal state of the contact model at the start of a control period."""
         if not memory.clock and not memory.carried:
             return memory
-        carried = tuple(each.advance(held) for each, held in zip(self.carriers, memory.carried, strict=True))
+        carried = tuple(each.advance(body) for each, body in zip(self.carriers, memory.carried, strict=True))
         return replace(memory, clock=(t,) if memory.clock else (), carried=carried)
 
     def meetings(self, memory: ContactMemory, motion: PointMotion) -> list[Meeting]:
@@ -269,18 +272,18 @@ class Contact(Force[ContactMemory]):
         self, memory: ContactMemory, motion: PointMotion, meetings: Sequence[Meeting]
     ) -> list[tuple[Vec3, Vec3]]:
         """Force (N) and torque (N m, about its origin) of contacts and grasps on each movable body."""
-        pulls: Any = [()] * len(self.carriers)
+        pulls: Sequence[tuple[Vec3, Vec3] | None] = [None] * len(self.carriers)
         if self.grippers:
-            pulls = self.grasps.on_bodies(memory, motion)
-        found = []
-        for i, (carrier, held, pull) in enumerate(zip(self.carriers, memory.carried, pulls, strict=True)):
-            origin, force, torque = carrier.frame(held).position, ZERO3, ZERO3
+            pulls = self.grasps.on_bodies(memory.grips, memory.carried, motion)
+        loads = []
+        for i, (carrier, body, pull) in enumerate(zip(self.carriers, memory.carried, pulls, strict=True)):
+            origin, force, torque = carrier.frame(body).position, ZERO3, ZERO3
             for each in meetings:
                 if i in (each.of, each.by):
                     push = each.touch.force if each.by == i else -each.touch.force
                     force, torque = force + push, torque + (each.place - origin).cross(push)
-            found.append((force + pull[0], torque + pull[1]) if pull else (force, torque))
-        return found
+            loads.append((force, torque) if pull is None else (force + pull[0], torque + pull[1]))
+        return loads
 
     def slope(
         self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
@@ -292,14 +295,14 @@ class Contact(Force[ContactMemory]):
             finer=tuple(0.0 for _ in memory.finer),
             clock=tuple(1.0 for _ in memory.clock),
             bristles=tuple(Vec3(*(data(c) for c in each.touch.bristle_rate)) for each in meetings),
-            carried=tuple(carrier.slope(held, *push, motion.gravity) for carrier, held, push in rows),
+            carried=tuple(carrier.slope(body, *push, motion.gravity) for carrier, body, push in rows),
             grips=tuple(UNCHANGED for _ in memory.grips),
         )
 
     def before_euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
         """Internal state of the contact model with friction bristles advanced, for a semi-implicit Euler step."""
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
-        carried = tuple(carrier.before_euler_step(held, rate, dt) for carrier, held, rate in rows)
+        carried = tuple(carrier.before_euler_step(body, rate, dt) for carrier, body, rate in rows)
         return replace(memory, bristles=moved_by(memory.bristles, slope.bristles, dt), carried=carried)
 
     def push(
@@ -310,18 +313,18 @@ class Contact(Force[ContactMemory]):
         felt = memory if felt is None else felt
         pushes = self.on_carriers(felt, motion, self.meetings(felt, motion))
         rows = zip(self.carriers, memory.carried, pushes, strict=True)
-        carried = tuple(carrier.after_push(held, *push, motion.gravity, dt) for carrier, held, push in rows)
+        carried = tuple(carrier.after_push(body, *push, motion.gravity, dt) for carrier, body, push in rows)
         return replace(memory, carried=carried)
 
     def drift(self, memory: ContactMemory, dt: Scalar) -> ContactMemory:
         """Internal state of the contact model after ``dt`` (s) with constant velocities of the movable bodies."""
-        carried = tuple(each.drift(held, dt) for each, held in zip(self.carriers, memory.carried, strict=True))
+        carried = tuple(each.drift(body, dt) for each, body in zip(self.carriers, memory.carried, strict=True))
         return replace(memory, clock=tuple(t + dt for t in memory.clock), carried=carried)
 
     def euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:
         """Internal state of the contact model after a semi-implicit Euler step of ``dt`` (s)."""
         rows = zip(self.carriers, memory.carried, slope.carried, strict=True)
-        return self.drift(replace(memory, carried=tuple(each.kick(held, rate, dt) for each, held, rate in rows)), dt)
+        return self.drift(replace(memory, carried=tuple(each.kick(body, rate, dt) for each, body, rate in rows)), dt)
 
     def wrenches(
         self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]
@@ -333,7 +336,8 @@ class Contact(Force[ContactMemory]):
             for each in touches[i :: len(self.points)]:
                 force, torque = force + each.force, torque + each.torque
             pushes.append((force, torque))
-        return wrenches_on(self.points, motion, pushes) + self.grasps.on_vehicle(memory, motion)
+        on_points = wrenches_on(self.points, motion, pushes)
+        return on_points + self.grasps.on_vehicle(memory.grips, memory.carried, motion)
 
     def settle(self, memory: ContactMemory, motion: PointMotion, vehicle: bool) -> ContactMemory:
         """Internal state of the contact model in which friction holds what stands at the start."""
@@ -348,34 +352,36 @@ class Contact(Force[ContactMemory]):
 
     def act(self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion) -> ContactMemory:
         """Internal state of the contact model after the grippers close, open or slip at a control instant."""
-        return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
+        if not self.grippers:
+            return memory
+        return replace(memory, grips=self.grasps.after(memory.grips, memory.carried, t, motion))
 
     def holds(self, memory: ContactMemory, frame: str) -> tuple[Scalar, ...]:
         """Grasp signals of the grippers at a frame of the vehicle, as fingers or magnets sense it: 1 with a body."""
         grips = zip(self.grippers, memory.grips, strict=True)
         return tuple(where(grip.taken > 0.5, 1.0, 0.0) for own, grip in grips if own.frame in ("", frame))
 
-    def far(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Any:
+    def far(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> Scalar:
         """True if nothing can touch a surface within ``seconds`` and no gripper holds anything.
 
         Its whole speed counts, and not only what brings it nearer to the nearest place: force may still act where it
         leaves, and in a hole another wall may be in its way. What a gripper holds is near.
         """
-        found = [grip.taken < 0.5 for grip in memory.grips]
-        found += [misses(each.touch, seconds) for each in self.meetings(memory, motion)]
-        return reduce(logical_and, found) if found else True
+        apart = [grip.taken < 0.5 for grip in memory.grips]
+        apart += [misses(each.touch, seconds) for each in self.meetings(memory, motion)]
+        return reduce(logical_and, apart) if apart else True
 
     @property
     def most_hit_steps(self) -> int:  # type: ignore[override]
         """Largest number of integration substeps during a hit."""
         return self.hit_steps
 
-    def hurry(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> tuple[ContactMemory, Any]:
+    def hurry(self, memory: ContactMemory, motion: PointMotion, seconds: Scalar) -> tuple[ContactMemory, Scalar]:
         """Number of integration substeps: as many as ``hit_steps`` at a hit of ``HIT`` and faster, 1 where all is slow.
 
         They stay nearly as fine through a hit, or the change of the step itself would be felt as energy.
         """
-        fastest: Any = 0.0
+        fastest: Scalar = 0.0
         for each in self.meetings(memory, motion):
             slip = each.touch.slip
             fastest = maximum(fastest, where(misses(each.touch, seconds), 0.0, slip.dot(slip)))
@@ -391,28 +397,28 @@ class Contact(Force[ContactMemory]):
             memory,
             clock=tuple(t + seconds for t in memory.clock),
             bristles=tuple(bristle * left for bristle in memory.bristles),
-            carried=tuple(untouched_after(each, held, seconds / rounds, rounds, gravity) for each, held in bodies),
+            carried=tuple(untouched_after(each, body, seconds / rounds, rounds, gravity) for each, body in bodies),
         )
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
         """Log columns of contact forces, movable bodies and grippers."""
         labels = [f"{surface.name}/{point.name}" for _, surface in self.every_surface for point in self.points]
-        found = [Column(f"contact_{array}", label, *words) for label in labels for array, *words in LOGGED]
-        found += [column for carrier in self.carriers for column in carrier.columns]
-        return (*found, *(column for gripper in self.grippers for column in gripper.columns))
+        columns = [Column(f"contact_{array}", label, *words) for label in labels for array, *words in LOGGED]
+        columns += [column for carrier in self.carriers for column in carrier.columns]
+        return (*columns, *(column for gripper in self.grippers for column in gripper.columns))
 
     @property
-    def constants(self) -> Mapping[str, tuple[Any, ...]]:
+    def constants(self) -> Mapping[str, tuple[Scalar, ...]]:
         """Hinge axis of the first mechanism, for metrics: a point (m) and a unit vector; empty for a slide."""
         return {"mechanism_hinge": self.mechanisms[0].hinge} if self.mechanisms else {}
 
-    def logged(self, memory: ContactMemory, motion: PointMotion) -> tuple[Any, ...]:
+    def logged(self, memory: ContactMemory, motion: PointMotion) -> tuple[Scalar, ...]:
         """Logged contact forces (N) and penetrations (m), states of movable bodies, and gripper forces."""
         numbers = [number for each in self.on_points(memory, motion) for number in each.logged]
-        for carrier, held in zip(self.carriers, memory.carried, strict=True):
-            numbers += carrier.logged(held)
-        return (*numbers, *self.grasps.logged(memory, motion))
+        for carrier, body in zip(self.carriers, memory.carried, strict=True):
+            numbers += carrier.logged(body)
+        return (*numbers, *self.grasps.logged(memory.grips, memory.carried, motion))
 
     def shapes(self, seen: Instants) -> Scene:
         """Shapes of surfaces and movable bodies, and arrows of contact forces, for pictures."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.scalars import Scalar, maximum, sqrt
@@ -33,7 +33,7 @@ class Ring:
     """Equally spaced contact points on a circle about the z axis, such as the rim of a peg.
 
     Attributes:
-        count: of places, the first on the x axis.
+        count: number of places, the first on the x axis.
     """
 
     radius: Annotated[Scalar, Unit("m", "of the circle", low=0.0, strict=True)]
@@ -50,8 +50,8 @@ class ContactPoint:
     """Point or ball fixed to a body of the vehicle, at which surfaces exert contact forces.
 
     Attributes:
-        name: for logs and messages.
-        frame: of the vehicle, in whose axes ``position`` is; empty where ``body`` defines them.
+        name: name in logs and messages.
+        frame: frame of the vehicle, in whose axes ``position`` is; empty where ``body`` defines them.
         body: "base" or the name of a link.
         ring: points on a circle about the position, in its place; :meth:`each` makes them.
     """
@@ -75,11 +75,11 @@ class ContactPoint:
         """List the single contact points: the points of a ring, or the contact point itself without a ring."""
         if self.ring is None:
             return (self,)
-        found = []
+        points = []
         for i, offset in enumerate(self.ring.offsets()):
             place = self.position + offset
-            found.append(replace(self, name=f"{self.name}_{i + 1}", position=place, ring=None))
-        return tuple(found)
+            points.append(replace(self, name=f"{self.name}_{i + 1}", position=place, ring=None))
+        return tuple(points)
 
     def place(self, vehicle: Vehicle) -> tuple[Vec3, int]:
         """Position (m, body axes) of the contact point, and index of the vehicle's body that it is fixed to.
@@ -88,10 +88,10 @@ class ContactPoint:
             ValueError: the vehicle has no such frame or body; names those it has.
         """
         if self.frame:
-            found = vehicle.frame(self.frame)
+            frame = vehicle.frame(self.frame)
             if concrete(*self.position) and not any(self.position):
-                return found.position, found.link
-            return found.position + found.rotation.apply(self.position), found.link
+                return frame.position, frame.link
+            return frame.position + frame.rotation.apply(self.position), frame.link
         if self.body == BASE_NAME:
             return self.position, BASE
         names = [link.name for link in vehicle.moving]
@@ -106,13 +106,13 @@ class Touch:
 
     Attributes:
         depth: penetration, m; negative outside. slip: velocity of the point relative to the surface, m/s.
-        normal: N, along ``axis``, the surface's outward normal.
-        friction: N. bristle_rate: m/s. spot: where it acts, seen from the point, m.
+        normal: normal force, N, along ``axis``, the surface's outward normal.
+        friction: friction force, N. bristle_rate: m/s. spot: place where it acts, seen from the point, m.
     """
 
-    depth: Any
+    depth: Scalar
     slip: Vec3
-    normal: Any
+    normal: Scalar
     axis: Vec3
     friction: Vec3
     bristle_rate: Vec3
@@ -121,8 +121,7 @@ class Touch:
     @property
     def force(self) -> Vec3:
         """Total contact force: normal force and friction, N."""
-        total: Vec3 = self.axis * self.normal + self.friction
-        return total
+        return self.axis * self.normal + self.friction
 
     @property
     def torque(self) -> Vec3:
@@ -130,7 +129,7 @@ class Touch:
         return self.spot.cross(self.force)
 
     @property
-    def logged(self) -> tuple[Any, ...]:
+    def logged(self) -> tuple[Scalar, ...]:
         """Normal force (N), friction (N) and penetration (m, at least 0) of the contact, for the log."""
         return self.normal, sqrt(self.friction.dot(self.friction)), maximum(self.depth, 0.0)
 
@@ -141,7 +140,7 @@ def touch_of(
     axis: Vec3,
     spot: Vec3,
     slip: Vec3,
-    held: Vec3,
+    deflection: Vec3,
     step: Scalar,
     mass: Scalar = LIGHTEST,
     *,
@@ -150,18 +149,18 @@ def touch_of(
     """Contact state of one point at one surface, from penetration, slip velocity and bristle deflection.
 
     Args:
-        material: of the surface.
+        material: material of the surface.
         depth: penetration, m.
         axis: the surface's outward normal, world axes.
-        spot: where they touch, seen from the point, m.
+        spot: place where they touch, seen from the point, m.
         slip: velocity of the point relative to the surface at the spot, m/s.
-        held: the bristle's deflection as the memory has it, m.
+        deflection: deflection of the bristle as the memory has it, m.
         step: longest integration step of the whole contact, s.
-        mass: kg that the pair moves at least.
-        mean: s, in which a point makes the way that the depth is a mean over; the material's longest step of a contact
-            with a vehicle if left out.
+        mass: mass (kg) that the pair moves at least.
+        mean: time (s) in which a point makes the way that the depth is a mean over; the material's longest step of a
+            contact with a vehicle if left out.
     """
-    bristle, along = _across(held, axis), _across(slip, axis)  # a round surface's normal turns
+    bristle, along = _across(deflection, axis), _across(slip, axis)  # a round surface's normal turns
     rate = material.bristle_rate(bristle, along, depth, step)
     normal = material.normal_force(depth, -slip.dot(axis), mean)
     friction = material.friction_force(bristle, material.bending_rate(bristle, along), normal, mass)
@@ -185,17 +184,17 @@ def moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[M
     """Position, velocity and angular velocity of every contact point, world axes."""
     places, shared = _places(points, motion)
     axes = {body: _axes(motion, body) for body in shared}
-    found = list[Moving]()
+    rows = list[Moving]()
     for point, (at, body) in zip(points, places, strict=True):
         ball = not absent(point.radius)
         if body in shared:
             lever, turning = axes[body].apply(at), motion.to_world(motion.angular_velocity(body), body)
             position, velocity = motion.position(ZERO3, body), motion.velocity(ZERO3, body)
-            found.append((position + lever, velocity + turning.cross(lever), turning if ball else ZERO3))
+            rows.append((position + lever, velocity + turning.cross(lever), turning if ball else ZERO3))
         else:
             turning = motion.to_world(motion.angular_velocity(body), body) if ball else ZERO3
-            found.append((motion.position(at, body), motion.velocity(at, body), turning))
-    return found
+            rows.append((motion.position(at, body), motion.velocity(at, body), turning))
+    return rows
 
 
 def wrenches_on(
@@ -203,15 +202,15 @@ def wrenches_on(
 ) -> list[Wrench]:
     """Wrenches on the vehicle's bodies from a force (N) and a torque (N m) at every contact point."""
     places, shared = _places(points, motion)
-    axes, whole, found = {body: _axes(motion, body) for body in shared}, dict[int, Wrench](), list[Wrench]()
+    axes, whole, single = {body: _axes(motion, body) for body in shared}, dict[int, Wrench](), list[Wrench]()
     for (at, body), (force, torque) in zip(places, pushes, strict=True):
         if body in shared:
             sum_of = whole.get(body, Wrench(body=body))
-            moment: Any = sum_of.torque_W + torque + axes[body].apply(at).cross(force)
+            moment = sum_of.torque_W + torque + axes[body].apply(at).cross(force)
             whole[body] = Wrench(force_W=sum_of.force_W + force, torque_W=moment, body=body)
         else:
-            found.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
-    return [*whole.values(), *found]
+            single.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
+    return [*whole.values(), *single]
 
 
 def _places(points: Sequence[ContactPoint], motion: PointMotion) -> tuple[list[tuple[Vec3, int]], list[int]]:

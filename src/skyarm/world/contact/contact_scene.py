@@ -16,6 +16,7 @@ from skyarm.algebra import Vec3
 from skyarm.records.arrays import Array
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.world.contact.carrier import AnyCarrier
 from skyarm.world.contact.contact_point import ContactPoint
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.mechanism import Mechanism
@@ -39,9 +40,10 @@ def contact_scene(
     mechanisms: Sequence[Mechanism],
 ) -> Scene:
     """Drawn shapes and force arrows of the contact model at some instants of a flight."""
+    carriers: tuple[AnyCarrier, ...] = (*objects, *mechanisms)
     poses, ground = _carrier_poses(objects, mechanisms, seen), ground_of(surfaces)
     solids = [_surface_solid(each, seen) for each in surfaces if each is not ground]
-    carried = [(surface, *poses[i]) for i, each in enumerate((*objects, *mechanisms)) for surface in each.surfaces]
+    carried = [(surface, *poses[i]) for i, each in enumerate(carriers) for surface in each.surfaces]
     solids += [_carrier_solid(*each) for each in carried]
     return Scene(
         solids=tuple(solids),

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
-from typing import Any
 
-from skyarm.algebra.scalars import minimum
-from skyarm.world.contact.carrier import Carrier, both
+from skyarm.algebra.scalars import Scalar, minimum
+from skyarm.world.contact.carrier import AnyCarrier, both
 from skyarm.world.contact.material import LIGHTEST
 from skyarm.world.contact.surface import Surface
 
 
 def steps_of_carriers(
-    carriers: Sequence[Carrier], surfaces: Sequence[Surface], *, points: bool
-) -> Iterator[tuple[str, Any]]:
+    carriers: Sequence[AnyCarrier], surfaces: Sequence[Surface], *, points: bool
+) -> Iterator[tuple[str, Scalar]]:
     """Longest stable integration step (s) of each kind of contact pair with a movable body.
 
     Args:
         carriers: movable bodies.
-        surfaces: of the world.
+        surfaces: surfaces of the world.
         points: whether the vehicle has points that may touch them.
     """
     masses = [1.0 / each.mobility for each in carriers]
@@ -36,7 +35,7 @@ def steps_of_carriers(
                 yield what, share * surface.material.step_of(masses[i])
 
 
-def least_of(steps: Iterable[Any]) -> Any:
+def least_of(steps: Iterable[Scalar]) -> Scalar | None:
     """Smallest of some steps (s); None for an empty sequence."""
-    found = list(steps)
-    return reduce(minimum, found) if found else None
+    every = list(steps)
+    return reduce(minimum, every) if every else None

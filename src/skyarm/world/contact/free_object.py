@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from functools import reduce
 from itertools import product
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, absolute, add, data, divide, maximum, minimum, mul, sqrt
@@ -38,7 +38,7 @@ the bend at its skin, which goes with (speed * step)^2, does not cancel. So 24 t
 a ball of 30 g to 3 kg, and six of 3 g, gain less than 0.1 % of energy (measured; 0.15 % at a share of 1)."""
 
 REST = Vec3(0.0, 0.0, 0.0)
-"""Of what a start leaves out: zeros that may be varied, not structure."""
+"""Value of vectors that a start leaves out: zeros that may be varied, not structure."""
 
 LOGGED = (
     ("position", "xyz", "m", "middle, world axes,"),
@@ -57,8 +57,8 @@ class ObjectMotion:
     """State of a free object: position, attitude, velocity and angular velocity.
 
     Attributes:
-        position: of its centre of mass, m, world axes. attitude: its axes to world axes.
-        velocity: of the centre of mass, m/s, world axes. rate: angular velocity, rad/s, its own axes.
+        position: centre of mass, m, world axes. attitude: its axes to world axes.
+        velocity: velocity of the centre of mass, m/s, world axes. rate: angular velocity, rad/s, its own axes.
     """
 
     position: Vec3
@@ -68,14 +68,14 @@ class ObjectMotion:
 
 
 @immutable
-class FreeObject(Carrier):
+class FreeObject(Carrier[ObjectMotion]):
     """Free object: a rigid box, cylinder or ball that lies on surfaces and can be pushed or grasped.
 
     Attributes:
-        name: for messages, logs and paths. shape: one of ``SOLIDS``. size: as that of a surface.
-        inertia: left out for that of a body of uniform density.
+        name: name in messages, logs and paths. shape: one of ``SOLIDS``. size: lengths as of a surface.
+        inertia: moments of inertia; left out for those of a body of uniform density.
         standing: whether it is set down on what is below it, at rest, when a file is read.
-        mesh: as that of a surface.
+        mesh: path of a mesh, as of a surface.
     """
 
     name: Name
@@ -125,11 +125,11 @@ class FreeObject(Carrier):
         return (Surface(name=self.name, shape=self.shape, size=self.size, material=self.material, mesh=self.mesh),)
 
     @property
-    def mobility(self) -> Any:
+    def mobility(self) -> Scalar:
         """Largest inverse effective mass over all contacts of the object, 1/kg."""
         return largest_mobility(self.shape, self.size, self.com, self.mass, self.moments)
 
-    def mobility_at(self, reach: Scalar) -> Any:
+    def mobility_at(self, reach: Scalar) -> Scalar:
         """Largest inverse effective mass in a grasp that also holds the attitude, 1/kg."""
         lever = self.surfaces[0].farthest + sqrt(self.com.dot(self.com) + 1e-24) + reach
         return (2.0 + lever * lever / self.gyration) / self.mass
@@ -198,7 +198,7 @@ class FreeObject(Carrier):
         velocity, rate = memory.velocity + slope.velocity * dt, memory.rate + slope.rate * dt
         return replace(memory, velocity=velocity, rate=rate)
 
-    def drift(self, memory: ObjectMotion, dt: Any) -> ObjectMotion:
+    def drift(self, memory: ObjectMotion, dt: Scalar) -> ObjectMotion:
         """State of the free object after ``dt`` (s) with constant velocities: only position and attitude change."""
         attitude = memory.attitude * Quaternion.of_small_rotation(memory.rate, dt)
         return replace(memory, position=memory.position + memory.velocity * dt, attitude=attitude)
@@ -235,7 +235,7 @@ class FreeObject(Carrier):
             for axis in axes
         )
 
-    def logged(self, memory: ObjectMotion) -> tuple[Any, ...]:
+    def logged(self, memory: ObjectMotion) -> tuple[Scalar, ...]:
         """Position, attitude, velocity and angular velocity of the free object, for the log."""
         frame = self.frame(memory)
         return (*frame.position, *memory.attitude, *frame.velocity, *memory.rate)
@@ -259,16 +259,17 @@ def uniform_moments(shape: str, size: Sequence[Scalar], mass: Scalar) -> Vec3:
     return Vec3(mass * (y + z) / 12.0, mass * (x + z) / 12.0, mass * (x + y) / 12.0)
 
 
-def largest_mobility(shape: str, size: Sequence[Any], com: Vec3, mass: Any, moments: Vec3) -> Any:
+def largest_mobility(shape: str, size: Sequence[Scalar], com: Vec3, mass: Scalar, moments: Vec3) -> Scalar:
     """Largest inverse effective mass (1/kg) of a rigid body over all its possible contacts.
 
     Args:
         shape: box, cylinder or sphere.
-        size: of it, m.
+        size: lengths of the shape, m.
         com: centre of mass, seen from the middle, m.
         mass: kg.
-        moments: about the centre of mass, kg m^2.
+        moments: moments of inertia about the centre of mass, kg m^2.
     """
+    halves: Sequence[Scalar]
     least = minimum(minimum(moments.x, moments.y), moments.z)
     if shape == "sphere":
         return 1.0 / mass + _reach(size[0], com) / least
@@ -291,7 +292,7 @@ def largest_mobility(shape: str, size: Sequence[Any], com: Vec3, mass: Any, mome
     return reduce(maximum, [*faces, *ends])
 
 
-def _reach(distance: Any, com: Vec3) -> Any:
+def _reach(distance: Scalar, com: Vec3) -> Scalar:
     """Squared largest distance (m^2) between a body's surface and its centre of mass."""
     away = distance
     for each in com:
@@ -300,19 +301,26 @@ def _reach(distance: Any, com: Vec3) -> Any:
 
 
 def _face(
-    count: int, spread_a: Any, spread_b: Any, off_a: Any, off_b: Any, mass: Any, moment_a: Any, moment_b: Any
+    count: int,
+    spread_a: Scalar,
+    spread_b: Scalar,
+    off_a: Scalar,
+    off_b: Scalar,
+    mass: Scalar,
+    moment_a: Scalar,
+    moment_b: Scalar,
 ) -> Scalar:
     """Upper bound of the inverse effective mass (1/kg) of a box or cylinder face that rests on several contacts.
 
     Args:
-        count: of contacts.
+        count: number of contacts.
         spread_a: sum of squares of their places along a about the middle, m^2.
-        spread_b: the same along b.
-        off_a: of the centre of mass along a, m.
-        off_b: the same along b.
+        spread_b: sum along b, m^2.
+        off_a: place of the centre of mass along a, m.
+        off_b: place along b, m.
         mass: kg.
-        moment_a: about the centre of mass and the axis a, kg m^2.
-        moment_b: the same about b.
+        moment_a: moment of inertia about the centre of mass and the axis a, kg m^2.
+        moment_b: moment about the axis b, kg m^2.
     """
     # a place along b turns about a
     sink = count / mass
@@ -325,6 +333,6 @@ def _face(
     return maximum(maximum(rows[0], rows[1]), rows[2])
 
 
-def _size(value: Any) -> Scalar:
+def _size(value: Scalar) -> Scalar:
     """Absolute value of a number; an integer 0 stays an integer for constant folding."""
     return 0 if absent(value) else absolute(value)

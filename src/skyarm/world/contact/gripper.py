@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, asin, divide, logical_and, logical_or, maximum, minimum, sqrt, where
@@ -29,11 +29,13 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent
 from skyarm.records.field_rules import accept_fields, checked
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.records.units import Name, Unit
 from skyarm.reference.signals import Constant, Signal, signal_from
 from skyarm.world.component import Column, Wrench, select
-from skyarm.world.contact.carrier import CarriedFrame, Carrier, both
+from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame, both
 from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, ROUGHEST, euler_step_of
 
 KINDS = ("magnet", "suction", "jaw", "ball", "hook")
@@ -56,13 +58,14 @@ class Command:
     signal: Signal = Constant(1)
 
     @classmethod
-    def from_table(cls, entry: Any, where: str) -> Command:
+    def from_table(cls, entry: Entry, where: str) -> Command:
         """Read the command from a file's value; raises ValueError with one line."""
         return cls(signal_from(entry, where))
 
-    def at(self, t: Any) -> Any:
+    def at(self, t: Scalar) -> Scalar:
         """True if the gripper is commanded closed at time ``t`` (s)."""
-        return self.signal.derivatives(t)[0] > 0.5
+        closed: Scalar = self.signal.derivatives(t)[0] > 0.5
+        return closed
 
 
 @immutable
@@ -71,14 +74,15 @@ class Grip:
 
     Attributes:
         taken: number of the carrier that it holds, from 1; 0 for none.
-        ready: 1 where it may take hold: it was opened since it last held something. lost: how often it slipped.
-        place: of the gripper's frame in the axes of what it holds, m. normal: outward, of the skin there, these axes.
-        turn: axes of what it holds to the gripper's.
+        ready: 1 where it may take hold: it was opened since it last held something. lost: number of slips.
+        place: origin of the gripper's frame in the axes of the held body, m.
+        normal: outward normal of the skin there, these axes.
+        turn: rotation from the axes of the held body to the gripper's.
     """
 
-    taken: Any
-    ready: Any
-    lost: Any
+    taken: Scalar
+    ready: Scalar
+    lost: Scalar
     place: Vec3
     normal: Vec3
     turn: Mat3
@@ -105,8 +109,8 @@ class Gripper:
     """Gripper of the vehicle (magnet, suction cup, jaw, ball or hook) that can hold one movable body.
 
     Attributes:
-        name: for messages, logs and paths. kind: one of ``KINDS``.
-        frame: of the vehicle; empty for its tip. closed: command, a signal of time.
+        name: name in messages, logs and paths. kind: one of ``KINDS``.
+        frame: frame of the vehicle; empty for its tip. closed: command, a signal of time.
     """
 
     name: Name
@@ -140,13 +144,13 @@ class Gripper:
             *pull,
         )
 
-    def step_of(self, mass: Scalar, moved: Any, *, euler: bool = False) -> Scalar:
+    def step_of(self, mass: Scalar, moved: Scalar, *, euler: bool = False) -> Scalar:
         """Longest stable integration step (s) of the spring and damper that model a grasp.
 
         Args:
-            mass: kg that it moves at least where it holds at the skin; its damping follows from that.
-            moved: kg that it moves at least at the end of its reach.
-            euler: whether of the semi-implicit Euler method.
+            mass: mass (kg) that it moves at least where it holds at the skin; its damping follows from that.
+            moved: mass (kg) that it moves at least at the end of its reach.
+            euler: True for the semi-implicit Euler method.
         """
         square, decay = self.stiffness / moved, self.damping(mass) / moved
         bound = euler_step_of(square, decay)
@@ -190,14 +194,14 @@ class Gripper:
         """Initial state of the gripper: open and ready to grasp."""
         return replace(UNCHANGED, ready=1.0)
 
-    def hold(self, grip: Grip, frame: CarriedFrame, body: CarriedFrame, mass: Any, gyration: Any) -> Hold:
+    def hold(self, grip: Grip, frame: CarriedFrame, body: CarriedFrame, mass: Scalar, gyration: Scalar) -> Hold:
         """Force and torque that the gripper would exert on a body if it held that body.
 
         Args:
-            grip: memory.
-            frame: of the gripper.
-            body: axes of what is held.
-            mass: kg that the grasp moves at least.
+            grip: memory of the gripper.
+            frame: gripper's frame.
+            body: axes of the held body.
+            mass: mass that the grasp moves at least, kg.
             gyration: square of a radius of gyration of the body, m^2: of an attitude's stiffness by a place's.
         """
         place = body.position + body.rotation.apply(grip.place)
@@ -208,10 +212,10 @@ class Gripper:
             force = Vec3(force.x, force.y, maximum(force.z, 0.0))
         torque, twist = ZERO3, None
         if self.holds_attitude and not absent(gyration):
-            wanted, has = frame.rotation @ grip.turn, body.rotation
+            aim, has = frame.rotation @ grip.turn, body.rotation
             error = ZERO3
             for i in range(3):
-                error = error + has.column(i).cross(wanted.column(i)) * 0.5
+                error = error + has.column(i).cross(aim.column(i)) * 0.5
             torque = (error * self.stiffness + (frame.turning - body.turning) * damping) * gyration
             if self.kind == "ball":
                 most = self.socket_torque
@@ -222,7 +226,7 @@ class Gripper:
                 twist = _within_length(angle, divide(most, self.stiffness * gyration))
         return Hold(force=force, torque=torque, place=place, twist=twist)
 
-    def is_overloaded(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Any:
+    def is_overloaded(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Scalar:
         """True if the load of a grasp exceeds the gripper's limits."""
         force, torque = hold.force, hold.torque
         twisted = False if self.kind == "ball" else torque.dot(torque) > self.torque * self.torque
@@ -235,27 +239,30 @@ class Gripper:
         return logical_or(logical_or(pull > self.force, shear.dot(shear) > left * left), twisted)
 
     def after(
-        self, grip: Grip, t: Any, frame: CarriedFrame, bodies: tuple[tuple[CarriedFrame, Any, Vec3, Hold], ...]
+        self, grip: Grip, t: Scalar, frame: CarriedFrame, bodies: tuple[tuple[CarriedFrame, Scalar, Vec3, Hold], ...]
     ) -> Grip:
         """State of the gripper for the next control period: it keeps its grip, opens, slips, or grasps a body.
 
         Args:
-            grip: before it.
+            grip: state in this period.
             t: s.
-            frame: of the gripper.
-            bodies: of each carrier its axes, the distance of the gripper's frame from its skin (m), the outward normal
+            frame: gripper's frame.
+            bodies: axes of each carrier, the distance of the gripper's frame from its skin (m), the outward normal
                 there (world axes), and what the grasp does to it if it is held.
         """
         closed = True if self.kind == "hook" else self.closed.at(t)
-        held, broken, out, near = grip.taken > 0.5, False, False, False
+        holding: Scalar = grip.taken > 0.5
+        broken: Scalar = False
+        out: Scalar = False
+        near: Scalar = False
         for i, (body, distance, _, hold) in enumerate(bodies):
             this = is_taken(grip.taken, i + 1.0)
             broken = _any(broken, _both(this, self.is_overloaded(grip, hold, body)))
             above = hold.place.z - frame.position.z > self.reach
             out = _any(out, _both(this, above)) if self.kind == "hook" else out
             near = _any(near, distance <= self.reach)
-        keeps = _both(held, _both(closed, _both(_not(broken), _not(out))))
-        free = _both(_both(closed, grip.ready > 0.5), _not(held))
+        keeps = _both(holding, _both(closed, _both(_not(broken), _not(out))))
+        free = _both(_both(closed, grip.ready > 0.5), _not(holding))
         taken, place, normal, turn = where(keeps, grip.taken, 0.0), grip.place, grip.normal, grip.turn
         for i, (body, distance, outward, hold) in enumerate(bodies):
             takes = _both(_both(free, distance <= self.reach), taken < 0.5)
@@ -271,15 +278,15 @@ class Gripper:
                 turn = _select_rows(is_taken(grip.taken, i + 1.0), slipped, turn)
             turn = _select_rows(takes, now, turn)
         opened = _not(near) if self.kind == "hook" else _not(closed)
-        used = _any(held, taken > 0.5)
+        used = _any(holding, taken > 0.5)
         return Grip(
             taken=taken, ready=where(opened, 1.0, where(used, 0.0, grip.ready)),
-            lost=grip.lost + where(_both(held, _both(closed, broken)), 1.0, 0.0),
+            lost=grip.lost + where(_both(holding, _both(closed, broken)), 1.0, 0.0),
             place=place, normal=normal, turn=turn,
         )  # fmt: skip
 
 
-def is_taken(taken: Any, number: float) -> Scalar:
+def is_taken(taken: Scalar, number: float) -> Scalar:
     """True if a gripper holds the movable body with a given index, counted from 1."""
     return logical_and(taken > number - 0.5, taken < number + 0.5)
 
@@ -289,12 +296,12 @@ def _not(condition: Scalar) -> Scalar:
     return not condition if isinstance(condition, bool) else where(condition, 0.0, 1.0) > 0.5
 
 
-def _both(a: Any, b: Any) -> Any:
+def _both(a: Scalar, b: Scalar) -> Scalar:
     """Logical and of two conditions; a constant True is dropped."""
     return b if a is True else a if b is True else logical_and(a, b)
 
 
-def _any(a: Scalar, b: Scalar) -> Any:
+def _any(a: Scalar, b: Scalar) -> Scalar:
     """Logical or of two conditions; a constant False is dropped."""
     return b if a is False else a if b is False else logical_or(a, b)
 
@@ -323,14 +330,16 @@ UNCHANGED = Grip(
 class Grasps:
     """Grippers of the vehicle together with the bodies that they can grasp.
 
+    Its methods take the states of both, ``grips`` and ``memories``.
+
     Attributes:
-        grippers: of the vehicle. carriers: bodies of the world.
+        grippers: grippers of the vehicle. carriers: bodies of the world.
     """
 
     grippers: tuple[Gripper, ...]
-    carriers: tuple[Carrier, ...]
+    carriers: tuple[AnyCarrier, ...]
 
-    def steps(self, *, euler: bool = False) -> Iterator[tuple[str, Any]]:
+    def steps(self, *, euler: bool = False) -> Iterator[tuple[str, Scalar]]:
         """Longest stable integration step (s) of every possible grasp, with the name of its gripper."""
         for gripper in self.grippers:
             for carrier in self.carriers:
@@ -340,11 +349,11 @@ class Grasps:
 
     def frames(self, motion: PointMotion) -> list[CarriedFrame]:
         """World pose and velocity of each gripper's frame."""
-        found = []
+        frames = []
         for gripper in self.grippers:
             at = motion.vehicle.frame(gripper.frame or None)
             columns = [motion.to_world(at.rotation.column(i), at.link) for i in range(3)]
-            found.append(
+            frames.append(
                 CarriedFrame(
                     position=motion.position(at.position, at.link),
                     rotation=Mat3.columns(*columns),
@@ -352,9 +361,9 @@ class Grasps:
                     turning=motion.to_world(motion.angular_velocity(at.link), at.link),
                 )
             )
-        return found
+        return frames
 
-    def bodies(self, memories: Sequence[Any]) -> list[CarriedFrame]:
+    def bodies(self, memories: Sequence[Tree]) -> list[CarriedFrame]:
         """World pose and velocity of each movable body."""
         return [carrier.frame(memory) for carrier, memory in zip(self.carriers, memories, strict=True)]
 
@@ -369,57 +378,63 @@ class Grasps:
             for gripper, grip, frame in zip(self.grippers, grips, frames, strict=True)
         ]
 
-    def holds(self, memory: Any, frames: Sequence[CarriedFrame]) -> list[list[Hold]]:
+    def holds(
+        self, grips: Sequence[Grip], memories: Sequence[Tree], frames: Sequence[CarriedFrame]
+    ) -> list[list[Hold]]:
         """Force and torque of each gripper on each movable body, zero for bodies not held, as [gripper][body]."""
-        possible = self.possible(memory.grips, frames, self.bodies(memory.carried))
+        possible = self.possible(grips, frames, self.bodies(memories))
         return [
             [_scale_hold(hold, where(is_taken(grip.taken, i + 1.0), 1.0, 0.0)) for i, hold in enumerate(row)]
-            for grip, row in zip(memory.grips, possible, strict=True)
+            for grip, row in zip(grips, possible, strict=True)
         ]
 
-    def on_bodies(self, memory: Any, motion: PointMotion) -> list[tuple[Vec3, Vec3]]:
+    def on_bodies(
+        self, grips: Sequence[Grip], memories: Sequence[Tree], motion: PointMotion
+    ) -> list[tuple[Vec3, Vec3]]:
         """Total force (N) and torque (N m, about the body's origin) of all grasps on each movable body."""
-        holds, bodies = self.holds(memory, self.frames(motion)), self.bodies(memory.carried)
-        found = []
+        holds, bodies = self.holds(grips, memories, self.frames(motion)), self.bodies(memories)
+        loads = []
         for i, body in enumerate(bodies):
             force = torque = ZERO3
             for row in holds:
                 hold = row[i]
                 force = force + hold.force
                 torque = torque + hold.torque + (hold.place - body.position).cross(hold.force)
-            found.append((force, torque))
-        return found
+            loads.append((force, torque))
+        return loads
 
-    def on_vehicle(self, memory: Any, motion: PointMotion) -> list[Wrench]:
+    def on_vehicle(self, grips: Sequence[Grip], memories: Sequence[Tree], motion: PointMotion) -> list[Wrench]:
         """Reaction forces and torques of all grasps on the vehicle."""
-        frames, found = self.frames(motion), []
-        for gripper, frame, row in zip(self.grippers, frames, self.holds(memory, frames), strict=True):
+        frames, wrenches = self.frames(motion), []
+        for gripper, frame, row in zip(self.grippers, frames, self.holds(grips, memories, frames), strict=True):
             at = motion.vehicle.frame(gripper.frame or None)
             force = torque = ZERO3
             for hold in row:
                 force = force - hold.force
                 torque = torque - hold.torque - (hold.place - frame.position).cross(hold.force)
-            found.append(Wrench(force_W=force, torque_W=torque, point=at.position, body=at.link))
-        return found
+            wrenches.append(Wrench(force_W=force, torque_W=torque, point=at.position, body=at.link))
+        return wrenches
 
-    def after(self, memory: Any, t: Any, motion: PointMotion) -> tuple[Grip, ...]:
+    def after(
+        self, grips: Sequence[Grip], memories: Sequence[Tree], t: Scalar, motion: PointMotion
+    ) -> tuple[Grip, ...]:
         """States of all grippers for the next control period, after possible grasps, releases and slips."""
-        frames, bodies = self.frames(motion), self.bodies(memory.carried)
-        possible = self.possible(memory.grips, frames, bodies)
-        found = []
-        for gripper, grip, frame, row in zip(self.grippers, memory.grips, frames, possible, strict=True):
+        frames, bodies = self.frames(motion), self.bodies(memories)
+        possible = self.possible(grips, frames, bodies)
+        following = []
+        for gripper, grip, frame, row in zip(self.grippers, grips, frames, possible, strict=True):
             skins = [_skin(carrier, body, frame.position) for carrier, body in zip(self.carriers, bodies, strict=True)]
             seen = tuple((body, *skin, hold) for body, skin, hold in zip(bodies, skins, row, strict=True))
-            found.append(gripper.after(grip, t, frame, seen))
-        return tuple(found)
+            following.append(gripper.after(grip, t, frame, seen))
+        return tuple(following)
 
-    def logged(self, memory: Any, motion: PointMotion) -> list[Any]:
+    def logged(self, grips: Sequence[Grip], memories: Sequence[Tree], motion: PointMotion) -> list[Scalar]:
         """Logged values of each gripper: held body, grasp force (N), number of slips, force vector (N).
 
         The pull is the force on what it holds, N, world axes.
         """
-        numbers: list[Any] = []
-        for grip, row in zip(memory.grips, self.holds(memory, self.frames(motion)), strict=True):
+        numbers: list[Scalar] = []
+        for grip, row in zip(grips, self.holds(grips, memories, self.frames(motion)), strict=True):
             total = ZERO3
             for hold in row:
                 total = total + hold.force
@@ -427,7 +442,7 @@ class Grasps:
         return numbers
 
 
-def _skin(carrier: Carrier, body: CarriedFrame, place: Vec3) -> tuple[Any, Vec3]:
+def _skin(carrier: AnyCarrier, body: CarriedFrame, place: Vec3) -> tuple[Scalar, Vec3]:
     """Distance (m) of a point from the nearest surface of a movable body, and the outward normal there."""
     depths = [body.depth(surface, place, 0) for surface in carrier.surfaces]
     deepest, normal = depths[0]

@@ -18,7 +18,7 @@ Source: Hunt, Crossley 1975 (normal force); Dahl 1968 and Canudas de Wit, Olsson
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, absolute, divide, exp, maximum, minimum, same, sqrt, where
@@ -30,7 +30,7 @@ BRISTLE_DAMPING = 5.0
 """N s/m at one newton and more; 1/m times the force below. It damps the vibration of a tip that sticks."""
 
 RECOVERY = 500.0
-"""1/s, at which a bristle stands up without contact."""
+"""Decay rate, 1/s, at which a bristle stands up without contact."""
 
 LIGHTEST = 0.02
 """kg that a contact moves at least, by which steps are chosen: 23 g is the least that the tips of the library's arms
@@ -41,34 +41,34 @@ NORMAL_STEP = 0.85
 then loses at most 0.1 % of its energy and gains none (measured)."""
 
 LONGEST = 2.5e-3
-"""s, of a step in contact, however soft it is."""
+"""Longest step in contact, s, however soft it is."""
 
 BRISTLE_STEP = 1.5
-"""The same of a bristle that is bent under the force of ``PRESSED``. Runge-Kutta's method is stable to 2.78, of 20 g
+"""The same product of a bristle that is bent under the force of ``PRESSED``. Runge-Kutta is stable to 2.78, of 20 g
 that is 17 N; semi-implicit Euler to 1.77 with the bristle's damping, 7 N: far beyond, a tip that light chatters."""
 
 PRESSED = 1e-3
-"""m of penetration at which the stiffness of bristles is taken: 5 N at 5000 N/m."""
+"""Penetration, m, at which the stiffness of bristles is taken: 5 N at 5000 N/m."""
 
 _STILL = 1e-24
 """m^2/s^2, N^2 or m^2 under a root: its derivative at rest is 0 instead of NaN; m in a denominator."""
 
 
-def euler_step_of(square: Any, decay: Any) -> Scalar:
+def euler_step_of(square: Scalar, decay: Scalar) -> Scalar:
     """Semi-implicit Euler step (s) for a damped oscillator: three quarters of the stability limit.
 
     Args:
-        square: of its angular frequency, 1/s^2.
+        square: square of its angular frequency, 1/s^2.
         decay: damping by inertia, 1/s.
     """
     return divide(3.0, decay + sqrt(decay * decay + 4.0 * square + _STILL))
 
 
 DULLEST = 1000.0
-"""s/m: nothing rebounds that comes with more than 1 mm/s."""
+"""Largest dissipation, s/m: nothing rebounds that comes with more than 1 mm/s."""
 
 ROUGHEST = 100.0
-"""Coefficient of friction; rubber has 1 to 4."""
+"""Largest coefficient of friction; rubber has 1 to 4."""
 
 
 @immutable
@@ -84,7 +84,7 @@ class Material:
     bristle_length: Annotated[Scalar, Unit("m", "slip at which friction is whole", low=0.0, strict=True)] = 2e-4
 
     @property
-    def largest_step(self) -> Any:
+    def largest_step(self) -> Scalar:
         """Longest stable integration step (s) of contact between the vehicle and this material."""
         return self.step_of(LIGHTEST)
 
@@ -141,6 +141,6 @@ class Material:
         most = self.friction * normal_force
         largest = BRISTLE_DAMPING if mass is LIGHTEST else BRISTLE_DAMPING * sqrt(mass / LIGHTEST)
         damping = minimum(largest * normal_force, largest)
-        wanted = bristle * (most * (1.0 / self.bristle_length)) + bristle_rate * damping
-        size = sqrt(wanted.dot(wanted) + _STILL)
-        return wanted * -minimum(divide(most, size), 1.0)
+        friction = bristle * (most * (1.0 / self.bristle_length)) + bristle_rate * damping
+        size = sqrt(friction.dot(friction) + _STILL)
+        return friction * -minimum(divide(most, size), 1.0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import field, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import E_X, E_Z, ZERO3, Vec3
 from skyarm.algebra.matrix import axis_rotation
@@ -26,12 +26,21 @@ from skyarm.world.contact.surface import Surface, rotation_of
 
 
 @immutable
-class Mechanism(Carrier):
+class MechanismMotion:
+    """State of a mechanism: coordinate (rad or m), rate, and deflection of its friction bristle if any."""
+
+    coordinate: Scalar
+    rate: Scalar
+    bristle: tuple[Scalar, ...]
+
+
+@immutable
+class Mechanism(Carrier[MechanismMotion]):
     """Mechanism with one degree of freedom and contact surfaces, such as a door, valve, drawer or button.
 
     Attributes:
-        name: for messages, logs and paths. kind: one of ``KINDS``.
-        axis: of a hinge or slide; other kinds have their own. size: lengths of the kind's body.
+        name: name in messages, logs and paths. kind: one of ``KINDS``.
+        axis: axis of a hinge or slide; other kinds have their own. size: lengths of the kind's body.
         parts: additional surfaces, such as a handle, in the mechanism's axes. A hinge's axis goes through the origin.
         initial: coordinate at the start.
         lower, upper: coordinates at which it meets stops.
@@ -112,7 +121,7 @@ class Mechanism(Carrier):
         return KINDS[self.kind].turns
 
     @property
-    def solid(self) -> Solid | None:
+    def solid(self) -> MechanismBody | None:
         """Box or cylinder of a door, valve, drawer or button; None for a plain hinge or slide."""
         return solid_of(self.kind, self.size) if self.size else None
 
@@ -148,11 +157,11 @@ class Mechanism(Carrier):
         return (*self.position, *rotation_of(self.angles).apply(self.along)) if self.turns else ()
 
     @property
-    def mobility(self) -> Any:
+    def mobility(self) -> Scalar:
         """Largest inverse effective mass over the mechanism's surfaces, 1/kg."""
         return self.mobility_at(0)
 
-    def mobility_at(self, reach: Scalar) -> Any:
+    def mobility_at(self, reach: Scalar) -> Scalar:
         """Largest inverse effective mass at a point up to ``reach`` (m) beyond the surfaces, 1/kg."""
         if not self.turns:
             return 1.0 / self.mass
@@ -174,12 +183,12 @@ class Mechanism(Carrier):
         return self.axis * divide(1.0, sqrt(self.axis.dot(self.axis)))
 
     @property
-    def largest_step(self) -> Any:
+    def largest_step(self) -> Scalar:
         """Longest stable integration step (s) of the mechanism's stops, spring, friction and detent."""
         return longest_step(self)
 
     @property
-    def largest_euler_step(self) -> Any:
+    def largest_euler_step(self) -> Scalar:
         """Longest stable semi-implicit Euler step (s) of the mechanism's stops, spring, friction and detent."""
         return longest_step(self, euler=True)
 
@@ -192,7 +201,7 @@ class Mechanism(Carrier):
         """World pose and velocity of the mechanism in a given state."""
         return self.frame_at(memory.coordinate, memory.rate)
 
-    def frame_at(self, coordinate: Any, rate: Scalar = 0.0) -> CarriedFrame:
+    def frame_at(self, coordinate: Scalar, rate: Scalar = 0.0) -> CarriedFrame:
         """World pose and velocity of the mechanism for a given coordinate (rad or m) and rate."""
         R = rotation_of(self.angles)
         axis = R.apply(self.along)
@@ -221,7 +230,7 @@ class Mechanism(Carrier):
         """State of the mechanism after an acceleration for ``dt`` (s): only the rate changes."""
         return replace(memory, rate=memory.rate + slope.rate * dt)
 
-    def drift(self, memory: MechanismMotion, dt: Any) -> MechanismMotion:
+    def drift(self, memory: MechanismMotion, dt: Scalar) -> MechanismMotion:
         """State of the mechanism after ``dt`` (s) at constant rate: only the coordinate changes."""
         return replace(memory, coordinate=memory.coordinate + memory.rate * dt)
 
@@ -231,7 +240,7 @@ class Mechanism(Carrier):
         unit = "rad" if self.turns else "m"
         return Column("mechanism_position", self.name, unit), Column("mechanism_rate", self.name, f"{unit}/s")
 
-    def logged(self, memory: MechanismMotion) -> tuple[Any, ...]:
+    def logged(self, memory: MechanismMotion) -> tuple[Scalar, ...]:
         """Coordinate (rad or m) and rate of the mechanism, for the log."""
         return (memory.coordinate, memory.rate)
 
@@ -261,23 +270,14 @@ class Detent:
     width: Annotated[Scalar, Unit("rad or m", "from its beginning to its end", low=0.0, strict=True)]
     place: Annotated[Scalar, Unit("rad or m", "where it begins")] = 0.0
 
-    def at(self, coordinate: Any) -> Any:
+    def at(self, coordinate: Scalar) -> Scalar:
         """Force or torque of the detent at a coordinate, N or N m."""
         u = clip((coordinate - self.place) * (1.0 / self.width), 0.0, 1.0)
         hump = u * (1.0 - u)
         return (16.0 * self.force) * (hump * hump)
 
 
-@immutable
-class MechanismMotion:
-    """State of a mechanism: coordinate (rad or m), rate, and deflection of its friction bristle if any."""
-
-    coordinate: Any
-    rate: Any
-    bristle: tuple[Any, ...]
-
-
-def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any, ...]]:
+def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Scalar, tuple[Scalar, ...]]:
     """Internal force or torque of a mechanism (N or N m), and rate of its friction bristle."""
     q, rate = memory.coordinate, memory.rate
     effort = -of.stiffness * (q - of.rest) - of.damping * rate
@@ -300,10 +300,10 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any
     fastest = length / longest_step(of)
     followed = clip(rate, -fastest, fastest)
     bending = followed - z * absolute(followed) / length
-    held = of.friction / length
+    stiffness = of.friction / length
     # half of critical damping: vibration of the bristle dies away
-    wanted = held * z + sqrt(held * of.generalized_inertia) * bending
-    return effort - clip(wanted, -of.friction, of.friction), (bending,)
+    friction = stiffness * z + sqrt(stiffness * of.generalized_inertia) * bending
+    return effort - clip(friction, -of.friction, of.friction), (bending,)
 
 
 def longest_step(of: Mechanism, *, euler: bool = False) -> Scalar:
@@ -314,8 +314,8 @@ def longest_step(of: Mechanism, *, euler: bool = False) -> Scalar:
     """
     stiffness, damping = of.stiffness, of.damping
     if type(of.friction) is not int:
-        held = of.friction / bristle_of(of)
-        stiffness, damping = stiffness + held, damping + sqrt(held * of.generalized_inertia)
+        of_bristle = of.friction / bristle_of(of)
+        stiffness, damping = stiffness + of_bristle, damping + sqrt(of_bristle * of.generalized_inertia)
     if of.detent is not None:
         stiffness = stiffness + STEEPEST * of.detent.force / of.detent.width
     fastest = maximum(sqrt(stiffness / of.generalized_inertia), of.damping / of.generalized_inertia)
@@ -341,7 +341,7 @@ def bristle_of(of: Mechanism) -> Scalar:
     return BRISTLES[of.turns] if type(of.bristle) is int else of.bristle
 
 
-def _at_stop(limit: Any) -> bool:
+def _at_stop(limit: Scalar) -> bool:
     """True if a coordinate limit of a mechanism is finite, so that there is an end stop."""
     return not (concrete(limit) and math.isinf(limit))
 
@@ -351,9 +351,9 @@ class Kind:
     """Kind of mechanism, such as a door: whether it turns, its axis, and the lengths that define its body.
 
     Attributes:
-        turns: whether it is a hinge; else it slides.
-        axis: of the motion, its own axes; None where the file gives it.
-        sizes: what the lengths of its body may be; () for a kind whose body is made of parts.
+        turns: True for a hinge, False for a slide.
+        axis: axis of the motion, its own axes; None where the file gives it.
+        sizes: names of the lengths that its body may have; () for a kind whose body is made of parts.
     """
 
     turns: bool
@@ -373,21 +373,21 @@ KINDS = {
 
 
 @immutable
-class Solid:
+class MechanismBody:
     """Box or cylinder of a mechanism, in the mechanism's axes.
 
     Attributes:
-        shape, size: as of a surface. middle: of it, m.
+        shape, size: shape and lengths as of a surface. middle: middle of the shape, m.
         gyration: m^2, moment of inertia about the axis of a hinge by the mass, of a uniform body.
     """
 
     shape: str
-    size: tuple[Any, ...]
+    size: tuple[Scalar, ...]
     middle: Vec3
-    gyration: Any
+    gyration: Scalar
 
 
-def solid_of(kind: str, size: Sequence[Scalar]) -> Solid:
+def solid_of(kind: str, size: Sequence[Scalar]) -> MechanismBody:
     """Box or cylinder of a door, valve, drawer or button with given lengths (m).
 
     Args:
@@ -396,17 +396,17 @@ def solid_of(kind: str, size: Sequence[Scalar]) -> Solid:
     """
     if kind == "button":
         radius, height = size
-        return Solid(shape="cylinder", size=(radius, height), middle=Vec3(0, 0, -0.5 * height), gyration=0.0)
+        return MechanismBody(shape="cylinder", size=(radius, height), middle=Vec3(0, 0, -0.5 * height), gyration=0.0)
     if kind == "valve" and len(size) == 2:
         radius, thickness = size
         wheel = (radius, thickness)
-        return Solid(shape="cylinder", size=wheel, middle=ZERO3, gyration=0.5 * radius * radius)
+        return MechanismBody(shape="cylinder", size=wheel, middle=ZERO3, gyration=0.5 * radius * radius)
     if kind == "drawer":
         depth, width, height = size
-        return Solid(shape="box", size=(depth, width, height), middle=Vec3(-0.5 * depth, 0, 0), gyration=0.0)
+        return MechanismBody(shape="box", size=(depth, width, height), middle=Vec3(-0.5 * depth, 0, 0), gyration=0.0)
     length, second, third = size
     across, along = (third, second) if kind == "door" else (second, third)
-    return Solid(
+    return MechanismBody(
         shape="box",
         size=(length, across, along),
         middle=Vec3(0.5 * length, 0, 0),

@@ -8,15 +8,16 @@ a memory: points by surface, spots by body and surface, edges.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import Scalar, maximum, neg, sqrt
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import Tree
 from skyarm.world.contact.box_edges import box_of, edge_touches, pairs_with_edges
-from skyarm.world.contact.carrier import NOBODY, CarriedFrame, Carrier, both
+from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame, both
 from skyarm.world.contact.contact_point import ContactPoint, Moving, Touch, touch_of
-from skyarm.world.contact.material import LIGHTEST
+from skyarm.world.contact.material import LIGHTEST, LONGEST
 from skyarm.world.contact.surface import Surface
 
 NEAR, SWIFT = 0.005, 400.0
@@ -35,7 +36,7 @@ class Bodies(Protocol):
         """Points of the vehicle."""
 
     @property
-    def carriers(self) -> tuple[Carrier, ...]:
+    def carriers(self) -> tuple[AnyCarrier, ...]:
         """Movable bodies."""
 
     @property
@@ -48,10 +49,10 @@ class Meeting:
     """Contact state of one surface with one point of the vehicle or of a movable body.
 
     Attributes:
-        surface: name. of: number of the carrier of the surface, or ``NOBODY`` for the world.
+        surface: name of the surface. of: number of the carrier of the surface, or ``NOBODY`` for the world.
         by: number of the carrier of the spot, or ``NOBODY`` for the vehicle.
-        index: of its spot, or point; ``EDGE`` of its edges.
-        touch: contact force and bristle. place: where, m, world axes.
+        index: number of its spot, or point; ``EDGE`` of its edges.
+        touch: contact force and bristle. place: place of the contact, m, world axes.
     """
 
     surface: str
@@ -69,51 +70,52 @@ class _Place:
     position: Vec3
     velocity: Vec3
     turning: Vec3
-    radius: Any
-    mass: Any
+    radius: Scalar
+    mass: Scalar
 
 
 def _depth(
     surface: Surface, frame: CarriedFrame | None, place: Vec3, radius: Scalar, clock: Scalar
-) -> tuple[Any, Vec3]:
+) -> tuple[Scalar, Vec3]:
     """Penetration depth (m) and outward normal of a ball at a surface of the world or of a movable body."""
     return surface.depth(place, radius, clock) if frame is None else frame.depth(surface, place, radius)
 
 
 def meetings_of(
     contact: Bodies,
-    memories: Sequence[Any],
+    memories: Sequence[Tree],
     moving: Sequence[Moving],
     clock: Scalar,
     bristles: Sequence[Vec3],
-    step: Scalar,
+    step: Scalar | None,
     mean: Scalar | None = None,
 ) -> list[Meeting]:
     """Contact state of every surface with every point of the vehicle and of other movable bodies.
 
     Args:
         contact: surfaces, points and movable bodies.
-        memories: of the carriers.
+        memories: states of the movable bodies.
         moving: position (m), velocity (m/s), angular velocity (rad/s) of the vehicle's points, world axes.
-        clock: s, of the world's surfaces.
-        bristles: of the pairs, m.
-        step: longest integration step of the whole contact, s.
-        mean: s, of the vehicle's points on the world's surfaces, as :func:`touch_of` has it.
+        clock: time of the world's surfaces, s.
+        bristles: deflections of the pairs' bristles, m.
+        step: longest integration step of the whole contact, s; None where no pair may touch.
+        mean: time (s) for the vehicle's points on the world's surfaces, as in :func:`touch_of`.
     """
     frames = [carrier.frame(memory) for carrier, memory in zip(contact.carriers, memories, strict=True)]
     masses = [1.0 / carrier.mobility for carrier in contact.carriers]
-    held, found = iter(bristles), list[Meeting]()
+    longest = LONGEST if step is None else step
+    deflections, meetings = iter(bristles), list[Meeting]()
 
-    def meet(surface: Surface, of: int, by: int, index: int, at: _Place, depth: Any, normal: Vec3) -> None:
+    def meet(surface: Surface, of: int, by: int, index: int, at: _Place, depth: Scalar, normal: Vec3) -> None:
         frame = None if of == NOBODY else frames[of]
         spot = normal * neg(at.radius)  # where it touches, seen from its middle
         place = at.position + spot
         under = surface.place(clock)[1] if frame is None else frame.velocity_at(place)
         slip = at.velocity + at.turning.cross(spot) - under
         mass = at.mass if frame is None else both(masses[of], at.mass)
-        over = mean if of == by == NOBODY else step
-        own = touch_of(surface.material, depth, normal, spot, slip, next(held), step, mass, mean=over)
-        found.append(Meeting(surface=surface.name, of=of, by=by, index=index, touch=own, place=place))
+        over = mean if of == by == NOBODY else longest
+        own = touch_of(surface.material, depth, normal, spot, slip, next(deflections), longest, mass, mean=over)
+        meetings.append(Meeting(surface=surface.name, of=of, by=by, index=index, touch=own, place=place))
 
     def touch(surface: Surface, of: int, by: int, index: int, at: _Place) -> None:
         frame = None if of == NOBODY else frames[of]
@@ -142,10 +144,11 @@ def meetings_of(
         for place, depth, normal in edge_touches(box_of(contact.carriers[by].surfaces[0], own, clock), other):
             at = _Place(place, own.velocity_at(place), own.turning, 0, masses[by])
             meet(surface, of, by, EDGE, at, depth, normal)
-    return found
+    return meetings
 
 
-def misses(touch: Touch, seconds: Scalar) -> Any:
+def misses(touch: Touch, seconds: Scalar) -> Scalar:
     """True if a point cannot come to a surface within ``seconds``, whatever pushes it meanwhile."""
     margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
-    return touch.depth + sqrt(touch.slip.dot(touch.slip)) * seconds < -margin
+    far: Scalar = touch.depth + sqrt(touch.slip.dot(touch.slip)) * seconds < -margin
+    return far

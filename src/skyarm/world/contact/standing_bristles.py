@@ -24,12 +24,13 @@ def standing_bristles(
     Args:
         meetings: contacts at the start.
         bristles: deflection of the bristle of each of them, m, world axes.
-        weights: of the bodies that stand, N, by number; of the vehicle by ``NOBODY``.
-        materials: of the surfaces, by name.
+        weights: weights of the bodies that stand, N, by number; that of the vehicle by ``NOBODY``.
+        materials: materials of the surfaces, by name.
     """
     bent = list(bristles)
     for by, weight in weights.items():
-        force, pressed = ZERO3, 0.0
+        force = ZERO3
+        pressed: Scalar = 0.0
         for each in meetings:
             if each.by == by:
                 force, pressed = force + each.touch.axis * each.touch.normal, pressed + each.touch.normal
@@ -37,8 +38,8 @@ def standing_bristles(
         for i, each in enumerate(meetings):
             if each.by == by:
                 material = materials[each.surface]
-                held = across - each.touch.axis * across.dot(each.touch.axis)
-                deflection = held * -divide(material.bristle_length, maximum(material.friction * pressed, _NOTHING))
+                borne = across - each.touch.axis * across.dot(each.touch.axis)
+                deflection = borne * -divide(material.bristle_length, maximum(material.friction * pressed, _NOTHING))
                 size = sqrt(deflection.dot(deflection) + _NOTHING * _NOTHING)
                 share = minimum(divide(material.bristle_length, size), 1.0)
                 bent[i] = Vec3(*(c * share for c in deflection))

@@ -21,6 +21,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
+from skyarm.records.leaves import Tree
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact import Contact
@@ -30,17 +31,17 @@ from skyarm.world.contact.meetings import Meeting, meetings_of
 Residual = Callable[[Array], Array]
 
 STEP, LOWEST, ABOVE = 0.002, 3.0, 0.05
-"""m, by which a vehicle is lowered until it stands, how far anything is lowered, and how far above its position a
-vehicle begins: a reference that presses it to the ground lies a little below where it stands."""
+"""Distances, m: steps in which a vehicle is lowered until it stands, way that anything is lowered, and height above its
+position at which a vehicle begins: a reference that presses it to the ground lies a little below where it stands."""
 
 LIFT, FINEST = 0.002, 1e-4
-"""m: out of how deep inside of something an object is taken, and the smallest way down."""
+"""Depth, m, inside of something out of which an object is taken, and the smallest way down."""
 
 DEEPER = 0.1
 """Share of its depth by which an object is pressed deeper at a time, once that is more than ``FINEST``."""
 
 OTHER = 0.2
-"""m or rad from where an object touches first, beyond which an equilibrium is another one, after it tipped over."""
+"""Distance, m or rad, from where an object touches first, beyond which an equilibrium is another: it tipped over."""
 
 NEAR = 1e-7
 """Difference by which the stiffness is found, m and rad."""
@@ -51,16 +52,26 @@ def _least_squares(stiffness: Array, force: Array) -> Array:
     return np.asarray(np.linalg.lstsq(stiffness, force, rcond=1e-6)[0])
 
 
-def _root(residual: Residual, x: Array, rounds: int, small: float, solve: Any = _least_squares) -> Array | None:
+def _exact(stiffness: Array, force: Array) -> Array:
+    return np.asarray(np.linalg.solve(stiffness, force))
+
+
+def _root(
+    residual: Residual,
+    x: Array,
+    rounds: int,
+    small: float,
+    solve: Callable[[Array, Array], Array] = _least_squares,
+) -> Array | None:
     """Root of a residual by Newton's method from an initial guess; None without convergence."""
     with np.errstate(all="ignore"):  # of numbers beyond measure
         for _ in range(rounds):
-            found = residual(x)
-            if np.abs(found).max() < small:
+            left = residual(x)
+            if np.abs(left).max() < small:
                 return x
-            columns = [(residual(x + step) - found) / NEAR for step in NEAR * np.eye(len(x))]
+            columns = [(residual(x + step) - left) / NEAR for step in NEAR * np.eye(len(x))]
             try:
-                x = x - solve(np.stack(columns, axis=1), found)
+                x = x - solve(np.stack(columns, axis=1), left)
             except np.linalg.LinAlgError:
                 return None
     return None
@@ -77,7 +88,7 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
         vehicle: the true one.
         gravity: m/s^2.
         contact: surfaces and points.
-        state: at rest, level but for its yaw, above the place.
+        state: state at rest, level but for its yaw, above the place.
 
     Raises:
         ValueError: one line: nothing carries it there, or it tips over.
@@ -111,10 +122,10 @@ def stand_vehicle(vehicle: Vehicle, gravity: float, contact: Contact, state: Sta
     lowered -= STEP
     while residual(np.array([-lowered, 0.0, 0.0]))[0] < 0.0:
         lowered += FINEST
-    found = _root(residual, np.array([-lowered, 0.0, 0.0]), 30, 1e-12, solve=np.linalg.solve)
-    if found is None:
+    equilibrium = _root(residual, np.array([-lowered, 0.0, 0.0]), 30, 1e-12, solve=_exact)
+    if equilibrium is None:
         raise ValueError("initial.standing = true: must stand on three points around its centre of mass; it tips over")
-    return at(found)
+    return at(equilibrium)
 
 
 def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, Vec3]:
@@ -143,7 +154,7 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
     """Contact model whose objects marked as standing are placed in static equilibrium.
 
     Args:
-        contact: as read.
+        contact: contact model as read.
         gravity: m/s^2.
 
     Raises:
@@ -188,12 +199,12 @@ def _set_down(contact: Contact, index: int, gravity: float, away: Sequence[int])
         if x[0] < -LOWEST:
             below = _nothing(f"object {body.name!r}", body.position)
             raise ValueError(f"{where}: must be above a surface; {below}")
-    found = _root(supports.residual, x, 20, 1e-9)
-    if found is None or not np.abs(found - x).max() < OTHER:
+    equilibrium = _root(supports.residual, x, 20, 1e-9)
+    if equilibrium is None or not np.abs(equilibrium - x).max() < OTHER:
         raise ValueError(
             f"{where}: object {body.name!r} must lie with its centre of mass above what carries it; it tips over"
         )
-    return supports.contact_at(found)
+    return supports.contact_at(equilibrium)
 
 
 def _half_of(body: FreeObject) -> float:
@@ -207,7 +218,7 @@ class _Supports:
 
     Args:
         contact: surfaces and objects.
-        index: of the object.
+        index: number of the object.
         gravity: m/s^2.
         away: objects that are not there yet.
     """
@@ -220,12 +231,12 @@ class _Supports:
     def _displace(self, x: Array) -> list[Any]:
         """States of all movable bodies, one of them raised (m) and tilted (rad) about its centre of mass."""
         up, about_x, about_y = x.tolist()
-        found, held = list(self._first), self._first[self._index]
-        place = held.position + Vec3(0.0, 0.0, up)
-        found[self._index] = replace(held, position=place, attitude=_turn(about_x, about_y) * held.attitude)
-        return found
+        motions, body = list(self._first), self._first[self._index]
+        place = body.position + Vec3(0.0, 0.0, up)
+        motions[self._index] = replace(body, position=place, attitude=_turn(about_x, about_y) * body.attitude)
+        return motions
 
-    def _pushes(self, moved: Sequence[Any]) -> list[tuple[Meeting, Vec3]]:
+    def _pushes(self, moved: Sequence[Tree]) -> list[tuple[Meeting, Vec3]]:
         """Contact pairs that involve the object, each with the normal force (N) on the object."""
         i = self._index
         pairs = ((each, {each.of, each.by}) for each in self._all(moved))
@@ -266,7 +277,7 @@ def _place_object(of: FreeObject, memory: ObjectMotion) -> FreeObject:
     return replace(of, position=position, angles=Vec3(*(float(c) for c in angles)))
 
 
-def _meetings_of(contact: Contact) -> Callable[[Sequence[Any]], list[Meeting]]:
+def _meetings_of(contact: Contact) -> Callable[[Sequence[Tree]], list[Meeting]]:
     """Make a function that evaluates the contacts between objects and surfaces, without the vehicle."""
     bodies, step = replace(contact, points=()), contact.largest_step
     memory = bodies.start(1.0, ())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import field
 from functools import reduce
-from typing import Annotated, Any
+from typing import Annotated
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.matrix import axis_rotation
@@ -50,7 +50,7 @@ _CENTRE = 1e-24
 """m^2 under a root: in the middle of a sphere or on a cylinder's axis the normal is zero instead of NaN."""
 
 
-Face = tuple[Any, Vec3]
+Face = tuple[Scalar, Vec3]
 """Height of a point above a face (m, negative inside) and the face's outward normal, axes of the surface."""
 
 
@@ -59,11 +59,11 @@ class Surface:
     """Contact surface: plane, box, cylinder, ball or plate with a hole, with its pose, motion and material.
 
     Attributes:
-        name: for messages, logs and pictures. shape: one of ``SHAPES``.
+        name: name in messages, logs and pictures. shape: one of ``SHAPES``.
         size: lengths of a box along its axes, radius and length of a cylinder, radius of a sphere; none of a plane; of
             a plate with a hole those of :mod:`skyarm.world.contact.surface`.
-        motion: what is added to the position as time goes on, m, world axes. It must have a velocity: a step is
-            passed without one.
+        motion: displacement that is added to the position as time goes on, m, world axes. It must have a velocity: a
+            step is passed without one.
         mesh: path of an STL file (m, axes of the surface) that it is drawn as; nothing touches that.
     """
 
@@ -116,8 +116,8 @@ class Surface:
         """Position (m) and velocity (m/s) of the surface at time t (s), world axes."""
         if not self.moves:
             return self.position, ZERO3
-        found = [signal.derivatives(t) for signal in (self.motion.x, self.motion.y, self.motion.z)]
-        return self.position + Vec3(*(each[0] for each in found)), Vec3(*(each[1] for each in found))
+        rows = [signal.derivatives(t) for signal in (self.motion.x, self.motion.y, self.motion.z)]
+        return self.position + Vec3(*(each[0] for each in rows)), Vec3(*(each[1] for each in rows))
 
     def _faces(self, p: Vec3) -> tuple[Face, ...]:
         """Height of a point above each relevant face of the shape, with the face's outward normal."""
@@ -134,7 +134,7 @@ class Surface:
             return (side, _slab(p.z + 0.5 * length if self.shape == "hole" else p.z, length, E_Z))
         return tuple(_slab(c, size, axis) for c, size, axis in zip(p, self.size, (E_X, E_Y, E_Z), strict=True))
 
-    def depth(self, point_W: Vec3, radius: Scalar, t: Scalar) -> tuple[Any, Vec3]:
+    def depth(self, point_W: Vec3, radius: Scalar, t: Scalar) -> Face:
         """Penetration depth of a ball (m, negative outside) and outward normal of the surface, world axes.
 
         Inside it is the nearest face that counts; of a ball that touches an edge or a corner from outside, the way to
@@ -142,7 +142,7 @@ class Surface:
 
         Args:
             point_W: middle of the ball, m, world axes.
-            radius: of it, m; an int of 0 is a point.
+            radius: radius of the ball, m; an int of 0 is a point.
             t: s.
         """
         R = self.rotation
@@ -156,7 +156,7 @@ class Surface:
             height, normal = _nearest_edge(faces, height, normal)
         return radius - height, R.apply(normal)
 
-    def clearance(self, centre_W: Vec3, axis_W: Vec3, radius: Scalar, t: Scalar) -> Any:
+    def clearance(self, centre_W: Vec3, axis_W: Vec3, radius: Scalar, t: Scalar) -> Scalar:
         """Distance (m) between a disc, such as a rotor, and the surface; negative if they may touch.
 
         A plane between both is looked for among the faces and across the way from the disc's middle to the nearest
@@ -166,13 +166,13 @@ class Surface:
         Args:
             centre_W: middle of the disc, m, world axes.
             axis_W: unit vector across it, world axes.
-            radius: of the disc, m; an int of 0 is a point.
+            radius: radius of the disc, m; an int of 0 is a point.
             t: s.
         """
         R = self.rotation
         axis, faces = R.apply_T(axis_W), self._faces(R.apply_T(centre_W - self.place(t)[0]))
-        known = [*faces, _nearest_edge(faces, *_nearest(faces))] if len(faces) > 1 else faces
-        return reduce(maximum, [height - _half_width(axis, normal, radius) for height, normal in known])
+        planes = [*faces, _nearest_edge(faces, *_nearest(faces))] if len(faces) > 1 else faces
+        return reduce(maximum, [height - _half_width(axis, normal, radius) for height, normal in planes])
 
 
 def require_size(where: str, shape: str, size: Sequence[Scalar]) -> None:
@@ -215,7 +215,7 @@ def _slab(c: Scalar, size: Scalar, axis: Vec3) -> Face:
     return absolute(c) - 0.5 * size, axis * sign(c)
 
 
-def _either(condition: Any, a: Vec3, b: Vec3) -> Vec3:
+def _either(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
     return Vec3(*(x if x is y else where(condition, x, y) for x, y in zip(a, b, strict=True)))
 
 
@@ -230,7 +230,7 @@ def _nearest_edge(faces: tuple[Face, ...], height: Scalar, normal: Vec3) -> Face
 
 
 SHORTEST = 1e-6
-"""m, of any of them: a slip of units, and squares of less vanish."""
+"""Least length of a hole, m: less is a slip of units, and its square vanishes."""
 
 
 _SMALL = 1e-24
@@ -253,11 +253,11 @@ def require_hole(size: Sequence[Scalar]) -> None:
         raise RecordError(f"{said}: length must be above depth; the hole has a bottom")
 
 
-def from_plate(size: Sequence[Scalar], p: Vec3) -> tuple[Any, Vec3]:
+def from_plate(size: Sequence[Scalar], p: Vec3) -> Face:
     """Signed distance (m) of a point from a plate with a hole, and the outward normal at the nearest point.
 
     Args:
-        size: as listed in ``SIZES``.
+        size: lengths as listed in ``SIZES``.
         p: the point, m; the origin is in the middle of the hole's mouth, z leads out of it.
     """
     radius, depth, chamfer, outer, length = size
@@ -272,14 +272,11 @@ def from_plate(size: Sequence[Scalar], p: Vec3) -> tuple[Any, Vec3]:
         ((outer, neg(length)), (neg(outer), 0)),
     )
     outside = _outside(size, away, p.z)
-    nearest: Any = None
-    for start, way in edges:
-        found = _to_edge(away, p.z, start, way)
-        if nearest is None:
-            nearest = found
-            continue
-        nearer = found[0] < nearest[0]
-        nearest = tuple(a if same(a, b) else where(nearer, a, b) for a, b in zip(found, nearest, strict=True))
+    nearest = _to_edge(away, p.z, *edges[0])
+    for start, way in edges[1:]:
+        other = _to_edge(away, p.z, start, way)
+        nearer = other[0] < nearest[0]
+        nearest = tuple(a if same(a, b) else where(nearer, a, b) for a, b in zip(other, nearest, strict=True))
     square, along, up, edge_along, edge_up = nearest
     distance, sign = sqrt(square), where(outside, 1.0, -1.0)
     # on the skin the way to it has no direction, the edge has
@@ -290,7 +287,7 @@ def from_plate(size: Sequence[Scalar], p: Vec3) -> tuple[Any, Vec3]:
     return sign * distance, Vec3(n * divide(p.x, away), n * divide(p.y, away), z)
 
 
-def _outside(size: Sequence[Scalar], away: Any, z: Any) -> Scalar:
+def _outside(size: Sequence[Scalar], away: Scalar, z: Scalar) -> Scalar:
     """True if a point of the plate's cross-section is outside the material."""
     radius, depth, chamfer, outer, length = size
     beyond = maximum(maximum(away - outer, z), -length - z) > 0.0
@@ -298,7 +295,7 @@ def _outside(size: Sequence[Scalar], away: Any, z: Any) -> Scalar:
     return logical_not(logical_and(logical_not(beyond), logical_not(hollow)))
 
 
-def _to_edge(away: Any, z: Any, start: tuple[Any, Any], way: tuple[Any, Any]) -> tuple[Scalar, ...]:
+def _to_edge(away: Scalar, z: Scalar, start: tuple[Scalar, Scalar], way: tuple[Scalar, Scalar]) -> tuple[Scalar, ...]:
     """Squared distance to an edge of the plate's cross-section, offset from its nearest point, outward normal.
 
     The material is on the right of an edge, seen along it.

@@ -21,7 +21,7 @@ def scene_in_log(components: Sequence[Component[Tree]], seen: Instants, logged: 
     """Drawn solids, lines and arrows of a flight, from its log.
 
     Args:
-        components: of the scenario, with concrete numbers.
+        components: environment models of the scenario, with concrete numbers.
         seen: the instants, without numbers of a part.
         logged: array -> its columns (N, k) of all parts at these instants; (N, 0) of one that there is not.
     """
@@ -34,10 +34,10 @@ def scene_now(
     """Drawn solids, lines and arrows of a running flight at the current instant.
 
     Args:
-        components: of the scenario.
-        memories: one for each.
+        components: environment models of the scenario.
+        memories: internal state of each.
         seen: the instant.
-        motion: of the vehicle then.
+        motion: motion of the vehicle then.
     """
     parts = []
     for part, memory in zip(components, memories, strict=True):
@@ -69,9 +69,9 @@ def _own_columns(
         for column in part.columns:
             own[column[0]] = own.get(column[0], 0) + 1
         if has_shapes(part):
-            found = {name: logged(name)[:, begins.get(name, 0) :][:, :count] for name, count in own.items()}
-            if all(found[name].shape[1] == count for name, count in own.items()):
-                yield part, found
+            columns = {name: logged(name)[:, begins.get(name, 0) :][:, :count] for name, count in own.items()}
+            if all(columns[name].shape[1] == count for name, count in own.items()):
+                yield part, columns
         for name, count in own.items():
             begins[name] = begins.get(name, 0) + count
 
@@ -97,12 +97,12 @@ def _drawn(part: Component[Tree], seen: Instants) -> Scene:
     Raises:
         ValueError: it cannot be drawn; one line with the method's file.
     """
-    found, function = part.shapes(seen), part.shapes
-    require_result(function, found, isinstance(found, Scene), "a skyarm.world.scene.Scene")
-    for shape in (*found.attached, *(each.shape for each in found.solids)):
+    scene, function = part.shapes(seen), part.shapes
+    require_result(function, scene, isinstance(scene, Scene), "a skyarm.world.scene.Scene")
+    for shape in (*scene.attached, *(each.shape for each in scene.solids)):
         require_result(function, shape, shape.kind in KINDS, f"of one of the kinds {', '.join(KINDS)}")
-    for line in found.lines:
-        wanted = f"with places of shape (N, K, 3) at N = {len(seen.times)} instants"
+    for line in scene.lines:
+        allowed = f"with places of shape (N, K, 3) at N = {len(seen.times)} instants"
         size = np.shape(line.places)
-        require_result(function, line, size == (len(seen.times), *size[1:2], 3), wanted)
-    return found
+        require_result(function, line, size == (len(seen.times), *size[1:2], 3), allowed)
+    return scene

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable
@@ -22,7 +22,7 @@ from skyarm.world.scene.shapes import RGBA, Shape, Solid
 from skyarm.world.scene.vehicle_shapes import Poses, body_poses
 
 PATCH = 1.0
-"""m: half the width of the patch that stands for a plane."""
+"""Half the width of the patch that stands for a plane, m."""
 
 LINE: RGBA = (0.25, 0.25, 0.28, 1.0)
 
@@ -30,7 +30,7 @@ OBSTACLES = ("surface", "object")
 """Roles of what stands about the vehicle."""
 
 WAY = np.linspace(0.03, 3.0, 100)
-"""m from a place towards the eye at which something may be in the way."""
+"""Distances, m, from a place towards the eye at which something may be in the way."""
 
 
 @immutable(kw_only=False)
@@ -38,7 +38,7 @@ class Line:
     """Polyline in the world at N instants, such as a rope, a cable or a path.
 
     Attributes:
-        name: unique in the scene. places: (N, K, 3) m.
+        name: unique name in the scene. places: (N, K, 3) m.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Arrow:
     """Drawn arrow of a force on the vehicle at N instants.
 
     Attributes:
-        name: unique in the scene. spot: (N, 3) m, where it acts. force: (N, 3) N. World axes.
+        name: unique name in the scene. spot: (N, 3) m, where it acts. force: (N, 3) N. World axes.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Scene:
     """Drawn solids, lines and arrows of the environment models at N instants of a flight.
 
     Attributes:
-        solids: in the world. lines, arrows: in the world. attached: shapes on the vehicle's bodies.
+        solids, lines, arrows: shapes in the world. attached: shapes on the vehicle's bodies.
         ground: height of the ground, m; None if unknown.
     """
 
@@ -85,7 +85,7 @@ class Instants:
     """Instants of a flight to draw: times, the vehicle's states, and logged numbers of one environment model.
 
     Attributes:
-        vehicle: the plant's, with concrete numbers.
+        vehicle: vehicle of the plant, with concrete numbers.
         times: (N,) s.
         position, quaternion, joints: (N, 3) m, (N, 4) wxyz and (N, n) of the vehicle.
         numbers: array -> (N, k), the columns that the asked part declares and logs.
@@ -106,7 +106,7 @@ class Instants:
         """World rotations (N, 3, 3) and positions (N, 3) of all bodies of the vehicle, by body index."""
         return body_poses(self.vehicle, self.position, self.quaternion, self.joints)
 
-    def place(self, point: Iterable[Any] = (0.0, 0.0, 0.0), body: int = BASE) -> Array:
+    def place(self, point: Iterable[Scalar] = (0.0, 0.0, 0.0), body: int = BASE) -> Array:
         """World positions (N, 3), m, of a point that is fixed to a body of the vehicle."""
         R, p = self.poses[body]
         return np.asarray(p + R @ np.array([float(c) for c in point]))
@@ -128,7 +128,7 @@ def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> floa
     """Share of the instants at which drawn solids hide a given point from the camera.
 
     Args:
-        solids: at N instants.
+        solids: solids at N instants.
         places: (N, 3) m, world axes.
         towards: (3,) unit vector from the place to the eye.
     """
@@ -144,15 +144,15 @@ def inside(solid: Solid, places: Array) -> Mask:
     """True for points (..., 3) inside a drawn solid, given in its axes."""
     kind, size, height = solid.shape.kind, np.array(solid.shape.size), places[..., 2]
     across = np.linalg.norm(places[..., :2], axis=-1)
-    found: Any
+    within: Mask
     if kind == "patch":
-        found = (np.abs(places[..., :2]) < size).all(axis=-1) & (height < 0.0)
+        within = (np.abs(places[..., :2]) < size).all(axis=-1) & (height < 0.0)
     elif kind == "box":
-        found = (np.abs(places) < size).all(axis=-1)
+        within = np.all(np.abs(places) < size, axis=-1)
     elif kind == "hole":
-        found = (across < size[3]) & (height < 0.0) & (height > -size[4])
+        within = (across < size[3]) & (height < 0.0) & (height > -size[4])
     elif kind == "cylinder":
-        found = (across < size[0]) & (np.abs(height) < 0.5 * size[1])
+        within = (across < size[0]) & (np.abs(height) < 0.5 * size[1])
     else:
-        found = np.linalg.norm(places, axis=-1) < size[0]
-    return np.asarray(found)
+        within = np.linalg.norm(places, axis=-1) < size[0]
+    return np.asarray(within)

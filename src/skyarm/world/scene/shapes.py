@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
+from skyarm.algebra.scalars import Scalar
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.stl_mesh import METRES, mesh_or_none
 from skyarm.records.immutable import immutable
@@ -24,7 +24,7 @@ UPRIGHT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 KINDS = "ellipsoid", "capsule", "cylinder", "sphere", "box", "patch", "hole", "mesh"
 
 ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "surface", "object")
-"""What a shape stands for; who draws it chooses a colour by it."""
+"""Things that a shape stands for, by which its colour is chosen."""
 
 
 @immutable(kw_only=False)
@@ -32,7 +32,7 @@ class Shape:
     """Geometric shape to draw, fixed to a body of the vehicle or to the world.
 
     Attributes:
-        name: unique among the shapes of a vehicle.
+        name: unique name among the shapes of a vehicle.
         role: one of ROLES.
         kind: "ellipsoid" (three half axes), "capsule" or "cylinder" (radius, length between the centres of its ends,
             along z), "sphere" (radius), "box" (three half lengths), "patch" of a plane (two half lengths; its outside
@@ -103,7 +103,7 @@ def turn_onto(axis: Vector) -> Matrix:
     return ((1.0 - k * x * x, -k * x * y, x), (-k * x * y, 1.0 - k * y * y, y), (-x, -y, z))
 
 
-def floats(values: Iterable[Any]) -> Vector:
+def floats(values: Iterable[Scalar]) -> Vector:
     """Convert three numbers to floats."""
     x, y, z = values
     return (float(x), float(y), float(z))
@@ -156,10 +156,10 @@ def own_mesh(shape: Shape) -> tuple[Array, IntArray] | None:
     if not shape.mesh:
         return None
     x, y, z = shape.size if shape.kind == "mesh" else METRES
-    found = mesh_or_none(shape.mesh, (x, y, z))
-    if found is None or x * y * z > 0.0:
-        return found
-    vertices, faces = found
+    mesh = mesh_or_none(shape.mesh, (x, y, z))
+    if mesh is None or x * y * z > 0.0:
+        return mesh
+    vertices, faces = mesh
     return vertices, faces[:, ::-1]  # a mirrored mesh would be seen from inside
 
 

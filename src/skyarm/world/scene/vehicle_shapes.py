@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import chain
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from skyarm.vehicle.vehicle_records import Look, Vehicle
 from skyarm.world.scene.shapes import Shape, Vector, floats, own_mesh, shape_between, turn_onto
 
 LEAST_REACH = 0.1
-"""m: scale of what has no rotors."""
+"""Scale of a vehicle without rotors, m."""
 
 PAYLOAD_DENSITY = 2000.0
 """kg/m^3: a payload is drawn as a ball of this density, between water's and aluminium's."""
@@ -38,7 +37,7 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
     """Shapes that draw a vehicle: meshes of its links if available, else simple rods, discs and balls.
 
     Args:
-        vehicle: with concrete numbers.
+        vehicle: vehicle with concrete numbers.
         meshes: whether links are drawn as the meshes that their file names, where these are there.
     """
     reach = longest_boom(vehicle)
@@ -145,7 +144,7 @@ def _program(vehicle: Vehicle) -> Program:
     """Compiled program that computes the world poses of all bodies and the tip position."""
     frame = vehicle.frame() if vehicle.end_effector else None
 
-    def poses(position: Vec3, quaternion: Quaternion, joints: tuple[Scalar, ...]) -> tuple[Any, ...]:
+    def poses(position: Vec3, quaternion: Quaternion, joints: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         q = quaternion
         length = q.norm()
         R_WB = Quaternion(*(divide(c, length) for c in q)).rotation()
@@ -157,12 +156,14 @@ def _program(vehicle: Vehicle) -> Program:
     return trace(poses, Vec3(0.1, 0.2, 0.3), Quaternion(0.9, 0.1, 0.2, 0.3), (0.1,) * vehicle.n)
 
 
-def place(vehicle: Vehicle, position: Sequence[Any], quaternion: Sequence[Any], joints: Sequence[Any]) -> Placed:
+def place(
+    vehicle: Vehicle, position: Sequence[Scalar], quaternion: Sequence[Scalar], joints: Sequence[Scalar]
+) -> Placed:
     """World poses of all bodies of the vehicle at one instant, for animations in real time.
 
     Args:
-        vehicle: with concrete numbers.
-        position: (3,) of the base, m.
+        vehicle: vehicle with concrete numbers.
+        position: (3,) m, of the base.
         quaternion: (4,) wxyz, body to world; any length but zero.
         joints: (n,) rad or m.
     """
@@ -175,7 +176,7 @@ def body_poses(vehicle: Vehicle, position: Array, quaternion: Array, joints: Arr
     """World rotations (N, 3, 3) and positions (N, 3) of all bodies of the vehicle at N instants.
 
     Args:
-        vehicle: with concrete numbers.
+        vehicle: vehicle with concrete numbers.
         position: (N, 3) of the base, m.
         quaternion: (N, 4) wxyz, body to world; any length but zero.
         joints: (N, n) rad or m.
@@ -194,8 +195,8 @@ def quaternions_of(rotations: Array) -> Array:
     Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four components.
     """
     products = np.array(quaternion_products(np.moveaxis(rotations, 0, -1)))
-    found: Array = products[np.einsum("iin->in", products).argmax(axis=0), :, np.arange(len(rotations))]
-    return unit_rows(found * np.where(found[:, :1] < 0.0, -1.0, 1.0))
+    rows: Array = products[np.einsum("iin->in", products).argmax(axis=0), :, np.arange(len(rotations))]
+    return unit_rows(rows * np.where(rows[:, :1] < 0.0, -1.0, 1.0))
 
 
 def rotations_of(quaternions: Array) -> Array:
@@ -218,7 +219,7 @@ def rotor_turns(vehicle: Vehicle, tilts: Array) -> dict[str, Array]:
     """Rotations (N, 3, 3) of every tilting rotor's disc about its hub, by shape name.
 
     Args:
-        vehicle: with concrete numbers.
+        vehicle: vehicle with concrete numbers.
         tilts: (N, tilting rotors) rad; of a log without angles (N, 0), and then there are none.
 
     Returns:
