@@ -8,10 +8,12 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from skyarm.dynamics.actuators.drive import Drive
 from skyarm.plant.largest_step import STATED, largest_stable_step
+from skyarm.plant.surroundings import AnyComponent
 from skyarm.records.arrays import Array
 from skyarm.records.files import shown
-from skyarm.records.leaves import Dataclass, Place, field_names, part, replace_at
+from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
 from skyarm.scenario.paths import LATE, delay_words, places_of
@@ -313,7 +315,7 @@ def _limits_step(kind: type) -> bool:
 
 
 def _stable_step(
-    record: Dataclass, numbers: Mapping[Place, float], named: Mapping[str, float], euler: bool
+    record: AnyComponent | Drive, numbers: Mapping[Place, float], named: Mapping[str, float], euler: bool
 ) -> float | None:
     """Longest stable integration step (s) of an air model, force or drive with changed parameters, or None."""
     try:
