@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_files import succeeded
 
 import skyarm
 from added_components import registry_kept
@@ -31,13 +32,6 @@ def shell(*arguments: str, cwd: Path | None = None) -> Outcome:
     """As a process of its own."""
     done = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, cwd=cwd, timeout=120, check=False)
     return Outcome(done.returncode, done.stdout, done.stderr)
-
-
-def succeeded(result: Outcome) -> str:
-    assert result.code == 0, result.err
-    assert not result.err
-    assert "\x1b" not in result.out, "no colours into a pipe"
-    return result.out
 
 
 def test_the_version_is_printed() -> None:

@@ -10,10 +10,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from command_files import CASE1, VEHICLE, changed
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
-from test_cli_errors import CASE1, VEHICLE, changed
 
 import skyarm.cli
 from commanded import Outcome

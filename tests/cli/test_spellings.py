@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
+from command_files import FALLS
 from every_command import CHOOSES
-from test_machine_output import FALLS
 
 from added_components import registry_kept
 from commanded import refused, skyarm

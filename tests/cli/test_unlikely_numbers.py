@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_cli_errors import CASE1, VEHICLE
-from test_commands import succeeded
+from command_files import CASE1, VEHICLE, succeeded
 
 from commanded import skyarm
 from skyarm.algebra import Sym3, Vec3

@@ -9,7 +9,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from test_cli_errors import CASE1, VEHICLE
+from command_files import CASE1, VEHICLE
 
 from commanded import refused, skyarm
 from skyarm.log.flight_log import Log

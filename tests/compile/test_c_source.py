@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from test_trace_bits import BINARY, COMPARE, INPUTS, SPECIAL, UNARY, bits, run, step, value
+from operation_programs import BINARY, COMPARE, INPUTS, SPECIAL, UNARY, bits, run, step, value
 
 from c_compiler import CAREFUL, LIBM, c_function, library, needs_cc, object_file, undefined
 from skyarm.algebra import scalars

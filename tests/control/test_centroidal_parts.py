@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from numpy.polynomial import Chebyshev
+from published_laws import NODES, differentiated
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -50,15 +50,6 @@ from skyarm.reference.preview import samples
 from vehicles_random import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
 
 TRUTH = skyarm.load_vehicle("hummingbird_arm2_rotors")
-NODES = np.cos(np.pi * (np.arange(24) + 0.5) / 24) * 0.2
-"""Chebyshev nodes on 0.4 s: interpolation differentiates smooth signals four times to about 1e-8."""
-
-
-def differentiated(values, order=4, share=1.0):
-    """Derivatives at t = 0 of samples at ``share`` times NODES, by interpolation."""
-    columns = np.asarray(values, dtype=float).reshape(len(NODES), -1).T
-    fits = [Chebyshev.fit(share * NODES, column, 23, domain=[-0.2 * share, 0.2 * share]) for column in columns]
-    return [np.array([fit.deriv(k)(0.0) if k else fit(0.0) for fit in fits]) for k in range(order + 1)]
 
 
 def array(v):

@@ -9,7 +9,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_published_formulas import (
+from published_laws import (
     ARM,
     DT,
     SEEDS,

@@ -9,8 +9,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from published_laws import ARM, DT, UP, asked, gentle, measured, rotation, soft, vec, wanted
 from scipy import signal
-from test_published_formulas import ARM, DT, UP, asked, gentle, measured, rotation, soft, vec, wanted
 
 import skyarm
 from flown import pushes

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from predictive_models import belief, drawn, goal_of, true_accelerations
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from test_predictive_memory import belief, drawn, goal_of, true_accelerations
 
 import skyarm
 from flown import MODEL, cases, vec

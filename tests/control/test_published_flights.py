@@ -9,7 +9,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_published_formulas import DT, gentle, measured, vec, wanted
+from published_laws import DT, gentle, measured, vec, wanted
 
 import skyarm
 from law_flights import RIVALS, STEPS, TOP, flown_to_the_end, hovering_scenario, make_law, scalars

@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from published_laws import ARM, MODEL, measured, vec
 from scipy.spatial.transform import Rotation
-from test_published_formulas import ARM, MODEL, measured, vec
 
 from flown import pushes
 from law_flights import scalars

@@ -6,13 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from published_laws import ARM, DT, MODEL, NOTHING, UP, gentle, measured, rotation, vec, wanted
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from test_published_formulas import ARM, DT, MODEL, UP, gentle, measured, rotation, vec, wanted
 
 from flown import pushes
 from law_flights import make_law, scalars
-from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD
 from skyarm.control.laws.ladder import _force_series, _turn
 from skyarm.control.model import Model
@@ -21,8 +20,6 @@ from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
 from vehicles_random import PinocchioTwin
-
-NOTHING = Disturbance(force=vec(np.zeros(3)), torque=vec(np.zeros(3)), efforts=(0.0, 0.0))
 
 
 def commanded(law, state, reference, **options):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_flight_messages import Rotation, by_rosbags, composed
+from messages_by_rosbags import Rotation, by_rosbags, composed
 
 import skyarm
 from logged_flights import drawn

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import skyarm
@@ -29,3 +30,13 @@ def test_a_file_that_several_folders_use_lies_beside_them() -> None:
         lines = path.read_text("utf-8").splitlines()
         for name in {line.split()[1] for line in lines if line.startswith(("from ", "import "))} & set(folders):
             assert folders[name] in (*ALWAYS, path.parent), f"{path.name} takes {name}"
+
+
+IMPORTED = re.compile(r"^[ \t]*(?:from|import) (\w+)", re.M)
+"""Modules that a file takes, also inside functions and in programs that it writes."""
+
+
+def test_no_file_of_the_tests_imports_a_test() -> None:
+    """What two tests share is a helper's. A program that a test starts may import that test's own file."""
+    taken = {path: set(IMPORTED.findall(path.read_text("utf-8"))) - {path.stem} for path in TESTS.rglob("*.py")}
+    assert [(path.name, name) for path, names in taken.items() for name in names if name.startswith("test_")] == []

@@ -12,11 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn_inputs import inputs, same_bits, text_of
 
 import skyarm
 from c_compiler import CAREFUL, CC, LIBM, STRICT, needs_cc, object_file, run, undefined
 from exported_law import Loaded, fill
-from flown import G, cases, changed, hovering, step
+from flown import G, step
 from skyarm.algebra import Vec3
 from skyarm.cli.main import main
 from skyarm.control.blocks.disturbance_observer import Observed
@@ -47,10 +48,6 @@ def built(vehicle: str, name: str) -> Controller:
     return preset(name, model) if name in PRESETS else make_controller(name, model)
 
 
-def text_of(controller: Controller, name: str = "law", **options) -> str:
-    return export_c(controller, name=name, period=0.005, **options).text
-
-
 def expected(controller: Controller, measurement, reference) -> list[float]:
     command = step(controller, measurement, reference)
     return [float(x) for x in (*command.rotor_speeds, *command.efforts)]
@@ -66,29 +63,6 @@ class InPython:
         law, par = self.controller.law, self.controller.par
         self.memory, command = law(self.memory, measurement, reference, 0.005, par=par)
         return [float(x) for x in (*command.rotor_speeds, *command.efforts)]
-
-
-def same_bits(found, wanted) -> bool:
-    """Equal to the last bit, every NaN alike."""
-    a, b = np.array(found), np.array(wanted)
-    return bool(np.all((a.view(np.uint64) == b.view(np.uint64)) | (np.isnan(a) & np.isnan(b))))
-
-
-def inputs(vehicle: str, count: int = 20, seed: int = 5, preview: int = 0):
-    """Drawn measurements and references, with some samples to come (``preview`` instants)."""
-    loaded = skyarm.load_vehicle(vehicle)
-    rng = np.random.default_rng(seed)
-    for measurement, reference in held_inputs(loaded, count, seed):
-        ahead = rng.normal(0.0, 0.5, 3 * (4 + loaded.n) * preview)
-        yield measurement, dataclasses.replace(reference, ahead=tuple(ahead.tolist()))
-
-
-def held_inputs(loaded, count: int, seed: int):
-    drawn = [*cases(count, seed, joints=loaded.n), hovering(joints=(0.0,) * loaded.n)]
-    drawn.append(changed(drawn[-1], a_d=(0.0, 0.0, -G)))  # no commanded force: the guarded case
-    for case in drawn:
-        measurement = dataclasses.replace(case.measurement(), rotor_speeds=(480.0,) * len(loaded.rotors))
-        yield measurement, case.reference()
 
 
 @needs_cc

@@ -6,10 +6,10 @@ import dataclasses
 import re
 
 import pytest
-from test_export_c import CAREFUL, LIBM, inputs, object_file, same_bits, text_of, undefined
+from drawn_inputs import inputs, same_bits, text_of
 
 import skyarm
-from c_compiler import needs_cc
+from c_compiler import CAREFUL, LIBM, needs_cc, object_file, undefined
 from exported_law import Loaded
 from law_flights import PAPER, covering
 from skyarm.control.catalogue import make_controller

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_windows import clocked
+from made_up_fits import clocked
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.flight_data.flight_data import Channel

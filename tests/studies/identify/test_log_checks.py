@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from test_channel_changes import SOUND, VEHICLE, made, rows_of, then, times, times_of
+from changed_channels import SOUND, VEHICLE, made, rows_of, then, times, times_of
 
 from skyarm.flight_data.flight_data import Channel
 from skyarm.flight_data.own_log import SIMULATED

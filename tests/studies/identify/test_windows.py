@@ -8,18 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from made_up_fits import HOVER, STEP, channel, clocked
 
-from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.studies.identify.windows import Clocked, Samples, Windows, clock_step, held_over, on_clock, samples_on
-from window_flights import GRAVITY, ONE, QUAD
-
-STEP = 0.002
-HOVER = math.sqrt(GRAVITY * float(QUAD.mass) / (4.0 * float(QUAD.rotors[0].thrust_coefficient)))
-
-
-def channel(time, values):
-    values = np.asarray(values, dtype=float)
-    return Channel(time=np.asarray(time, dtype=float), values=values.reshape(len(time), -1), source="a table")
+from skyarm.flight_data.flight_data import FlightData
+from skyarm.studies.identify.windows import Samples, Windows, clock_step, held_over, on_clock, samples_on
+from window_flights import ONE, QUAD
 
 
 def by_brute_force(commands, edges, delay, fine=4000):
@@ -269,25 +262,6 @@ def test_the_clock_s_step_is_a_whole_part_of_the_samples(gyro, commands, step):
     # several flights: of the fastest one
     slow = flight(rate=50.0)
     assert clock_step([slow, given], QUAD) == pytest.approx(step, rel=2e-5)
-
-
-def clocked(size, usable=None, name="flight", step=STEP, channels=None, speeds=None, **more):
-    """Flight on a clock whose steps are usable but where it is said."""
-    speeds = channel(step * np.arange(size), np.full((size, 4), HOVER)) if speeds is None else speeds
-    values = {
-        "name": name,
-        "begin": 0.0,
-        "step": step,
-        "size": size,
-        "channels": channels or {},
-        "speeds": speeds,
-        "efforts": None,
-        "setpoints": None,
-        "voltage": np.ones(size),
-        "since": step * np.arange(size),
-        "usable": np.ones(size, dtype=bool) if usable is None else usable,
-    }
-    return Clocked(**{**values, **more})
 
 
 RUN_IN = math.ceil(8.0 * max(float(QUAD.rotors[0].time_constant_up), float(QUAD.rotors[0].time_constant_down)) / STEP)
