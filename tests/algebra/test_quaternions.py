@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from flying_engines import ENGINES, evaluate, jax_doubles
 from skyarm.algebra import Quaternion, Vec3
+from support.engines import ENGINES, evaluate, jax_doubles
 
 Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
 RNG = np.random.default_rng(6)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from commanded import Outcome
 from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
+from support.commands import Outcome
 
 CASE1 = (SCENARIOS / "case1.toml").read_text("utf-8")
 VEHICLE = (VEHICLES / "hummingbird_arm2_rotors.toml").read_text("utf-8")

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from command_files import CASE1, VEHICLE, changed
 
-from commanded import refused, skyarm
 from skyarm.cli.main import main
 from skyarm.records.files import needs_extra
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
+from support.commands import refused, skyarm
 
 
 @pytest.fixture

@@ -13,9 +13,6 @@ import pytest
 from command_files import succeeded
 
 import skyarm
-from added_components import registry_kept
-from commanded import Outcome
-from commanded import skyarm as typed
 from skyarm.cli.run_command import earlier_kept
 from skyarm.control.catalogue import LAWS, PRESETS
 from skyarm.scenario.scenario_file import list_scenarios
@@ -23,7 +20,10 @@ from skyarm.simulate import Log
 from skyarm.studies.sweep import list_studies
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
 from skyarm.vehicle.vehicle_files import list_vehicles
-from thorough import sampled
+from support.cases import sampled
+from support.commands import Outcome
+from support.commands import skyarm as typed
+from support.components import registry_kept
 
 COMMAND = [sys.executable, "-W", "error", "-m", "skyarm"]
 

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from command_files import VEHICLE
 
-from commanded import refused, skyarm
 from skyarm.studies.compare.comparison import Comparison
+from support.commands import refused, skyarm
 
 
 @pytest.fixture

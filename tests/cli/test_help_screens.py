@@ -6,8 +6,8 @@ import re
 
 import pytest
 
-from commanded import skyarm
 from skyarm.cli.commands import COMMANDS, GROUPS
+from support.commands import skyarm
 
 LINES, COLUMNS, MOST = 25, 100, 17
 

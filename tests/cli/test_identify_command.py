@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import skyarm as library
-from commanded import refused, skyarm
 from skyarm.cli.identify_command import OPTIONS, SUBCOMMANDS
+from support.commands import refused, skyarm
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 

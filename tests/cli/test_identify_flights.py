@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 import skyarm as library
-from commanded import refused, skyarm
 from skyarm.cli.identify_command import known_numbers
 from skyarm.cli.tune_command import wanted_of
 from skyarm.log.flight_log import rows_of
@@ -35,7 +34,8 @@ from skyarm.studies.identify.unknowns import second_moments
 from skyarm.studies.tune.excitation import of_vehicle, sine_from_rest
 from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.vehicle.vehicle_text import vehicle_text
-from window_flights import unheard
+from support.commands import refused, skyarm
+from support.flights import unheard
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 

@@ -17,14 +17,14 @@ from command_files import FALLS, SHORT
 from every_command import CHOOSES, COMMANDS, KEPT, NEEDS, READS, SERVES
 
 import skyarm as package
-from added_components import registry_kept
-from commanded import refused, skyarm
 from skyarm.cli import output
 from skyarm.cli.arguments import OLDER
 from skyarm.cli.commands import COMMANDS as SHIPPED
 from skyarm.cli.output import Terminal
 from skyarm.studies.paper.published import PAPER
-from thorough import sampled
+from support.cases import sampled
+from support.commands import refused, skyarm
+from support.components import registry_kept
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
 HEAD = {"schema", "command", "skyarm"}

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from commanded import refused, skyarm
-from logged_vehicles import CRAZYFLIE_LOG, IRIS_LOG, TREFOIL_LOG, crazyflie, iris
 from skyarm.cli import flight_page
 from skyarm.studies.identify import identify_windows
 from skyarm.studies.identify.window_fit import fit_windows
 from skyarm.vehicle.vehicle_text import vehicle_text
+from support.commands import refused, skyarm
+from support.vehicles import CRAZYFLIE_LOG, IRIS_LOG, TREFOIL_LOG, crazyflie, iris
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 

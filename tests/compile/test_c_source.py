@@ -12,7 +12,6 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from operation_programs import BINARY, COMPARE, INPUTS, SPECIAL, UNARY, bits, run, step, value
 
-from c_compiler import CAREFUL, LIBM, c_function, library, needs_cc, object_file, undefined
 from skyarm.algebra import scalars
 from skyarm.algebra.scalars import floats
 from skyarm.compile import Graph, trace
@@ -20,6 +19,7 @@ from skyarm.compile.c_source import Floats, make_struct
 from skyarm.compile.tracing.lower import live, lower
 from skyarm.compile.tracing.tracer import CONDITIONS, is_condition
 from skyarm.records.immutable import immutable
+from support.engines import CAREFUL, LIBM, c_function, library, needs_cc, object_file, undefined
 
 pytestmark = needs_cc
 NO_CONTRACTION = ("-O1", "-ffp-contract=off")

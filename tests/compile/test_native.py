@@ -21,7 +21,7 @@ from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
-from thorough import sampled
+from support.cases import sampled
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -11,7 +11,7 @@ from operation_programs import BINARY, COMPARE, INPUTS, SPECIAL, UNARY, bits, ru
 from skyarm import dynamics
 from skyarm.algebra import Force, Motion, Vec3, scalars
 from skyarm.compile import trace
-from vehicles_random import random_state, random_vehicle
+from support.vehicles import random_state, random_vehicle
 
 UNARY |= {name: getattr(scalars, name) for name in ("absolute", "floor", "sign")}
 UNARY |= {"-": lambda a: -a, "neg": scalars.neg, "- -": lambda a: scalars.neg(-a)}

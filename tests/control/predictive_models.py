@@ -7,14 +7,13 @@ import dataclasses
 import numpy as np
 
 import skyarm
-from flown import vec
-from law_flights import scalars
 from skyarm.algebra import Quaternion
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.predictive.cost import StageGoal
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from vehicles_random import PinocchioTwin, random_state, random_vehicle, rotation_matrix
+from support.laws import scalars, vec
+from support.vehicles import PinocchioTwin, random_state, random_vehicle, rotation_matrix
 
 GRAVITY = 9.81
 ROTORS = skyarm.load_vehicle("hummingbird_arm2_rotors").rotors

@@ -9,14 +9,13 @@ from numpy.polynomial import Chebyshev
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from flown import pushes
-from law_flights import make_law, scalars
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from vehicles_random import RandomState
+from support.laws import make_law, pushes, scalars
+from support.vehicles import RandomState
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors").with_joints(effort_limit=np.inf)
 MODEL = Model(vehicle=ARM, gravity=9.81)

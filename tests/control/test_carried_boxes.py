@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from law_parts import with_parts
 
 import skyarm
-from law_parts import with_parts
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import moving, posture
 from skyarm.control.laws.centroidal import make_centroidal

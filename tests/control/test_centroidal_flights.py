@@ -18,7 +18,7 @@ from skyarm.studies.compare import envelope_axes as motions
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.suite import NOISE
 from skyarm.world import ForceWind
-from thorough import sampled
+from support.cases import sampled
 
 
 def blown(scenario, *force):

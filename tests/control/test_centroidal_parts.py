@@ -47,7 +47,7 @@ from skyarm.dynamics.actuators import Command, speed_after
 from skyarm.dynamics.kinematics import frame_pose, link_poses
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples
-from vehicles_random import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
+from support.vehicles import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
 
 TRUTH = skyarm.load_vehicle("hummingbird_arm2_rotors")
 
@@ -251,9 +251,9 @@ def flying():
 
 def test_the_prediction_is_what_mujoco_does_in_that_time():
     pytest.importorskip("mujoco")
-    from flying_vehicles import steady_wind
     from skyarm.plant.interface import Truth
     from skyarm.plant.mujoco import MujocoPlant
+    from support.vehicles import steady_wind
 
     vehicle = TRUTH.with_joints(damping=0.0)
     vehicle = dataclasses.replace(

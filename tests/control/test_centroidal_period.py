@@ -23,7 +23,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command, speed_after
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import blank_measurement
-from vehicles_random import TWINS, RandomState, random_quaternion
+from support.vehicles import TWINS, RandomState, random_quaternion
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
 MODEL = Model(vehicle=ARM, gravity=9.8)

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from law_parts import in_small_steps, with_parts
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from law_parts import in_small_steps, with_parts
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.late_actuators import first_past
 from skyarm.control.blocks.prediction import Disturbance

@@ -5,17 +5,31 @@ import math
 
 import numpy as np
 import pytest
+from euler_form import hybrid_computed_torque_euler
+from rotors_node import message_quaternion
 from scipy.spatial.transform import Rotation
 
-import euler_lagrange as el
-from euler_form import hybrid_computed_torque_euler
-from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, vec
-from rotors_node import message_quaternion
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.control.blocks.geometric import SMALL_SINE, desired_attitude
 from skyarm.control.model import Model
 from skyarm.records.leaves import leaves
 from skyarm.vehicle import Body
+from support import euler_lagrange as el
+from support.laws import (
+    ARM2,
+    LAWS,
+    MODEL,
+    G,
+    cases,
+    changed,
+    controller,
+    hovering,
+    pushes,
+    raw_squares,
+    step,
+    unclipped,
+    vec,
+)
 
 NAN = math.nan
 FREE = Model(vehicle=ARM2.with_joints(effort_limit=math.inf), gravity=G)

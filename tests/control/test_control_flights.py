@@ -8,7 +8,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from flown import ARM2, JOINT_GAINS, G, changed, controller, hovering, pushes, raw_squares, step, unclipped
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import HUMMINGBIRD, make_controller
 from skyarm.control.model import Model
@@ -16,6 +15,7 @@ from skyarm.plant.interface import Truth
 from skyarm.reference import Constant, Sine, hover
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.simulate import Scenario, run
+from support.laws import ARM2, JOINT_GAINS, G, changed, controller, hovering, pushes, raw_squares, step, unclipped
 
 TRUTH = Truth(vehicle=skyarm.load_vehicle("hummingbird_arm2_rotors"), gravity=9.8)
 

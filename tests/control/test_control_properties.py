@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import euler_lagrange as el
-from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, step, vec
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.control.blocks.geometric import (
     angular_acceleration,
@@ -17,6 +15,8 @@ from skyarm.control.blocks.geometric import (
     yaw_of,
 )
 from skyarm.control.catalogue import HUMMINGBIRD
+from support import euler_lagrange as el
+from support.laws import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, step, vec
 
 
 def torque_and_thrust(name, case):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from flown import ARM2, MODEL, G, cases, controller, step
 from skyarm.control.catalogue import (
     ACCELERATION,
     HUMMINGBIRD,
@@ -21,6 +20,7 @@ from skyarm.control.law_maker import default_gains, default_joint_gains
 from skyarm.control.laws import paper
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import array_front as arrays
+from support.laws import ARM2, MODEL, G, cases, controller, step
 
 
 def test_an_unknown_law_is_refused_with_the_nearest_choices():

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 import skyarm
-from flown import ARM2, MODEL
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.ladder import EXTRAPOLATION, LAG_INVERSION, OBSERVER
 from skyarm.control.model import Model
+from support.laws import ARM2, MODEL
 
 ARM6 = Model(vehicle=skyarm.load_vehicle("hexarotor_arm6"), gravity=9.81)
 

@@ -27,7 +27,7 @@ from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.sensing.measurement import blank_measurement
-from standing_walls import NOISE
+from support.worlds import NOISE
 
 DT = 0.005
 GAINS = InteractionGains(touch=0.3, lost=0.1)

@@ -26,13 +26,12 @@ from published_laws import (
     wanted,
 )
 
-from flown import MODEL, pushes
-from law_flights import replaced, scalars
 from skyarm.algebra import Force, Vec3
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.published.l1 import _advance_filters, _command, make_l1
 from skyarm.control.model import Model
-from vehicles_random import PinocchioTwin
+from support.laws import MODEL, pushes, replaced, scalars
+from support.vehicles import PinocchioTwin
 
 
 @pytest.mark.parametrize("law", ["l1_adaptive", "l1_adaptive lateral"])

@@ -13,15 +13,14 @@ from published_laws import ARM, DT, UP, asked, gentle, measured, rotation, soft,
 from scipy import signal
 
 import skyarm
-from flown import pushes
-from law_flights import replaced, scalars
 from skyarm.control.blocks.common import arm_alone
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import with_applied_command
 from skyarm.control.laws.published.indi import _filter_signals, _speeds
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
-from vehicles_random import PinocchioTwin
+from support.laws import pushes, replaced, scalars
+from support.vehicles import PinocchioTwin
 
 pytest.importorskip("pinocchio")
 

@@ -11,11 +11,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from c_compiler import needs_cc
-from exported_law import Loaded
-from flown import ARM2, MODEL, cases, hovering, pushes
-from log_metrics import Errors
-from logs_synthetic import synthetic_log
 from skyarm.algebra import Vec3
 from skyarm.compile import trace
 from skyarm.compile.llvm.kernel import Kernel
@@ -43,6 +38,9 @@ from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.loop import run
 from skyarm.vehicle.vehicle_files import load_vehicle
+from support.engines import Loaded, needs_cc
+from support.laws import ARM2, MODEL, cases, hovering, pushes
+from support.logs import Errors, synthetic_log
 
 TRAINING = runpy.run_path(str(Path(__file__).parents[2] / "examples/learned_compensator/train.py"))
 NAMES = ("Budget", "Trainer", "random_scenario", "residuals", "samples", "learn", "training_record", "write_network")

@@ -12,8 +12,6 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from flown import MODEL, cases, vec
-from law_flights import scalars
 from skyarm.control.blocks.force_control import InteractionGains
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.catalogue import make_controller
@@ -29,7 +27,8 @@ from skyarm.control.model import Model
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.vehicle.vehicle_files import load_vehicle
-from vehicles_random import PinocchioTwin, RandomState
+from support.laws import MODEL, cases, scalars, vec
+from support.vehicles import PinocchioTwin, RandomState
 
 pytest.importorskip("pinocchio")
 

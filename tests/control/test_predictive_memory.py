@@ -15,8 +15,6 @@ import pytest
 from predictive_models import ROTORS, belief, drawn, goal_of, true_accelerations
 from scipy.integrate import solve_ivp
 
-from flown import ARM2, MODEL, cases
-from law_flights import scalars
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
@@ -30,7 +28,8 @@ from skyarm.dynamics.actuators import Command
 from skyarm.records.leaves import leaves
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples
-from vehicles_random import PinocchioTwin, RandomState, rotation_matrix
+from support.laws import ARM2, MODEL, cases, scalars
+from support.vehicles import PinocchioTwin, RandomState, rotation_matrix
 
 DT = 0.005
 NX, NU = 21, 6

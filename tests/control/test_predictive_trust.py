@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flown import ARM2, MODEL
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.predictive import fallback, law, observer, preview
@@ -20,6 +19,7 @@ from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
+from support.laws import ARM2, MODEL
 
 DT = 0.005
 SHAPES = examples(2, 4)

@@ -7,10 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from law_parts import with_parts
 
 import skyarm
-from flying_engines import evaluate
-from law_parts import with_parts
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks import force_control as law
@@ -30,6 +29,7 @@ from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import blank_measurement
+from support.engines import evaluate
 
 DT, JOINTS, ZERO = 0.005, (-0.45, -0.9), Vec3(0.0, 0.0, 0.0)
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")

@@ -25,8 +25,6 @@ from published_laws import (
 )
 from scipy.linalg import expm
 
-from flown import pushes
-from law_flights import scalars
 from skyarm.control.blocks.center_of_mass import (
     arm_reaction,
     center_velocity,
@@ -41,7 +39,8 @@ from skyarm.control.laws.published.kim import sliding_rates
 from skyarm.control.laws.published.l1 import adaptation, predict_velocities
 from skyarm.dynamics.actuators import Command
 from skyarm.reference import Reference
-from vehicles_random import PinocchioTwin, RandomState, random_state, random_vehicle
+from support.laws import pushes, scalars
+from support.vehicles import PinocchioTwin, RandomState, random_state, random_vehicle
 
 pytest.importorskip("pinocchio")
 

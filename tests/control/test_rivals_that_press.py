@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from flown import MODEL, G, cases, hovering, raw_squares, unclipped, unlimited
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.fold import data
 from skyarm.control.blocks.force_control import Pressing
@@ -26,6 +25,7 @@ from skyarm.control.laws.pressing import (
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.scenario.controller_table import controller_by_name
+from support.laws import MODEL, G, cases, hovering, raw_squares, unclipped, unlimited
 
 DT = 0.005
 BASIS = {"hybrid_ct": "hybrid_computed_torque", "admittance_pd": "decoupled_pd"}

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from shared_programs import fly
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import where
 from skyarm.control.catalogue import make_controller
@@ -24,7 +23,8 @@ from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.world import Fault
-from thorough import sampled
+from support.cases import sampled
+from support.flights import fly
 
 LIFT = Constant(3.0)
 

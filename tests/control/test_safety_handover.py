@@ -10,12 +10,9 @@ import math
 
 import numpy as np
 import pytest
+from law_parts import with_parts
 
 import skyarm
-from flown import ARM2, cases, controller, vec
-from law_flights import PAPER
-from law_parts import with_parts
-from shared_programs import fly
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars import logical_and, where
 from skyarm.control.catalogue import LAWS, make_controller
@@ -30,7 +27,9 @@ from skyarm.reference import Constant, Trajectory
 from skyarm.reference.signals import Ramp
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate import run
-from thorough import sampled
+from support.cases import sampled
+from support.flights import fly
+from support.laws import ARM2, PAPER, cases, controller, vec
 
 START, RELEASE, END = 1.0, 2.0, 5.0
 EFFORT, SLEW = 0.03, 3e3

@@ -10,7 +10,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from flown import ARM2, MODEL, cases, controller, pushes, vec
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Mat3, Vec3
 from skyarm.control.controller import ControllerError, with_applied_command
@@ -30,6 +29,7 @@ from skyarm.control.safety.limits import limits_for
 from skyarm.control.safety.recovery import Confidence, steep_error, update_confidence
 from skyarm.dynamics.actuators import Command, allocation_matrix, make_mixer
 from skyarm.dynamics.workspace import middle_position
+from support.laws import ARM2, MODEL, cases, controller, pushes, vec
 
 LIMITS = limits_for(controller("hybrid_computed_torque"), step=1e-6, step_speed=1e-6)
 CASES = cases(200, seed=5)

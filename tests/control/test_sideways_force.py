@@ -7,12 +7,11 @@ import math
 
 import numpy as np
 import pytest
+from law_parts import demanded
 from scipy.spatial.transform import Rotation
+from sideways_program import array, largest, lopsided
 
 import skyarm
-from flown import cases, vec
-from law_parts import demanded
-from sideways_program import array, largest, lopsided
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.compile import trace
@@ -41,6 +40,7 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import hover
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
+from support.laws import cases, vec
 
 HEXA = skyarm.load_vehicle("tilted_hexarotor")
 ARM = dataclasses.replace(skyarm.load_vehicle("hummingbird_arm2"), rotors=HEXA.rotors)

@@ -10,8 +10,6 @@ from published_laws import ARM, DT, MODEL, NOTHING, UP, gentle, measured, rotati
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from flown import pushes
-from law_flights import make_law, scalars
 from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD
 from skyarm.control.laws.ladder import _force_series, _turn
 from skyarm.control.model import Model
@@ -19,7 +17,8 @@ from skyarm.log.metrics.windows import Window, Windows
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
-from vehicles_random import PinocchioTwin
+from support.laws import make_law, pushes, scalars
+from support.vehicles import PinocchioTwin
 
 
 def commanded(law, state, reference, **options):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from published_laws import MODEL, NODES, NOTHING, UP, differentiated, gentle, measured, rotation, vec, wanted
 
-from law_flights import scalars
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.ladder import _force_series, _turn
+from support.laws import scalars
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -9,7 +9,7 @@ import pytest
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics import array_front as arrays
-from vehicles_random import random_quaternion, random_state, random_vehicle
+from support.vehicles import random_quaternion, random_state, random_vehicle
 
 BATCH = 5
 

@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 import gymnasium
+from small_environments import MASS, bare, noisy, one_program_a_task
 
 import skyarm
 from skyarm.dynamics.actuators.hover import hover_trim
@@ -22,8 +23,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.distributions import Uniform, distribution_from
 from skyarm.studies.sweep.study import Study
-from small_environments import MASS, bare, noisy, one_program_a_task
-from thorough import sampled
+from support.cases import sampled
 
 
 @pytest.fixture(autouse=True, scope="module")

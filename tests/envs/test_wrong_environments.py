@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 import gymnasium
+from small_environments import MASS, bare, one_program_a_task
 
 import skyarm
 from skyarm.algebra.scalars import where
@@ -19,7 +20,6 @@ from skyarm.envs.single_environment import Environment
 from skyarm.envs.vector_environment import VectorEnvironment
 from skyarm.records.coerce import RecordError
 from skyarm.world.wind import wind_from
-from small_environments import MASS, bare, one_program_a_task
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -10,9 +10,9 @@ import pytest
 from messages_by_rosbags import Rotation, by_rosbags, composed, rosbags
 
 import skyarm
-from logged_flights import drawn, flown
 from skyarm.world.scene.vehicle_shapes import body_poses
-from thorough import sampled
+from support.cases import sampled
+from support.logs import drawn, flown
 
 mcap_reader = pytest.importorskip("mcap.reader", reason="needs the extra 'test'")
 mcap_ros2 = pytest.importorskip("mcap_ros2.decoder", reason="needs the extra 'test'")

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from independent_flight import Flight
 
-from flying_vehicles import steady_wind
 from skyarm.plant.compiled import RigidBodyPlant, example_command
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.joint_rate import friction_rate
@@ -16,7 +15,7 @@ from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
-from vehicles_random import MujocoTwin, RandomState
+from support.vehicles import MujocoTwin, RandomState, steady_wind
 
 TRUTH = load_vehicle("hummingbird_arm2_rotors")
 

@@ -24,7 +24,7 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.world import Force, SignalVector
 from skyarm.world.component import Wrench
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Surface
-from standing_vehicles import around, at_rest, ground, limp
+from support.worlds import around, at_rest, ground, limp
 
 BIRD, ARM = limp(), limp("hummingbird_arm2_rotors")
 MASS = float(BIRD.mass)

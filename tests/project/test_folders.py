@@ -23,13 +23,27 @@ def test_every_folder_of_tests_is_a_room_of_the_source() -> None:
     assert len(folders) > 25
 
 
-def test_a_file_that_several_folders_use_lies_beside_them() -> None:
+BESIDE_ROOMS = {"budget", "conftest", "lowest", "release", "shown_commands"}
+"""Files beside the rooms: those that pages, the Makefile or pytest name."""
+
+LINES = 1000
+"""Longest file of helpers."""
+
+
+def test_helpers_lie_in_their_folder_or_in_support() -> None:
     """Any other folder is on Python's path only while tests of it are collected."""
-    folders = {path.stem: path.parent for path in TESTS.rglob("*.py")}
+    folders = {path.stem: path.parent for path in TESTS.rglob("*.py") if not path.is_relative_to(TESTS / "support")}
     for path in TESTS.rglob("*.py"):
         lines = path.read_text("utf-8").splitlines()
         for name in {line.split()[1] for line in lines if line.startswith(("from ", "import "))} & set(folders):
             assert folders[name] in (*ALWAYS, path.parent), f"{path.name} takes {name}"
+    assert {path.stem for path in TESTS.glob("*.py") if not path.stem.startswith("test_")} == BESIDE_ROOMS
+
+
+def test_no_file_of_helpers_is_longer_than_a_chapter() -> None:
+    helpers = [path for path in TESTS.rglob("*.py") if not path.stem.startswith("test_")]
+    lengths = {path.name: len(path.read_text("utf-8").splitlines()) for path in helpers}
+    assert {name: length for name, length in lengths.items() if length > LINES} == {}
 
 
 IMPORTED = re.compile(r"^[ \t]*(?:from|import) (\w+)", re.M)

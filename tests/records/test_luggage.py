@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 
 import skyarm
-from added_components import registry_kept
 from skyarm.records.files.user_code import identity_of
 from skyarm.records.registry import RegistryError, names
 from skyarm.records.registry.plugins import Plugin, identities, load_again, load_plugin, loaded_plugins
 from skyarm.records.registry.registrations import registrations
 from skyarm.records.travel import luggage
+from support.components import registry_kept
 
 PLUGIN = """
 import skyarm

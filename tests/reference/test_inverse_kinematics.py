@@ -12,7 +12,7 @@ import skyarm
 from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.reference.tip_plan import TipChoices, follow, rotation_vector, solve_pose, task_of
-from thorough import sampled
+from support.cases import sampled
 
 ARM2, ARM6 = (skyarm.load_vehicle(name) for name in ("hummingbird_arm2_rotors", "hexarotor_arm6"))
 POSTURE = (0.1, 0.6, -1.0, 0.2, 0.5, 0.1)

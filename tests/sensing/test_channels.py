@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import skyarm
-from flying_vehicles import hummingbird_arm, tumbling
 from skyarm.algebra import Vec3
 from skyarm.records.coerce import RecordError
 from skyarm.sensing.channel import Channel, Dropouts
 from skyarm.sensing.sensor_kinds import Encoders, Heading, Imu, Pose, Position
+from support.vehicles import hummingbird_arm, tumbling
 
 VEHICLE = hummingbird_arm()
 STATE = tumbling(VEHICLE)

@@ -8,9 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from added_components import same_logs
-from shared_programs import shared_programs
-from simulate_flights import document
 from skyarm import Delays, Scenario, ScenarioError, Session, run, scenario_from
 from skyarm.log.flight_log import Log
 from skyarm.scenario.in_flight import is_traceable
@@ -21,6 +18,8 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.loop_state import carry_over
+from support.components import same_logs
+from support.flights import document, shared_programs
 
 GAIN = "controller.gains.position.x"
 PAYLOAD = "plant.payload.mass"

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import skyarm
-from added_components import same_logs
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import plain
 from skyarm.scenario.scenario_record import Change
 from skyarm.sensing.measurement import SensorNoise
+from support.components import same_logs
 
 SCENARIO = dataclasses.replace(
     skyarm.load_scenario("case2_gust", duration=0.3),

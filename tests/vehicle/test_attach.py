@@ -9,8 +9,7 @@ import pytest
 
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
-from toml_text import toml_text
-from urdf_texts import agrees, joint, limits, link, pinocchio_of, robot, saved
+from support.cases import agrees, joint, limits, link, pinocchio_of, robot, saved, toml_text
 
 FRAME = (
     link("body", mass=2.0),

@@ -15,7 +15,7 @@ from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.vehicle import Body, Frame, Joint, Link, Vehicle, VehicleError, mobility
 from skyarm.vehicle.check import TOLERANCE
 from skyarm.vehicle.vehicle_files import load_vehicle
-from toml_text import toml_text
+from support.cases import toml_text
 
 BODY = {"mass": 1.0, "inertia": [0.01, 0.01, 0.01]}
 ROTOR = {

@@ -9,7 +9,7 @@ from pathlib import Path
 from page_snippets import DOCS, ROOT, Block, Ran, blocks, run_page
 
 import skyarm
-from added_components import registry_kept
+from support.components import registry_kept
 
 FRONT = "../README.md"
 FILES = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))} | {FRONT: ROOT / "README.md"}

@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 
 import skyarm
-from flown import G, cases, changed, hovering
 from skyarm.control.catalogue import Controller
 from skyarm.control.onboard.export_c import export_c
+from support.laws import G, cases, changed, hovering
 
 
 def text_of(controller: Controller, name: str = "law", **options) -> str:

@@ -15,9 +15,6 @@ import pytest
 from drawn_inputs import inputs, same_bits, text_of
 
 import skyarm
-from c_compiler import CAREFUL, CC, LIBM, STRICT, needs_cc, object_file, run, undefined
-from exported_law import Loaded, fill
-from flown import G, step
 from skyarm.algebra import Vec3
 from skyarm.cli.main import main
 from skyarm.control.blocks.disturbance_observer import Observed
@@ -30,7 +27,9 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.dynamics.actuators import Command
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import units
-from thorough import sampled
+from support.cases import sampled
+from support.engines import CAREFUL, CC, LIBM, STRICT, Loaded, fill, needs_cc, object_file, run, undefined
+from support.laws import G, step
 
 PAPER_LAWS = ("rotors_sim_position", "decoupled_pd", "hybrid_computed_torque")
 

@@ -5,10 +5,10 @@ import pytest
 from lagrangian_twin import mass_matrix as twin_mass_matrix
 from lagrangian_twin import potential_energy, states
 
-import euler_lagrange as el
-from euler_lagrange import coriolis, gravity, mass
-from euler_lagrange import euler_kinematics as kinematics
 from skyarm import compile as program
+from support import euler_lagrange as el
+from support.euler_lagrange import coriolis, gravity, mass
+from support.euler_lagrange import euler_kinematics as kinematics
 
 Q, QD = states(20, seed=2)
 

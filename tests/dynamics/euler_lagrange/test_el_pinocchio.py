@@ -7,12 +7,12 @@ import pytest
 from lagrangian_twin import rotation, states, velocity_jacobians
 from planar_vehicles import planar_vehicle, quaternion_wxyz
 
-import euler_lagrange as el
 from skyarm.algebra import Sym3, Vec3
 from skyarm.dynamics import array_front as arrays
 from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
+from support import euler_lagrange as el
 
 Q, QD = states(20, seed=4)
 

@@ -21,7 +21,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import ardupilot_stand_in
 import skyarm
 from skyarm.links import mavlink
 from skyarm.links.autopilots import ardupilot
@@ -32,6 +31,7 @@ from skyarm.links.transcript import SENT, WORDS, rows_of
 from skyarm.reference import hover
 from skyarm.scenario.scenario_record import ScenarioError, first_state
 from skyarm.simulate.session import open_session
+from support import ardupilot_stand_in
 
 SOURCE = str(Path(skyarm.__file__).parents[1])
 

@@ -11,8 +11,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from estimated_flight import GPS, estimated, with_satellites
-from flying_vehicles import tumbling
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import accelerate
@@ -25,6 +23,8 @@ from skyarm.sensing.sensor_kinds import Encoders, Imu, Pose
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 from skyarm.vehicle.vehicle_records import BodyDrag
+from support.flights import GPS, estimated, with_satellites
+from support.vehicles import tumbling
 
 PERIOD = 0.005
 

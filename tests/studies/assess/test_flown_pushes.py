@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import skyarm
-import standing_walls
 from skyarm.algebra import Force, Vec3
 from skyarm.control.catalogue import preset
 from skyarm.dynamics import forward_dynamics
@@ -18,12 +17,13 @@ from skyarm.studies.assess import pressing_flights as flights
 from skyarm.studies.assess.finding import FAULT, NOTE, OK
 from skyarm.studies.assess.pressing_flights import base_recoil, contact_steps, pressing_flights, reach_left, tip_mass
 from skyarm.studies.assess.push_limits import largest_push
+from support import worlds
 
 
 def before_a_wall(name, joints, force, duration=5.0, **law):
     """A vehicle that presses with gains for small forces."""
     usual = {"interaction": [0.3 * min(force, 1.0), 0.1 * min(force, 1.0)]}
-    return standing_walls.before_a_wall(name, joints, force, duration, **(usual | law))
+    return worlds.before_a_wall(name, joints, force, duration, **(usual | law))
 
 
 def said_of(name, joints, force, **more):

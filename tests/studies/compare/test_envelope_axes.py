@@ -14,7 +14,7 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studies.compare.envelope_axes import AXES
 from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.vehicle.vehicle_files import list_vehicles
-from thorough import sampled
+from support.cases import sampled
 
 ARMED = [name for name in list_vehicles() if load_vehicle(name).n and not load_vehicle(name).planar]
 BATCHED = [axis for axis in AXES.values() if axis.numbers is not None]

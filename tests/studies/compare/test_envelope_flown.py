@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from compared_flights import cell_of
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.compare.envelope import Envelope, axis_flights
@@ -18,6 +17,7 @@ from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.perturbed_plants import Spread, draw
 from skyarm.studies.compare.run_suite import fly_suite
 from skyarm.vehicle.vehicle_files import load_vehicle
+from support.studies import cell_of
 
 QUICK = Envelope(laws=("paper_pd", "paper_ct"), axes=("circle", "step", "measurement_delay"), quick=True)
 FILES = ["envelope.json", "envelope.png", "flights.parquet", "report.html", "tables.md"]

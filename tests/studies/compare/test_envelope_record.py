@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from envelope_points import AXES_FLOWN, LOST, plants, point
 from skyarm.studies.compare.cells import Cell
 from skyarm.studies.compare.envelope import (
     JUDGED,
@@ -20,6 +19,7 @@ from skyarm.studies.compare.envelope import (
     within,
 )
 from skyarm.studies.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, TIP, TIP_MAX
+from support.studies import AXES_FLOWN, LOST, plants, point
 
 
 def test_a_law_is_good_up_to_the_first_value_where_it_is_not():

@@ -21,8 +21,8 @@ from skyarm.records.travel import luggage, pack
 from skyarm.studies.flights import ray_cluster
 from skyarm.studies.flights.ray_cluster import Ray
 from skyarm.studies.sweep import run_sweep
-from sweeps import document, files_of, small_study
-from toml_text import toml_text
+from support.cases import toml_text
+from support.studies import document, files_of, small_study
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 
@@ -32,7 +32,7 @@ SWEEP = """
 import json, sys
 from pathlib import Path
 from skyarm.studies.sweep import run_sweep
-from sweeps import small_study
+from support.studies import small_study
 
 if __name__ == "__main__":
     out, on, fields = Path(sys.argv[1]), sys.argv[2], json.loads(sys.argv[3])

@@ -10,7 +10,7 @@ from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.window_errors import WindowStates
 from skyarm.studies.identify.window_fit import WindowFit
 from skyarm.studies.identify.windows import Clocked
-from window_flights import GRAVITY, QUAD
+from support.flights import GRAVITY, QUAD
 
 
 def fit_of(values, curvature, blocks=20, **changes):

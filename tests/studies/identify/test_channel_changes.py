@@ -8,9 +8,9 @@ import re
 import numpy as np
 import pytest
 from changed_channels import ARM, DEGREES, POSE, SOUND, VEHICLE, columns, rows_of, same, then, times, times_of
+from planted_flights import inverse, rotate
 
 import skyarm
-from planted_flights import inverse, rotate
 from skyarm.studies.identify.channel_changes import Change, channel_changes
 from skyarm.studies.identify.log_checks import REFUSED, WARNED
 

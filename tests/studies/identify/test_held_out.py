@@ -46,7 +46,7 @@ from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identified_parts import Surroundings
 from skyarm.studies.identify.open_loop import OpenLoop, places_of
 from skyarm.studies.identify.windows import Windows, on_clock
-from window_flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
+from support.flights import GRAVITY, NOISE, ONE, QUAD, STEP, flown, measured
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 

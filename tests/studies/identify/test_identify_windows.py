@@ -27,7 +27,7 @@ from skyarm.studies.identify.unknowns import second_moments, unknowns_of
 from skyarm.studies.identify.window_fit import WindowFit
 from skyarm.studies.identify.windows import Samples
 from skyarm.vehicle.thrust_table import ThrustTable
-from window_flights import ONE, QUAD, flown, measured, on_servo
+from support.flights import ONE, QUAD, flown, measured, on_servo
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 

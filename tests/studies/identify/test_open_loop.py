@@ -23,7 +23,7 @@ from skyarm.studies.identify.open_loop import (
     smooth_motion,
 )
 from skyarm.studies.identify.windows import on_clock
-from window_flights import GRAVITY, ONE, QUAD, STEP, flown, measured, rotations
+from support.flights import GRAVITY, ONE, QUAD, STEP, flown, measured, rotations
 
 ROTORS = 0.0033
 """s, a dead time that is no whole number of steps."""

@@ -9,7 +9,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-
 from judged_flights import DAMAGED, Judged, change, friction_off, judge, pose_of, times
 from planted_flights import GRAVITY, NOISES, SAMPLE, inverse, measured, planted, rotate
 

@@ -6,15 +6,15 @@ import dataclasses
 
 import numpy as np
 import pytest
+from planted_vehicles import lagging_drives, with_slower_motors
 
 import skyarm
-from planted_lags import lagging_drives, with_slower_motors
-from shared_programs import fly
 from skyarm.log.flight_log import rows_of
 from skyarm.log.sensor_data import fields_of
 from skyarm.simulate.assemble_log import Piece, join_pieces
 from skyarm.studies.identify.loop_lags import loop_lags
 from skyarm.studies.tune.excitation import of_vehicle, tuning_flight
+from support.flights import fly
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 

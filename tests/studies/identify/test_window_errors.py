@@ -16,7 +16,7 @@ from skyarm.flight_data.flight_data import Channel
 from skyarm.studies.identify.unknowns import Unknown, unknowns_of
 from skyarm.studies.identify.window_errors import OUTLIER, WindowErrors, WindowLanes, WindowStates, turn_attitudes
 from skyarm.studies.identify.windows import Held, Samples, Windows, on_clock
-from window_flights import GRAVITY, ONE, QUAD, STEP, flown, measured, on_servo
+from support.flights import GRAVITY, ONE, QUAD, STEP, flown, measured, on_servo
 
 ROTORS, JOINTS = 0.0033, 0.0047
 PLACE = (0.03, -0.02, 0.05)

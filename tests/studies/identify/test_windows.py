@@ -12,7 +12,7 @@ from made_up_fits import HOVER, STEP, channel, clocked
 
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.studies.identify.windows import Samples, Windows, clock_step, held_over, on_clock, samples_on
-from window_flights import ONE, QUAD
+from support.flights import ONE, QUAD
 
 
 def by_brute_force(commands, edges, delay, fine=4000):

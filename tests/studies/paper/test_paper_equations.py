@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-import euler_lagrange as el
 import skyarm
 from skyarm.paper import coriolis_matrix, forward_kinematics, gravity_vector, mass_matrix
-from vehicles_random import TWINS, RandomState, random_vehicle, with_armature
+from support import euler_lagrange as el
+from support.vehicles import TWINS, RandomState, random_vehicle, with_armature
 
 PAPER = skyarm.load_vehicle("hummingbird_arm2")
 RELATIVE = 1e-9

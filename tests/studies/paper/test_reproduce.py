@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_reports import few
+from small_reports import draw_small, few, made_once
 
 import skyarm
-from commanded import skyarm as command
-from made_once import made_once
 from skyarm.records.files.writing import TakenError, one_writer
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Log, run
@@ -22,7 +20,7 @@ from skyarm.studies.paper import reproduce as room
 from skyarm.studies.paper.flights import metrics, results, settings
 from skyarm.studies.paper.published import CASES, PRINTED, digits
 from skyarm.studies.paper.reproduce import Campaign
-from small_pictures import draw_small
+from support.commands import skyarm as command
 
 
 @pytest.fixture(scope="module")

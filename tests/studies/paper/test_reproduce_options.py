@@ -11,10 +11,10 @@ import pytest
 from small_reports import few
 
 import infer
-from commanded import skyarm
 from inference.checks import checked_study
 from inference.identification import result_digest
 from skyarm.studies.paper import inferred_settings, reproduce
+from support.commands import skyarm
 
 
 @pytest.mark.thorough

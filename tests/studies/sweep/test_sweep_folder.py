@@ -13,7 +13,7 @@ import pytest
 from skyarm.studies.sweep import StudyError, run_sweep
 from skyarm.studies.sweep.manifest import MANIFEST
 from skyarm.studies.sweep.stats import Rows, statistics
-from sweeps import files_of, rows_file, small_study
+from support.studies import files_of, rows_file, small_study
 
 pytest.importorskip("pyarrow")
 

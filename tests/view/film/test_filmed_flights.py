@@ -8,7 +8,6 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from film_flights import SECONDS, flight
 from skyarm import run, scenario_from
 from skyarm.log.tip_positions import level_tip
 from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW
@@ -29,6 +28,7 @@ from skyarm.view.film.filmed_flight import (
     wind_words,
 )
 from skyarm.view.film.make_film import Camera, FilmSettings, film_panels, frame_times, size_of
+from support.pictures import SECONDS, flight
 
 
 def test_frames_are_the_instants_that_speed_and_rate_say() -> None:

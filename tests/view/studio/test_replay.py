@@ -10,11 +10,11 @@ import pytest
 from tab import Tab
 
 import skyarm
-from scenes_without_browser import Scene
 from skyarm.flight_data.motion import Motion, PredictedMotion, join_motions
 from skyarm.view.studio.replay import RATE, Replay, mean_error
 from skyarm.view.studio.replay_page import ReplayPage, ReplayPicture
 from skyarm.view.studio.server import Guard, close_server, listening_socket, open_server
+from support.peers import Scene
 
 START, SECONDS = 100.0, 4.0
 """s on the flight's own clock: begin and duration of the flight."""

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from scenes_without_browser import Scene
 from skyarm.algebra import Vec3
 from skyarm.vehicle.linkage import BASE
 from skyarm.view.studio.picture import tones_of
@@ -19,6 +18,7 @@ from skyarm.world.scene.scene import Instants
 from skyarm.world.scene.shapes import Shape, Solid
 from skyarm.world.scene.vehicle_shapes import place
 from skyarm.world.timed_payload import TimedPayload
+from support.peers import Scene
 
 PAINT = tones_of((10, 20, 30))
 

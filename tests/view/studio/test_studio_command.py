@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 import skyarm
-from commanded import skyarm as typed
 from skyarm.cli.studio_command import _replay
 from skyarm.vehicle.vehicle_text import vehicle_text
 from skyarm.view.studio.fleet import open_fleet
+from support.commands import skyarm as typed
 
 FLIGHTS = Path(__file__).resolve().parents[2] / "data" / "flights"
 

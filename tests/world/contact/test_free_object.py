@@ -11,7 +11,6 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from free_scenes import AWAY, BIRD, Scene, energy, with_ground, with_object
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
@@ -20,7 +19,7 @@ from skyarm.records.leaves import rebuild
 from skyarm.world.contact import Contact, ContactPoint, FreeObject, Material, Mechanism, Surface
 from skyarm.world.contact.box_edges import EDGE_PAIRS
 from skyarm.world.contact.free_object import uniform_moments
-from standing_vehicles import GRAVITY, at_rest, limp
+from support.worlds import AWAY, BIRD, GRAVITY, Scene, at_rest, energy, limp, with_ground, with_object
 
 SPOT = (ContactPoint(name="spot", body="base"),)
 SLOPE = Surface(name="ground", angles=(0.0, 1e-9, 0.0), material=Material(friction=0.5))

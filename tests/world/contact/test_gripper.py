@@ -8,8 +8,6 @@ import math
 import numpy as np
 import pytest
 
-from flying_engines import evaluate
-from free_scenes import BIRD, Scene, energy
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
@@ -18,7 +16,8 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Ramp
 from skyarm.world.contact import Command, Contact, FreeObject, Gripper, Surface
 from skyarm.world.contact.gripper import Hold, _skin
-from standing_vehicles import at_rest, limp
+from support.engines import evaluate
+from support.worlds import BIRD, Scene, at_rest, energy, limp
 
 ARM = limp("hummingbird_arm2_rotors")
 START = at_rest(ARM, (0.0, 0.0, 0.0), (-0.45, -0.9))

@@ -13,8 +13,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from free_scenes import BIRD, Scene, energy, with_object
-from logged_flights import with_components
 from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.log_columns import columns
@@ -27,8 +25,9 @@ from skyarm.scenario.scenario_record import first_state
 from skyarm.scenario.unlikely_numbers import part_warnings
 from skyarm.simulate.loop import run_in_python
 from skyarm.world.contact import Contact, FreeObject, Material, Surface
-from standing_vehicles import GRAVITY
-from thorough import sampled
+from support.cases import sampled
+from support.logs import with_components
+from support.worlds import BIRD, GRAVITY, Scene, energy, with_object
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "pick_and_place_box.toml"
 DOCUMENT = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))

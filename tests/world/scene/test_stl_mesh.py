@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from film_flights import needs_display
 from skyarm.records.files.stl_mesh import LARGEST, MOST, RECORD, mesh_or_none, read_stl
 from skyarm.records.identity import identity, log_digest
 from skyarm.records.plain import plain
@@ -21,7 +20,8 @@ from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.world.contact import FreeObject, Mechanism, Surface
 from skyarm.world.contact.contact_scene import surface_shape
 from skyarm.world.scene.shapes import Shape, Solid, mesh_of
-from world_flights import DOCUMENT
+from support.pictures import needs_display
+from support.worlds import DOCUMENT
 
 BOX = Shape("box", "object", "box", -1, (0.1, 0.2, 0.3))
 WALL = Surface(name="wall", shape="box", size=(0.1, 0.2, 0.3))
