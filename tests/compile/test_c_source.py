@@ -101,7 +101,7 @@ def bit_program():
     return lower([x], live(outputs), outputs)
 
 
-def test_powers_exponents_and_mantissas_are_exact_for_every_exponent_and_subnormal_numbers(tmp_path):
+def test_powers_exponents_and_mantissas_are_exact_for_every_exponent_and_subnormals(tmp_path):
     loaded = library(c_function(bit_program(), "p"), tmp_path)
     whole = [float(k) for k in range(-1200, 1024)]  # above, 2**k leaves the doubles and Python raises
     numbers = [math.ldexp(m, k) for k in range(-1074, 1024) for m in (1.0, -1.37)]

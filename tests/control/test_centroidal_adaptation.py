@@ -126,7 +126,7 @@ def test_a_load_pushes_by_what_pinocchio_needs_more_for_it(joints):
 
 
 @pytest.mark.parametrize("joints", [2, 5])
-def test_what_a_load_takes_of_the_joints_as_measured_is_what_pinocchio_needs_more_for_it(joints):
+def test_a_load_takes_of_the_measured_joints_what_pinocchio_needs_more_for_it(joints):
     """Of the tip's acceleration by differences of its velocity, over a motion of base and joints."""
     pytest.importorskip("pinocchio")
     rng = np.random.default_rng([22, joints])

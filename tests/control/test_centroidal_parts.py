@@ -511,7 +511,7 @@ def level_flight(vehicle, joint_rates):
 NONE = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
 
 
-def test_known_friction_is_given_back_viscous_at_the_present_rate_dry_at_the_references():
+def test_known_friction_is_given_back_viscous_at_the_present_rate_dry_at_the_desired():
     dry = TRUTH.with_joints(damping=0.02, coulomb=0.03, coulomb_rate=0.1)
     smooth = TRUTH.with_joints(damping=0.0, coulomb=0.0)
     demand = AccelerationDemand(thrust=6.0, alpha=Vec3(0.0, 0.0, 0.0), joints=(1.0, -2.0), planned=planned((0.1, -0.2)))

@@ -308,7 +308,7 @@ def test_of_an_attitudes_two_quaternions_the_nearer_is_taken(seed):
     assert array(nearer_sign(Quaternion(*q.tolist()), Quaternion(*before.tolist()))).tolist() == near.tolist()
 
 
-def test_the_filtered_place_goes_with_the_estimated_velocities_and_a_share_to_the_measured():
+def test_the_filtered_place_follows_estimated_velocities_and_a_measured_share():
     """The place is carried, then pulled by the share 1 - exp(-bandwidth dt) along SciPy's arc; at first all the way."""
     start = Rotation.from_euler("ZYX", [2.9, -0.4, 0.6])
     memory = dataclasses.replace(

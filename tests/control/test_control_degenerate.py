@@ -48,7 +48,7 @@ def finite(command):
 
 
 @pytest.mark.parametrize("name", [name for name in LAWS if name != "decoupled_pd"])
-def test_with_no_commanded_force_the_thrust_is_zero_and_the_attitude_keeps_its_thrust_axis(name):
+def test_without_a_commanded_force_thrust_is_zero_and_the_thrust_axis_stays(name):
     """A reference in free fall: a_d = 0 has no direction, and the vehicle has no reason to tilt."""
     case = changed(hovering(euler=(0.3, -0.2, 0.0)), a_d=(0.0, 0.0, -G))
     command = step(controller(name), case.measurement(), case.reference())
@@ -95,7 +95,7 @@ def test_a_target_that_asks_for_thrust_along_the_heading_gives_a_finite_command(
 
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
-def test_an_attitude_error_of_180_degrees_is_finite_and_asks_for_no_turn_about_that_axis(name, axis):
+def test_an_attitude_error_of_180_degrees_is_finite_and_needs_no_turn_about_its_axis(name, axis):
     half = {"x": (0.0, 1.0, 0.0, 0.0), "y": (0.0, 0.0, 1.0, 0.0), "z": (0.0, 0.0, 0.0, 1.0)}[axis]
     measured = dataclasses.replace(hovering().measurement(), quaternion=Quaternion(*half))
     command = step(controller(name), measured, _reference())

@@ -129,7 +129,7 @@ def test_joint_torques_are_limited_at_the_effort_limit(name, sign):
     assert step(controller(name), *_inputs(case)).efforts == (0.5 * sign, 0.5 * sign)
 
 
-def test_commanded_acceleration_points_down_in_hover_and_up_towards_a_far_lower_target():
+def test_commanded_acceleration_points_down_in_hover_and_up_to_a_far_lower_target():
     zero = Vec3(0.0, 0.0, 0.0)
 
     def a_d(e_p=zero, e_v=zero, a=zero):

@@ -15,7 +15,7 @@ ARM6 = Model(vehicle=skyarm.load_vehicle("hexarotor_arm6"), gravity=9.81)
 
 @pytest.mark.parametrize("model", [MODEL, ARM6], ids=["arm2", "arm6"])
 @pytest.mark.parametrize("delay", [0, 2])
-def test_the_centroidal_law_begins_with_free_actuators_and_a_command_for_every_period_of_delay(model, delay):
+def test_the_centroidal_law_begins_with_free_actuators_and_commands_for_its_delay(model, delay):
     memory = make_controller("centroidal", model, delay=delay * 0.005).memory
     n = model.vehicle.n
     assert memory.free == (1.0,) * (1 + n)

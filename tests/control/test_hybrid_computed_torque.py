@@ -194,7 +194,7 @@ def test_pd_baseline_is_rotors_controller_and_a_pd_with_reduced_gravity():
         assert_command(found, mixed(np.diag([0.007, 0.007, 0.012]) @ alpha, thrust), efforts, 1e-12)
 
 
-def test_rotors_controller_alone_feeds_the_acceleration_forward_and_leaves_the_joints():
+def test_the_rotors_controller_feeds_the_acceleration_forward_and_leaves_the_joints():
     flown = unclipped(controller("rotors_sim_position", FREE))
     for case in CASES[:10]:
         linear, alpha = accelerations(case)

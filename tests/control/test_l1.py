@@ -36,7 +36,7 @@ from support.vehicles import PinocchioTwin
 
 @pytest.mark.parametrize("law", ["l1_adaptive", "l1_adaptive lateral"])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_first_command_is_pinocchios_inverse_dynamics_of_the_wanted_accelerations(law, seed):
+def test_the_first_command_is_pinocchios_inverse_dynamics_of_wanted_accelerations(law, seed):
     """A tilted base, a moving arm: force along body z, torque and joint efforts of base and joints as wanted."""
     controller, state, reference = soft(law), gentle(seed), wanted(seed)
     torque, thrust, efforts = asked(controller, state, reference)
@@ -156,7 +156,7 @@ def test_the_command_is_the_geometric_law_less_what_was_filtered_twice(seed, lat
     assert thrust == pytest.approx(whole[:3] @ b3 - memory.thrust, rel=1e-11)
 
 
-def test_the_torque_that_l1_compensates_is_a_quarter_of_the_weight_on_the_longest_arm_of_its_rotors():
+def test_l1_compensates_the_torque_of_a_quarter_of_the_weight_on_its_longest_arm():
     """Rotors at unlike distances, the farthest neither first nor last nor along an axis."""
     places = [(0.2, 0.0, 0.0), (0.0, 0.25, 0.01), (-0.3, 0.1, -0.05), (0.02, -0.18, 0.0)]
     rotors = tuple(

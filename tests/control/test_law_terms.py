@@ -83,7 +83,7 @@ def linear(e, de, kp, kd, group):
 
 @pytest.mark.parametrize("damping", [(20.0, 26.0), (40.0, 33.0)])
 @pytest.mark.parametrize("seed", range(8))
-def test_the_wanted_accelerations_are_linear_part_switching_adaptation_and_the_references(seed, damping):
+def test_wanted_accelerations_are_linear_part_switching_adaptation_and_reference(seed, damping):
     """Joint roots that are real and that are not; all disturbance accelerations learned so far are taken off."""
     law, state, reference = law_with_terms(damping=damping), gentle(seed), wanted(seed)
     memory, delta = adapted(law, seed)

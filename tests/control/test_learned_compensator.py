@@ -188,7 +188,7 @@ def test_another_arm_is_refused():
         make_controller("learned_compensator", Model(vehicle=load_vehicle("hexarotor_arm6")))
 
 
-def test_the_shipped_network_is_refused_for_a_vehicle_it_was_not_trained_on_unless_it_is_given():
+def test_the_shipped_network_is_refused_for_an_untrained_vehicle_unless_it_is_given():
     heavy = dataclasses.replace(ARM2, base=dataclasses.replace(ARM2.base, mass=3.0 * ARM2.base.mass))
     first, second = ARM2.links
     joint = dataclasses.replace(second.joint, position=Vec3(0.0, 0.0, -0.4))

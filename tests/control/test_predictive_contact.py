@@ -71,7 +71,7 @@ def tip_motion(model, r, a):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_under_the_foreseen_force_the_tip_is_damped_along_the_normal_as_pinocchio_moves_it(seed):
+def test_under_the_predicted_force_pinocchio_damps_the_tip_along_the_normal(seed):
     model, (r, state, efforts, unknown), contact = belief(seed), drawn(seed), contact_of(seed)
     held, force = under_contact(model, state, efforts, unknown, None, contact)
     v, a = tip_motion(model, r, true_accelerations(model, r, state.rotor_speeds, efforts, held))

@@ -237,7 +237,7 @@ WEIGHTS = Weights(
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("dry_rates", [None, (0.4, -0.9, 0.1)])
-def test_accelerations_of_the_belief_are_pinocchios_with_drag_friction_and_what_is_unknown(seed, dry_rates):
+def test_accelerations_of_the_model_are_pinocchios_with_drag_friction_disturbance(seed, dry_rates):
     model, (r, state, efforts, unknown) = belief(seed), drawn(seed)
     expected = true_accelerations(model, r, state.rotor_speeds, efforts, unknown, dry_rates)
     linear, angular, joints = accelerations(model, state, efforts, unknown, dry_rates)

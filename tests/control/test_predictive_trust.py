@@ -73,7 +73,7 @@ def test_a_base_under_moving_joints_accelerates_as_the_whole_vehicle_does(seed):
     np.testing.assert_allclose(leaves(found), [*linear, *angular], rtol=1e-9, atol=1e-9)
 
 
-def test_joints_move_over_a_stage_with_the_accelerations_that_their_torques_give_at_its_start():
+def test_joints_move_over_a_stage_by_the_accelerations_of_torques_at_its_start():
     state, inputs, unknown = random_state(4)
     _, _, qdd = accelerations(MODEL, state, inputs.efforts, unknown, (0.0, 0.0))
     end = integrate_stage(MODEL, state, inputs, unknown, 0.1, (0.0, 0.0))

@@ -82,7 +82,7 @@ def test_the_arms_reaction_is_pinocchios_inverse_dynamics_of_an_unaccelerated_ba
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_under_a_given_thrust_the_wanted_accelerations_come_out_of_pinocchios_forward_dynamics(seed):
+def test_under_a_given_thrust_pinocchio_gives_the_wanted_accelerations(seed):
     rng = np.random.default_rng(seed)
     vehicle = random_vehicle(rng, joints=4)
     state = random_state(rng, 4)
@@ -207,7 +207,7 @@ def test_the_locked_body_turns_about_its_centre_as_wanted(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_feed_forward_base_is_pinocchios_inverse_dynamics_with_the_references_joint_accelerations(seed):
+def test_the_base_feed_forward_is_pinocchios_inverse_dynamics_of_the_reference(seed):
     controller, state, reference = soft("li2024"), gentle(seed), wanted(seed)
     torque, thrust, _ = asked(controller, state, reference)
     twin, R = PinocchioTwin(ARM), rotation(state).as_matrix()
@@ -233,7 +233,7 @@ def test_sliding_rates_have_the_linear_part_of_the_pd_law(kp, kd):
 
 @pytest.mark.parametrize("products", [(0, 0, 0), (0.003, -0.002, 0.0025)])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_without_switching_and_adaptation_the_sliding_mode_is_the_pd_law_of_its_gains(seed, products):
+def test_without_switching_and_adaptation_sliding_mode_is_the_pd_law_of_its_gains(seed, products):
     """Where K and Lambda are real the law is the computed torque of that PD, whatever the products of inertia."""
     J = dataclasses.replace(ARM.base.inertia, **dict(zip(("xy", "xz", "yz"), products, strict=True)))
     vehicle = dataclasses.replace(ARM, base=dataclasses.replace(ARM.base, inertia=J))
@@ -259,7 +259,7 @@ def test_without_switching_and_adaptation_the_sliding_mode_is_the_pd_law_of_its_
     assert thrust == pytest.approx(force[:3] @ R[:, 2], rel=1e-10)
 
 
-def test_adaptation_follows_s_within_its_limit_and_waits_while_an_actuator_is_at_its_own():
+def test_adaptation_follows_s_within_its_limit_and_waits_while_an_actuator_saturates():
     controller = make_controller("kim2013", MODEL, adaptation=(2.0, 0.0, 3.0), limit=(0.01, 1.0, 1.0))
     state = dataclasses.replace(gentle(1), position=np.array([0.1, 0.0, 0.0]), velocity=np.zeros(8))
     still = Reference(

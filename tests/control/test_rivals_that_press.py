@@ -107,7 +107,7 @@ def test_the_tip_is_left_damping_alone_along_the_normal():
         )
 
 
-def test_the_tip_that_goes_into_the_surface_and_the_level_tip_are_those_of_kinematics():
+def test_the_tip_that_enters_the_surface_and_the_level_tip_are_those_of_kinematics():
     vehicle, case = MODEL.vehicle, CASES[0]
     touch, _ = contact(case)
     reference = case.reference()

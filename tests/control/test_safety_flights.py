@@ -307,7 +307,7 @@ def test_the_papers_law_under_guard_survives_the_loss_of_thrust_and_of_joint_tor
     assert np.abs(log.joints).max() < math.pi
 
 
-def test_a_rotor_and_both_drives_lost_at_once_are_survived_by_a_guard_that_trusts_the_joints_less():
+def test_a_guard_that_trusts_joints_less_survives_a_lost_rotor_and_both_drives():
     """By default it waits 0.25 s beyond 0.6 rad, more than any law's own errors: that is too late."""
     lost = (FRONT, SHOULDER, ELBOW)
     status = [

@@ -301,7 +301,7 @@ def test_a_law_is_given_up_at_once_above_the_speed_at_which_it_is_lost():
         assert update_confidence(LIMITS, none, seen, seen.joints, False, 0.005).given_up == given_up
 
 
-def test_near_its_largest_speed_a_joint_is_accelerated_by_four_poles_times_what_is_left():
+def test_near_its_largest_speed_a_joint_accelerates_by_four_poles_times_the_rest():
     model = limited_arm(-1e3, 1e3)
     limits = limits_for(controller("hybrid_computed_torque", model), joint_speed=2.0, joint_pole=20.0)
     seen = dataclasses.replace(CASES[0].measurement(), joints=(0.0, 0.0), joint_rates=(1.5, -1.0))

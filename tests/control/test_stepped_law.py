@@ -70,7 +70,7 @@ def test_a_consistent_law_gets_the_joint_accelerations_it_wants(seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_derivatives_of_the_force_are_those_along_the_motion_that_the_thrust_makes(seed):
+def test_derivatives_of_the_force_are_those_along_the_motion_that_the_thrust_makes(seed):
     """SciPy integrates p'' = (b3 (F . b3) + d) / m - g e_z at a constant body rate; F by central differences.
 
     Differences of 1e-3 s leave 1e-6 of the first and 1e-4 of the second derivative, integration 1e-12.

@@ -144,7 +144,7 @@ def test_the_other_plant_keeps_them():
     assert log.measured_position.size == 0
 
 
-def test_without_sensors_or_estimator_nothing_is_added_and_measured_is_what_the_law_received():
+def test_without_sensors_or_estimator_the_measurement_is_what_the_law_received():
     scenario = skyarm.load_scenario("case1", duration=0.1)
     log = skyarm.run(scenario)
     assert log.received == log.readings == log.estimate == {}

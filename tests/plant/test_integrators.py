@@ -79,7 +79,7 @@ def test_semi_implicit_euler_is_of_first_order(tumbled):
     assert order(errors)[-1] == pytest.approx(1.0, abs=0.2)
 
 
-def test_mujocos_runge_kutta_under_held_forces_is_of_first_order_and_converges_to_the_same_flight(tumbled):
+def test_runge_kutta_of_mujoco_under_held_forces_has_first_order_and_the_same_limit(tumbled):
     world, x, command, end = tumbled
     errors = []
     for dt in (0.002, 0.001, 0.0005, 0.00025):

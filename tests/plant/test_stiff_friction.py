@@ -132,7 +132,7 @@ def test_mujoco_holds_stiff_friction_for_short_steps_only():
     assert np.abs(ours - theirs)[13:15].max() < 2e-3
 
 
-def test_mujocos_bodies_with_loads_at_each_stage_take_shorter_steps_where_friction_is_stiff():
+def test_mujocos_bodies_with_stage_loads_take_shorter_steps_in_stiff_friction():
     vehicle = TRUTH.with_joints(damping=0.3)
     assert 0.001 * friction_rate(vehicle) > 2.8, "beyond which a step of fourth order is unstable"
     world = Truth(vehicle=vehicle)

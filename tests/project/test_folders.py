@@ -54,3 +54,13 @@ def test_no_file_of_the_tests_imports_a_test() -> None:
     """What two tests share is a helper's. A program that a test starts may import that test's own file."""
     taken = {path: set(IMPORTED.findall(path.read_text("utf-8"))) - {path.stem} for path in TESTS.rglob("*.py")}
     assert [(path.name, name) for path, names in taken.items() for name in names if name.startswith("test_")] == []
+
+
+LETTERS = 80
+"""Longest name of a test."""
+
+
+def test_names_of_tests_fit_a_line() -> None:
+    texts = [path.read_text("utf-8") for path in TESTS.rglob("test_*.py")]
+    names = {name for text in texts for name in re.findall(r"^ *def (test_\w+)", text, re.M)}
+    assert {name for name in names if len(name) > LETTERS} == set()

@@ -77,7 +77,7 @@ def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("relative", [False, True])
-def test_another_process_loads_what_was_loaded_here_and_names_it_alike_when_the_files_are_gone(
+def test_another_process_loads_the_same_plugins_by_the_same_names_without_files(
     tmp_path: Path, plugin: Path, monkeypatch: pytest.MonkeyPatch, relative: bool
 ) -> None:
     monkeypatch.chdir(plugin.parent)
@@ -103,7 +103,7 @@ def test_a_file_that_changed_since_flies_as_it_was_loaded(tmp_path: Path, plugin
         assert found == identities()
 
 
-def test_a_module_that_the_script_imported_before_the_plugin_comes_along_and_no_other(
+def test_a_module_that_a_script_imported_before_the_plugin_comes_along_and_no_other(
     tmp_path: Path, plugin: Path
 ) -> None:
     import_module("lug_beside")

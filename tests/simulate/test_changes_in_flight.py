@@ -198,7 +198,7 @@ def test_a_payload_that_is_dropped_leaves_the_vehicle_as_it_was() -> None:
     assert session.scenario.plant.vehicle.links[-1].body.mass == pytest.approx(own + 0.05)
 
 
-def test_changes_of_a_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind_both() -> None:
+def test_changes_by_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind_both() -> None:
     session = Session(changing(Change(at=0.2, path=GAIN, value=9.0)))
     for _ in range(10):
         session.step()

@@ -124,7 +124,7 @@ def test_statuses_of_lanes_are_those_of_single_states_in_their_order():
     assert statuses(scenario, {}, state, goals, np.zeros(300, dtype=bool)).tolist() == named
 
 
-def test_a_lane_just_inside_an_own_limit_that_machine_code_found_outside_keeps_that_cause():
+def test_a_lane_inside_an_own_limit_that_machine_code_found_outside_keeps_its_cause():
     scenario = load_scenario("case1")
     scenario = dataclasses.replace(scenario, endings=(Ceiling(height=1.0 + 1e-8),))
     state = rebuild(first_state(scenario), iter([np.full(1, leaf) for leaf in leaves(first_state(scenario))]))

@@ -44,7 +44,7 @@ def test_a_log_is_flown_again_to_its_bits_from_its_file(plant: str, log: Any, tm
 
 
 @pytest.mark.thorough
-def test_another_law_meets_the_same_noise_and_changes_but_for_those_of_the_law_before(log: Any) -> None:
+def test_another_law_meets_the_same_noise_and_changes_except_those_of_the_former_law(log: Any) -> None:
     other = skyarm.replay(log, "centroidal_tip")
     assert other.info["controller"] == "centroidal_tip"
     assert [each.path for each in other.scenario.changes] == ["plant.payload.mass"]

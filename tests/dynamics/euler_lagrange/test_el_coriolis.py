@@ -21,7 +21,7 @@ def trajectory(t):
 
 
 @pytest.mark.parametrize("t", [0.0, 0.4, 1.1, 2.7, 5.0])
-def test_mass_rate_minus_twice_c_is_skew_with_the_rate_differenced_along_a_trajectory(t):
+def test_mass_rate_minus_twice_c_is_skew_by_differences_along_a_trajectory(t):
     h = 3e-4
     M = [twin_mass_matrix(trajectory(t + k * h)[0]) for k in (-2, -1, 1, 2)]
     rate = (M[0] - 8 * M[1] + 8 * M[2] - M[3]) / (12 * h)

@@ -420,7 +420,7 @@ def commands(sent: list[mavlink.Message]) -> list[int]:
     return [message["command"] for message in sent if message.name == "COMMAND_LONG"]
 
 
-def test_it_asks_for_mode_arming_and_take_off_one_after_the_other_and_then_sends_goals():
+def test_it_requests_mode_arming_and_take_off_one_by_one_and_then_sends_goals():
     talk = Talk()
     assert set(commands(talk.fly(2.5, STAND, GOAL))) <= {511}
     assert set(commands(talk.fly(2.0, STAND, GOAL))) == {176}

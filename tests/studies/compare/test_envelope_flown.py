@@ -45,7 +45,7 @@ def test_every_file_is_there_and_holds_what_was_flown(flown):
     assert len(list((folder / "rows").iterdir())) == 8
 
 
-def test_a_lane_is_the_flight_of_its_value_with_the_tip_that_a_level_base_would_carry(flown):
+def test_a_lane_is_the_flight_of_its_value_with_the_tip_of_a_level_base(flown):
     found, _, _ = flown
     axis, setting = AXES["circle"], QUICK.setting
     (planned_cell,) = axis_flights("paper_ct", QUICK.axis("circle"), setting)
@@ -87,7 +87,7 @@ def test_every_value_meets_the_same_noise():
     assert lanes[0] == lanes[1] == alone[0] != lanes[2]
 
 
-def test_a_lane_of_wrong_plants_is_the_flight_of_one_plant_and_all_values_meet_the_same_ones():
+def test_a_lane_of_wrong_plants_is_the_flight_of_one_and_values_meet_the_same_ones():
     (cell,) = axis_flights("paper_pd", AXES["wrong_plants"], setting_of(PAPER, 8.0))
     scenario = cell.scenario()
     values = cell.values(scenario)

@@ -146,9 +146,7 @@ class TestWithRay:
                 Ray(address, 1)
 
     @posix
-    def test_a_cluster_begun_here_is_reached_from_this_machine_alone_says_nothing_and_ends(
-        self, tmp_path: Path
-    ) -> None:
+    def test_a_cluster_begun_here_is_reached_from_here_alone_prints_nothing_and_ends(self, tmp_path: Path) -> None:
         program = Program.of_text(tmp_path, SWEEP.replace("TOLD", LOOKS), "ray", json.dumps(SMALL | {"episodes": 8}))
         code, out, err = program.end()
         assert (code, err) == (0, "")

@@ -122,7 +122,7 @@ def test_joints_are_given_as_measured_and_it_is_said():
     assert found.errors[IDENTIFIED][0].attitude < 0.05 * found.errors[HOLD][0].attitude
 
 
-def test_commands_at_ten_hertz_and_a_slow_gyro_are_predicted_on_steps_of_the_shortest_horizon():
+def test_commands_at_10_hz_and_a_slow_gyro_are_predicted_in_the_shortest_steps():
     flight = flight_of()
     told = flight["rotor_speed_commands"]
     slow = {"rotor_speed_commands": dataclasses.replace(told, time=told.time[::50], values=told.values[::50])}
@@ -366,7 +366,7 @@ def test_a_past_whose_errors_are_no_numbers_is_not_taken(monkeypatch):
     assert learn_from_past(*FAKES, (0.5,)).smoothed != ()
 
 
-def test_horizons_of_tables_are_among_those_of_figures_and_all_are_multiples_of_the_shortest():
+def test_horizons_of_tables_are_among_those_of_figures_and_multiples_of_the_shortest():
     assert set(HORIZONS) <= set(CURVE)
     assert list(CURVE) == sorted(set(CURVE))
     assert [each / CURVE[0] for each in CURVE] == pytest.approx([round(each / CURVE[0]) for each in CURVE])

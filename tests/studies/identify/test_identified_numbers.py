@@ -177,7 +177,7 @@ def test_flights_that_disagree_widen_intervals_by_the_ratio_of_birge(known, wide
     assert disagreement(fit, scale, after, []).tolist() == [1.0, 1.0]
 
 
-def test_flights_that_agree_narrow_nothing_and_those_that_do_not_show_a_number_do_not_count():
+def test_flights_that_agree_narrow_nothing_and_those_without_a_number_do_not_count():
     fit, _ = by_flights(4, (1e-6, 1e-6), spread=0.0)
     rows, names = np.eye(2), ["one", "one", "two", "three"]
     scale = Scale(REPORTED[:2], np.zeros(2), np.zeros(2), np.zeros(2, dtype=bool), rows, np.full(2, 1e6))

@@ -186,7 +186,7 @@ def test_holding_goes_on_straight_and_turns_evenly():
     assert held.at(np.array([1])).velocity.shape == (1, 3)
 
 
-def test_predictions_begin_evenly_once_rotor_speeds_are_known_and_where_steps_are_usable():
+def test_predictions_begin_evenly_after_known_rotor_speeds_and_at_usable_steps():
     usable = np.ones(400, dtype=bool)
     usable[[330, 331]] = False
     clocked = dataclasses.replace(on_clock(measured(log_of(QUAD)), QUAD, STEP), usable=usable, size=400)

@@ -395,7 +395,7 @@ def test_first_states_are_those_of_parabolas(rate):
     assert np.linalg.norm(found["quaternion"], axis=1) == pytest.approx(1.0)
 
 
-def test_first_states_of_a_motion_through_nought_average_the_noise_of_50_ms_to_each_side():
+def test_first_states_of_a_motion_through_zero_average_noise_over_50_ms_on_each_side():
     """The variance of a parabola's value amid n samples is 9 / (4 n) of theirs (Savitzky and Golay 1964)."""
     even, draw = STEP * (np.arange(2000) + 1), np.random.default_rng(6)
     line = (even[:, None] - 2.0) * np.array([1.0, -2.0, 3.0])

@@ -213,7 +213,7 @@ def test_a_command_lets_go_and_that_is_no_loss():
     assert float(after(contact, overloaded, t=0.3).lost) == 0.0
 
 
-def test_a_hook_takes_what_it_rises_past_carries_it_from_below_and_loses_it_when_it_is_lowered():
+def test_a_hook_takes_an_object_in_rising_and_drops_it_in_sinking():
     contact = gripping("hook")
     rising = dataclasses.replace(START, velocity=Vec3(0.0, 0.0, 0.1))
     assert float(taken(contact).grips[0].taken) == 0.0

@@ -53,7 +53,7 @@ def test_an_elastic_ball_keeps_its_energy_from_every_height(kind):
         assert kept[-1] / kept[0] == pytest.approx(1.0, abs=2e-4), height
 
 
-def test_a_ball_that_crosses_a_hole_is_stopped_by_the_wall_though_the_bottom_is_nearer():
+def test_a_ball_that_crosses_a_hole_is_stopped_by_the_wall_before_the_nearer_bottom():
     """6 mm above the bottom and 30 mm from the wall, which it meets within a period; it stays elastic to 0.2 %."""
     hole = Surface(name="plate", shape="hole", size=(0.04, 0.05, 0.005, 0.2, 0.1), material=ELASTIC)
     inside = Contact(surfaces=(hole,), objects=(elastic_ball(0.01, position=Vec3(0.0, 0.0, -0.034)),))

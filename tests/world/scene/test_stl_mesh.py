@@ -138,7 +138,7 @@ def test_where_a_mesh_lies_is_no_part_of_what_flies_and_is_found_from_any_folder
     assert log_digest(plain(here), {"a": "b"}) == log_digest(plain(there), {"a": "b"}) != log_digest(plain(here), {})
 
 
-def test_a_record_without_a_mesh_is_written_as_it_was_and_one_whose_file_has_gone_is_its_shape(tmp_path: Path) -> None:
+def test_a_record_without_a_mesh_is_written_as_before_and_a_lost_mesh_is_its_shape(tmp_path: Path) -> None:
     thing = FreeObject(name="a", size=(0.2, 0.4, 0.6), mass=0.1)
     assert "mesh" not in plain(thing)
     held = dataclasses.replace(thing, mesh=str(tmp_path / "gone.stl"))
